@@ -1,0 +1,1 @@
+"""The UAV abstraction layer: fly any UAV without knowing its autopilot."""

@@ -1,0 +1,223 @@
+"""Vectors, rotations, poses and transforms: the one home of their mathematics.
+
+Axes follow REP 103: x forward, y left, z up in the body; x east, y north, z up outside. SI units and radians.
+Quaternions are x, y, z, w (Hamilton convention, as in ROS); ``q.rotate(v)`` takes a vector from the rotated (child)
+frame to the frame that it is rotated in (parent).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Vector3:
+    """Three components along x, y, z; the unit is that of the place it stands in."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+    def __add__(self, other: Vector3) -> Vector3:
+        return Vector3(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: Vector3) -> Vector3:
+        return Vector3(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __neg__(self) -> Vector3:
+        return Vector3(-self.x, -self.y, -self.z)
+
+    def __mul__(self, factor: float) -> Vector3:
+        return Vector3(self.x * factor, self.y * factor, self.z * factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> Vector3:
+        return Vector3(self.x / divisor, self.y / divisor, self.z / divisor)
+
+    def __iter__(self) -> Iterator[float]:
+        yield self.x
+        yield self.y
+        yield self.z
+
+    def dot(self, other: Vector3) -> float:
+        """The scalar product."""
+        return self.x * other.x + self.y * other.y + self.z * other.z
+
+    def cross(self, other: Vector3) -> Vector3:
+        """The vector product."""
+        return Vector3(
+            self.y * other.z - self.z * other.y,
+            self.z * other.x - self.x * other.z,
+            self.x * other.y - self.y * other.x,
+        )
+
+    def norm(self) -> float:
+        """The length."""
+        return math.hypot(self.x, self.y, self.z)
+
+    def horizontal_norm(self) -> float:
+        """The length of the part along x and y."""
+        return math.hypot(self.x, self.y)
+
+
+@dataclass(frozen=True, slots=True)
+class Quaternion:
+    """A rotation as a unit quaternion. `KEEP_HEADING`, all zeros, is none: it asks to keep the present heading."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+    @classmethod
+    def from_yaw(cls, yaw_rad: float) -> Quaternion:
+        """The rotation about z, counter-clockwise seen from above."""
+        return cls(0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
+
+    @classmethod
+    def from_euler(cls, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
+        """Roll about x, then pitch about y, then yaw about z, each about the fixed axes (REP 103)."""
+        about_x = cls(math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2))
+        about_y = cls(0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2))
+        return cls.from_yaw(yaw_rad) * about_y * about_x
+
+    def __mul__(self, other: Quaternion) -> Quaternion:
+        """This rotation after the other one (Hamilton product)."""
+        return Quaternion(
+            self.w * other.x + self.x * other.w + self.y * other.z - self.z * other.y,
+            self.w * other.y - self.x * other.z + self.y * other.w + self.z * other.x,
+            self.w * other.z + self.x * other.y - self.y * other.x + self.z * other.w,
+            self.w * other.w - self.x * other.x - self.y * other.y - self.z * other.z,
+        )
+
+    def __iter__(self) -> Iterator[float]:
+        yield self.x
+        yield self.y
+        yield self.z
+        yield self.w
+
+    def norm(self) -> float:
+        """The length; 1 for a rotation."""
+        return math.hypot(self.x, self.y, self.z, self.w)
+
+    def normalized(self) -> Quaternion:
+        """The same rotation with unit length. Raises `ZeroDivisionError` for all zeros."""
+        n = self.norm()
+        return Quaternion(self.x / n, self.y / n, self.z / n, self.w / n)
+
+    def inverse(self) -> Quaternion:
+        """The rotation back (of a unit quaternion)."""
+        return Quaternion(-self.x, -self.y, -self.z, self.w)
+
+    def rotate(self, v: Vector3) -> Vector3:
+        """The vector, rotated (of a unit quaternion): v + 2 w (q x v) + 2 q x (q x v)."""
+        axis = Vector3(self.x, self.y, self.z)
+        t = axis.cross(v) * 2.0
+        return v + t * self.w + axis.cross(t)
+
+    @property
+    def yaw_rad(self) -> float:
+        """The heading: the angle of the rotated x axis about z, -pi to pi."""
+        return math.atan2(
+            2.0 * (self.w * self.z + self.x * self.y),
+            self.w * self.w + self.x * self.x - self.y * self.y - self.z * self.z,
+        )
+
+    def to_euler(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw in radians (see `from_euler`); pitch is within -pi/2 to pi/2."""
+        sin_pitch = max(-1.0, min(1.0, 2.0 * (self.w * self.y - self.z * self.x)))
+        roll = math.atan2(
+            2.0 * (self.w * self.x + self.y * self.z),
+            self.w * self.w - self.x * self.x - self.y * self.y + self.z * self.z,
+        )
+        return roll, math.asin(sin_pitch), self.yaw_rad
+
+
+IDENTITY = Quaternion()
+KEEP_HEADING = Quaternion(0.0, 0.0, 0.0, 0.0)
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same direction within -pi to pi; differences of headings so become the shortest turn."""
+    return math.remainder(angle_rad, math.tau)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Position (m) and orientation."""
+
+    position: Vector3 = field(default_factory=Vector3)
+    orientation: Quaternion = IDENTITY
+
+    @classmethod
+    def at(cls, x: float, y: float, z: float, yaw_rad: float | None = None) -> Pose:
+        """A goal: a position with a heading, or, where `yaw_rad` is None, keeping the heading it has."""
+        return cls(Vector3(x, y, z), KEEP_HEADING if yaw_rad is None else Quaternion.from_yaw(yaw_rad))
+
+    @property
+    def yaw_rad(self) -> float:
+        """The heading, counter-clockwise from x."""
+        return self.orientation.yaw_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """Linear (m/s) and angular (rad/s) velocity."""
+
+    linear: Vector3 = field(default_factory=Vector3)
+    angular: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseStamped:
+    """A pose in a frame (empty: ``<ns>/odom``); `stamp_s` is UTC since 1970, ignored in requests."""
+
+    pose: Pose = field(default_factory=Pose)
+    frame_id: str = ""
+    stamp_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class TwistStamped:
+    """A velocity along the axes of a frame (empty: ``<ns>/odom``); `stamp_s` as in `PoseStamped`."""
+
+    twist: Twist = field(default_factory=Twist)
+    frame_id: str = ""
+    stamp_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """Takes coordinates in the child frame to the parent `frame_id`: p = rotation * p_child + translation."""
+
+    translation: Vector3 = field(default_factory=Vector3)
+    rotation: Quaternion = IDENTITY
+    frame_id: str = ""
+    child_frame_id: str = ""
+    stamp_s: float = 0.0
+
+    def apply(self, point: Vector3) -> Vector3:
+        """A point in the child frame, in the parent frame."""
+        return self.rotation.rotate(point) + self.translation
+
+    def apply_pose(self, pose: Pose) -> Pose:
+        """A pose in the child frame, in the parent frame."""
+        return Pose(self.apply(pose.position), self.rotation * pose.orientation)
+
+    def compose(self, inner: Transform) -> Transform:
+        """This transform after the inner one, whose parent is this one's child."""
+        return Transform(
+            self.apply(inner.translation),
+            self.rotation * inner.rotation,
+            self.frame_id,
+            inner.child_frame_id,
+            max(self.stamp_s, inner.stamp_s),
+        )
+
+    def inverse(self) -> Transform:
+        """The transform from the parent to the child."""
+        back = self.rotation.inverse()
+        return Transform(-back.rotate(self.translation), back, self.child_frame_id, self.frame_id, self.stamp_s)

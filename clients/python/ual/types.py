@@ -1,0 +1,197 @@
+"""The value types of the interface: what `ual.v1` says in protobuf, as plain immutable Python values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+
+from ual.errors import UalError
+from ual.geometry import Pose, Transform, Twist
+
+
+class State(Enum):
+    """What the UAV does; see `ual.v1.State` for the order in which it is estimated."""
+
+    UNINITIALIZED = 1
+    LANDED_DISARMED = 2
+    LANDED_ARMED = 3
+    TAKING_OFF = 4
+    FLYING_AUTO = 5
+    FLYING_MANUAL = 6
+    LANDING = 7
+
+
+class AltitudeReference(Enum):
+    """What an altitude is measured from: home, mean sea level, or the WGS 84 ellipsoid."""
+
+    HOME = 1
+    AMSL = 2
+    ELLIPSOID = 3
+
+
+class TaskKind(Enum):
+    """Which manoeuvre a task is."""
+
+    TAKE_OFF = 1
+    LAND = 2
+    GO_TO_WAYPOINT = 3
+    GO_TO_WAYPOINT_GEO = 4
+    FOLLOW_PATH = 5
+
+
+class TaskStatus(Enum):
+    """How a task stands."""
+
+    RUNNING = 1
+    SUCCEEDED = 2
+    ABORTED = 3
+    FAILED = 4
+
+
+class Capability(Enum):
+    """Something a backend can do; what it cannot is answered with `NotSupportedError`."""
+
+    ARM = 1
+    TAKE_OFF = 2
+    LAND = 3
+    POSITION = 4
+    VELOCITY = 5
+    GEO = 6
+    RECOVER = 7
+
+
+class GpsFix(IntEnum):
+    """Quality of a satellite fix, in rising order."""
+
+    NONE = 1
+    FIX_2D = 2
+    FIX_3D = 3
+    DIFFERENTIAL = 4
+    RTK_FLOAT = 5
+    RTK_FIXED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class GeoPoint:
+    """A position on Earth (WGS 84). An altitude that is not known is None."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float | None = None
+    altitude_home_m: float | None = None
+    altitude_ellipsoid_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """The flight battery; the current is positive while discharging. What is not reported is None."""
+
+    remaining_percent: float | None = None
+    voltage_v: float | None = None
+    current_a: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GpsInfo:
+    """The satellite receiver; accuracies are one standard deviation, None where not reported."""
+
+    fix: GpsFix
+    satellites_count: int = 0
+    horizontal_accuracy_m: float | None = None
+    vertical_accuracy_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Pose of the child frame (``<ns>/base_link``) in `frame_id` (``<ns>/odom``), twist in the child frame."""
+
+    pose: Pose
+    twist: Twist
+    frame_id: str
+    child_frame_id: str
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TaskInfo:
+    """How a task stood at one moment.
+
+    `progress` is 0 to 1 and `distance_left_m` metres, None where that cannot be told; `waypoint_index` is the waypoint
+    a path flies to; `error` says why it was aborted or failed.
+    """
+
+    id: str
+    kind: TaskKind
+    status: TaskStatus
+    progress: float | None = None
+    distance_left_m: float | None = None
+    elapsed_s: float = 0.0
+    waypoint_index: int | None = None
+    error: UalError | None = None
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """One sample of everything known; what is not known is None.
+
+    `frame_id` is the frame of `pose`, `velocity` and `reference_pose`; `stamp_s` is the time of the pose, UTC since
+    1970; `missed_count` is how many samples this subscriber lost since its last one.
+    """
+
+    state: State
+    state_reason: str = ""
+    stamp_s: float = 0.0
+    frame_id: str = ""
+    pose: Pose | None = None
+    velocity: Twist | None = None
+    odometry: Odometry | None = None
+    transform: Transform | None = None
+    reference_pose: Pose | None = None
+    position_geo: GeoPoint | None = None
+    battery: Battery | None = None
+    gps: GpsInfo | None = None
+    flight_mode: str = ""
+    armed: bool = False
+    task: TaskInfo | None = None
+    sequence: int = 0
+    status_text: str = ""
+    missed_count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame of the tree; `transform` takes it to its parent, None where not known (yet)."""
+
+    frame_id: str
+    parent_frame_id: str
+    transform: Transform | None
+    is_static: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The limits that the tracker and the velocity references keep. The defaults are those of a small multirotor."""
+
+    horizontal_speed_m_s: float = 1.6
+    climb_speed_m_s: float = 1.2
+    descent_speed_m_s: float = 1.2
+    horizontal_acceleration_m_s2: float = 2.0
+    vertical_acceleration_m_s2: float = 1.5
+    yaw_rate_rad_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """Who a UAV is and what it can do."""
+
+    namespace: str
+    backend: str
+    autopilot: str = ""
+    autopilot_version: str = ""
+    is_simulation: bool = False
+    capabilities: frozenset[Capability] = frozenset()
+    limits: Limits = field(default_factory=Limits)
+    ual_version: str = ""
+    is_arming_allowed: bool = False
+    url: str = ""

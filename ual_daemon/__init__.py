@@ -1,0 +1,1 @@
+"""The UAV abstraction layer's daemon and its class interface."""

@@ -1,0 +1,78 @@
+"""The state of the UAV, as a pure function of one snapshot: asked anew at each update, never remembered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ual.types import State
+
+from ual_daemon.backends.values import Control, Freshness, LandedState, Sample, Snapshot
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The state, what it follows from (for people), and whether the autopilot is heard at all."""
+
+    state: State
+    why: str
+    is_link_up: bool = True
+
+
+def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None) -> Estimate:
+    """The state that the data say, in the order of ``docs/design.md``; `manoeuvre` is TAKING_OFF or LANDING while one of
+    our own is under way.
+    """
+    missing = _why_uninitialized(snapshot, freshness)
+    if missing is not None:
+        return missing
+    # _why_uninitialized has seen that these are there.
+    assert snapshot.armed is not None and snapshot.mode is not None
+    landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
+    control, mode = snapshot.mode.value.control, snapshot.mode.value.name
+    if not snapshot.armed.value:
+        return Estimate(State.LANDED_DISARMED, "not armed")
+    if landed is LandedState.ON_GROUND:
+        return Estimate(State.LANDED_ARMED, "armed, on the ground")
+    if manoeuvre is State.TAKING_OFF:
+        return Estimate(State.TAKING_OFF, "our take-off is under way")
+    if landed is LandedState.TAKING_OFF or control is Control.TAKE_OFF:
+        return Estimate(State.TAKING_OFF, f"the autopilot takes off (mode {mode})")
+    if manoeuvre is State.LANDING:
+        return Estimate(State.LANDING, "our landing is under way")
+    if landed is LandedState.LANDING or control is Control.LAND:
+        return Estimate(State.LANDING, f"the autopilot lands (mode {mode})")
+    if control is Control.REFERENCES:
+        return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode})")
+    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references")
+
+
+def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
+    if snapshot.heard_s is None:
+        return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
+    silence_s = snapshot.time_s - snapshot.heard_s
+    if silence_s > freshness.link_s:
+        why = f"nothing heard from the autopilot for {silence_s:.1f} s"
+        return Estimate(State.UNINITIALIZED, why, is_link_up=False)
+    required: tuple[tuple[str, Sample[object] | None, float], ...] = (
+        ("whether it is armed", snapshot.armed, freshness.mode_s),
+        ("its mode", snapshot.mode, freshness.mode_s),
+        ("whether its position is good", snapshot.estimator, freshness.estimator_s),
+    )
+    for what, sample, limit_s in required:
+        why = _why_stale(what, sample, limit_s, snapshot.time_s)
+        if why is not None:
+            return Estimate(State.UNINITIALIZED, why)
+    assert snapshot.estimator is not None
+    if not snapshot.estimator.value.is_good:
+        return Estimate(State.UNINITIALIZED, f"the autopilot has no good position: {snapshot.estimator.value.why}")
+    why = _why_stale("its pose", snapshot.pose, freshness.pose_s, snapshot.time_s)
+    if why is None and snapshot.landed is not None:  # an autopilot may have no landed state at all
+        why = _why_stale("whether it is landed", snapshot.landed, freshness.landed_s, snapshot.time_s)
+    return None if why is None else Estimate(State.UNINITIALIZED, why)
+
+
+def _why_stale(what: str, sample: Sample[object] | None, limit_s: float, now_s: float) -> str | None:
+    if sample is None:
+        return f"the autopilot has not said {what}"
+    age_s = now_s - sample.time_s
+    return f"the autopilot has not said {what} for {age_s:.1f} s" if age_s > limit_s else None

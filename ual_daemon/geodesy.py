@@ -1,0 +1,89 @@
+"""Geographic positions to and from local metres. WGS 84; geodesics from Karney's GeographicLib."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from geographiclib.geodesic import Geodesic
+from ual.geometry import Vector3
+from ual.types import GeoPoint
+
+_WGS84 = Geodesic.WGS84
+
+
+@dataclass(frozen=True, slots=True)
+class Projection(ABC):
+    """A local frame on Earth: its origin, and how its metres relate to latitude and longitude.
+
+    Each autopilot has a projection of its own, and a goal must be in *its* metres: choose the class that computes as
+    the autopilot does. z is the altitude above the origin's (not a tangent plane's), as autopilots have it.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+    @abstractmethod
+    def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
+        """East, north, up in metres."""
+
+    @abstractmethod
+    def to_geo(self, position: Vector3) -> GeoPoint:
+        """The geographic position (altitude above mean sea level) of east, north, up in metres."""
+
+
+class EllipsoidProjection(Projection):
+    """Azimuthal equidistant on the WGS 84 ellipsoid: distance and bearing from the origin are exact."""
+
+    __slots__ = ()
+
+    def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
+        line = _WGS84.Inverse(
+            self.latitude_deg, self.longitude_deg, latitude_deg, longitude_deg, Geodesic.DISTANCE | Geodesic.AZIMUTH
+        )
+        azimuth = math.radians(line["azi1"])
+        return Vector3(
+            line["s12"] * math.sin(azimuth), line["s12"] * math.cos(azimuth), altitude_amsl_m - self.altitude_amsl_m
+        )
+
+    def to_geo(self, position: Vector3) -> GeoPoint:
+        azimuth = math.degrees(math.atan2(position.x, position.y))
+        end = _WGS84.Direct(
+            self.latitude_deg,
+            self.longitude_deg,
+            azimuth,
+            position.horizontal_norm(),
+            Geodesic.LATITUDE | Geodesic.LONGITUDE,
+        )
+        return GeoPoint(end["lat2"], end["lon2"], self.altitude_amsl_m + position.z)
+
+
+class SphereProjection(Projection):
+    """Azimuthal equidistant on a sphere of 6,371,000 m, as PX4's ``MapProjection`` (lib/geo/geo.cpp) computes."""
+
+    __slots__ = ()
+
+    RADIUS_M = 6_371_000.0
+
+    def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
+        lat0, lat = math.radians(self.latitude_deg), math.radians(latitude_deg)
+        d_lon = math.radians(longitude_deg - self.longitude_deg)
+        cos_c = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(d_lon)
+        c = math.acos(max(-1.0, min(1.0, cos_c)))
+        k = c / math.sin(c) if c > 0.0 else 1.0
+        north = k * (math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(d_lon))
+        east = k * math.cos(lat) * math.sin(d_lon)
+        return Vector3(east * self.RADIUS_M, north * self.RADIUS_M, altitude_amsl_m - self.altitude_amsl_m)
+
+    def to_geo(self, position: Vector3) -> GeoPoint:
+        x, y = position.y / self.RADIUS_M, position.x / self.RADIUS_M
+        c = math.hypot(x, y)
+        lat0 = math.radians(self.latitude_deg)
+        altitude = self.altitude_amsl_m + position.z
+        if c == 0.0:
+            return GeoPoint(self.latitude_deg, self.longitude_deg, altitude)
+        lat = math.asin(math.cos(c) * math.sin(lat0) + x * math.sin(c) * math.cos(lat0) / c)
+        lon = math.atan2(y * math.sin(c), c * math.cos(lat0) * math.cos(c) - x * math.sin(lat0) * math.sin(c))
+        return GeoPoint(math.degrees(lat), math.remainder(self.longitude_deg + math.degrees(lon), 360.0), altitude)
