@@ -19,14 +19,16 @@ class Estimate:
 
 
 def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None) -> Estimate:
-    """The state that the data say, in the order of ``docs/design.md``; `manoeuvre` is TAKING_OFF or LANDING while one of
-    our own is under way.
+    """The state that the data say, in the order of `ual.v1.State`.
+
+    `manoeuvre` is TAKING_OFF or LANDING while one of our own is under way.
     """
     missing = _why_uninitialized(snapshot, freshness)
     if missing is not None:
         return missing
     # _why_uninitialized has seen that these are there.
-    assert snapshot.armed is not None and snapshot.mode is not None
+    assert snapshot.armed is not None
+    assert snapshot.mode is not None
     landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
     control, mode = snapshot.mode.value.control, snapshot.mode.value.name
     if not snapshot.armed.value:
@@ -51,8 +53,9 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
         return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
-        why = f"nothing heard from the autopilot for {silence_s:.1f} s"
-        return Estimate(State.UNINITIALIZED, why, is_link_up=False)
+        return Estimate(
+            State.UNINITIALIZED, f"nothing heard from the autopilot for {silence_s:.1f} s", is_link_up=False
+        )
     required: tuple[tuple[str, Sample[object] | None, float], ...] = (
         ("whether it is armed", snapshot.armed, freshness.mode_s),
         ("its mode", snapshot.mode, freshness.mode_s),

@@ -1,8 +1,8 @@
 """What a backend is: the driver of one kind of autopilot. See ``docs/write-a-backend.md``.
 
-A backend does only what its autopilot alone knows: it turns the autopilot's data into snapshots and sends setpoints and
-commands (`ual_daemon.backends.values`). States, validation, tasks and tracking live above it (`ual_daemon.vehicle`), the
-same for all. Units and axes are converted at this edge and nowhere else.
+A backend does only what its autopilot alone knows: it turns the autopilot's data into snapshots, and sends setpoints
+and commands (`ual_daemon.backends.values`). States, validation, tasks and tracking live above it
+(`ual_daemon.vehicle`), the same for all. Units and axes are converted at this edge and nowhere else.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ UpdateCallback = Callable[[Snapshot], None]
 class Backend(ABC):
     """The driver of one kind of autopilot.
 
-    Made by `cls(options)`, which raises `ual_daemon.config.ConfigError` for settings it cannot take and opens nothing.
+    Made by `cls(options)`, which raises `ual_daemon.settings.ConfigError` for settings that it cannot take.
     Methods may be called from any thread and never block on the autopilot: commands return a future that ends with
     the autopilot's acknowledgement, or with `RejectedByAutopilotError` in its own words. What the vehicle then really
     does is judged above, from snapshots, never from the acknowledgement; one that is lost just leaves its future open.

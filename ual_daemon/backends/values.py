@@ -1,7 +1,7 @@
 """What flows between a backend and the layers above it: snapshots up, setpoints down. All immutable.
 
-The *local frame* is the autopilot's own: east, north, up in metres, its origin wherever the autopilot has it. Bodies are
-x forward, y left, z up.
+The *local frame* is the autopilot's own: east, north, up in metres, its origin wherever the autopilot has it. Bodies
+are x forward, y left, z up.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class UalTimeoutError(UalError, builtins.TimeoutError):
 
 
 class NotSupportedError(UalError):
-    """This backend cannot do that."""
+    """The backend cannot do that."""
 
     reason = "NOT_SUPPORTED"
 

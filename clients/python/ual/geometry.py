@@ -85,7 +85,7 @@ class Quaternion:
         return cls.from_yaw(yaw_rad) * about_y * about_x
 
     def __mul__(self, other: Quaternion) -> Quaternion:
-        """This rotation after the other one (Hamilton product)."""
+        """The other rotation first, then this one (Hamilton product)."""
         return Quaternion(
             self.w * other.x + self.x * other.w + self.y * other.z - self.z * other.y,
             self.w * other.y - self.x * other.z + self.y * other.w + self.z * other.x,
@@ -208,7 +208,7 @@ class Transform:
         return Pose(self.apply(pose.position), self.rotation * pose.orientation)
 
     def compose(self, inner: Transform) -> Transform:
-        """This transform after the inner one, whose parent is this one's child."""
+        """The inner transform first, then this one; the inner one's parent is this one's child."""
         return Transform(
             self.apply(inner.translation),
             self.rotation * inner.rotation,

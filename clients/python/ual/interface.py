@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
+from typing_extensions import Self
+
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
 from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
@@ -55,7 +57,7 @@ class Subscription(Protocol):
 
     def close(self) -> None: ...
 
-    def __enter__(self) -> Subscription: ...
+    def __enter__(self) -> Self: ...
 
     def __exit__(self, *exc: object) -> None: ...
 

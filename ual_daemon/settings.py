@@ -1,0 +1,112 @@
+"""What can be configured of a UAV, above its backend: typed, ranged and with its defaults. Units are in the names.
+
+The same names are keys of the configuration file (see ``docs/configuration.md``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$"
+NAMESPACE_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]{0,63}$"
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+FrameId = Annotated[str, Meta(pattern=FRAME_ID_PATTERN)]
+Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+GeoPosition = tuple[
+    Annotated[float, Meta(ge=-90.0, le=90.0)],
+    Annotated[float, Meta(ge=-180.0, le=180.0)],
+    Annotated[float, Meta(ge=-1e5, le=1e5)],
+]
+
+
+class ConfigError(Exception):
+    """A setting cannot be taken. `key` is where (``light.max_speed_m_s``, empty for the whole)."""
+
+    def __init__(self, message: str, key: str = "") -> None:
+        super().__init__(f"{key}: {message}" if key else message)
+        self.message = message
+        self.key = key
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every section of the configuration: unknown keys and wrong types are errors."""
+
+
+class FrameSettings(Settings, frozen=True, kw_only=True):
+    """A static frame: where it lies in its parent (metres, radians)."""
+
+    frame_id: FrameId
+    parent_frame_id: FrameId = "map"
+    translation: Position = (0.0, 0.0, 0.0)
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+
+class LimitSettings(Settings, frozen=True, kw_only=True):
+    """Limits of the user's own; the smaller of these and the autopilot's are kept."""
+
+    horizontal_speed_m_s: Positive = math.inf
+    climb_speed_m_s: Positive = math.inf
+    descent_speed_m_s: Positive = math.inf
+    horizontal_acceleration_m_s2: Positive = math.inf
+    vertical_acceleration_m_s2: Positive = math.inf
+    yaw_rate_rad_s: Positive = math.inf
+
+
+class ToleranceSettings(Settings, frozen=True, kw_only=True):
+    """When a UAV counts as arrived: within these, for `dwell_s`."""
+
+    position_m: Positive = 0.25
+    heading_rad: Positive = 0.1
+    speed_m_s: Positive = 0.25
+    dwell_s: NotNegative = 0.3
+
+
+class VehicleSettings(Settings, frozen=True, kw_only=True):
+    """Frames, limits and tolerances of one UAV."""
+
+    home_pose: Position = (0.0, 0.0, 0.0)
+    home_pose_parent_frame: FrameId = "map"
+    map_origin_geo: GeoPosition | None = None
+    pose_frame_id: FrameId | None = None
+    frames: tuple[FrameSettings, ...] = ()
+    limits: LimitSettings = LimitSettings()
+    tolerance: ToleranceSettings = ToleranceSettings()
+
+
+S = TypeVar("S", bound=Settings)
+
+
+def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
+    """The values of one section as its typed settings. Raises `ConfigError` that names the key."""
+    try:
+        settings = msgspec.convert(dict(values), kind)
+    except msgspec.ValidationError as error:
+        message, _, path = str(error).partition(" - at `$")
+        key = path.rstrip("`").lstrip(".")
+        if "unknown field" in message:  # msgspec names the field in the message, and the path of its parent
+            name = message.split("`")[1]
+            key, message = f"{key}.{name}".lstrip("."), "there is no such setting"
+        raise ConfigError(message, ".".join(part for part in (section, key) if part)) from None
+    _refuse_not_finite(msgspec.to_builtins(values), section)
+    return settings
+
+
+def _refuse_not_finite(value: object, key: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{value} is not a finite number", key)
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            _refuse_not_finite(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, (list, tuple)):
+        for index, inner in enumerate(value):
+            _refuse_not_finite(inner, f"{key}[{index}]")
