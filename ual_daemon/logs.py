@@ -117,7 +117,7 @@ class BackgroundHandler(logging.Handler):
                 self._stream.write(line + "\n")
                 if self._lines.empty():
                     self._stream.flush()
-            except (OSError, ValueError):
+            except (OSError, ValueError):  # noqa: PERF203  a line at a time
                 return  # the reader of the pipe is gone, or the stream is closed: there is nobody to tell
 
 
