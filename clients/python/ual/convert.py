@@ -1,0 +1,627 @@
+"""Between `ual.v1` protobuf messages and the value types: the only module that knows both.
+
+``x_to_proto`` makes a message, ``x_from_proto`` a value. Where a caller may leave out a part that must be there, the
+reader takes `field`, the name of the message in its request, and raises `InvalidArgumentError` that names the missing
+part (``waypoint.pose.position: not set``). Values themselves (NaN, magnitudes) are judged by the daemon's validation,
+not here. Poses, twists and telemetry flow often: their functions set fields one by one, the fastest way in protobuf.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from typing import TypeVar
+
+from google.protobuf.duration_pb2 import Duration
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from ual import errors
+from ual.errors import InvalidArgumentError, UalError
+from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
+from ual.simulation import (
+    AckLate,
+    AckLost,
+    BatteryLow,
+    Command,
+    CommandRefused,
+    EstimatorJumps,
+    Fault,
+    LinkLost,
+    MotorsWeak,
+    PositionLost,
+)
+from ual.types import (
+    AltitudeReference,
+    Battery,
+    Capability,
+    Frame,
+    GeoPoint,
+    GpsFix,
+    GpsInfo,
+    Info,
+    Limits,
+    Odometry,
+    State,
+    TaskInfo,
+    TaskKind,
+    TaskStatus,
+    Telemetry,
+)
+from ual.v1 import simulation_pb2 as sim_pb
+from ual.v1 import ual_pb2 as pb
+
+_E = TypeVar("_E", bound=Enum)
+
+_STATE_TO_PROTO = {state: pb.State.ValueType(state.value) for state in State}
+_STATE_FROM_PROTO: Mapping[int, State] = {state.value: state for state in State}
+_NANOS_PER_MICRO = 1_000
+_MICROS_PER_S = 1_000_000
+
+
+# Time
+
+
+def stamp_to_proto(stamp_s: float, message: Timestamp) -> None:
+    """Writes UTC seconds since 1970, to the microsecond; 0 (not known) leaves the message unset."""
+    if stamp_s:
+        micros = round(stamp_s * _MICROS_PER_S)
+        message.seconds = micros // _MICROS_PER_S
+        message.nanos = micros % _MICROS_PER_S * _NANOS_PER_MICRO
+
+
+def stamp_from_proto(message: Timestamp) -> float:
+    """UTC seconds since 1970; 0 when not set."""
+    return message.seconds + message.nanos * 1e-9
+
+
+def duration_to_proto(duration_s: float) -> Duration:
+    """A duration, to the microsecond."""
+    micros = round(duration_s * _MICROS_PER_S)
+    # A protobuf duration has seconds and nanoseconds of one sign.
+    sign = -1 if micros < 0 else 1
+    seconds, rest = divmod(abs(micros), _MICROS_PER_S)
+    return Duration(seconds=sign * seconds, nanos=sign * rest * _NANOS_PER_MICRO)
+
+
+def duration_from_proto(message: Duration) -> float:
+    """Seconds."""
+    return message.seconds + message.nanos * 1e-9
+
+
+# Geometry
+
+
+def vector3_to_proto(vector: Vector3) -> pb.Vector3:
+    """Three components."""
+    return pb.Vector3(x=vector.x, y=vector.y, z=vector.z)
+
+
+def vector3_from_proto(message: pb.Vector3) -> Vector3:
+    """Three components; zeros when not set."""
+    return Vector3(message.x, message.y, message.z)
+
+
+def _write_vector3(vector: Vector3, message: pb.Vector3) -> None:
+    message.x = vector.x
+    message.y = vector.y
+    message.z = vector.z
+
+
+def _write_quaternion(quaternion: Quaternion, message: pb.Quaternion) -> None:
+    message.x = quaternion.x
+    message.y = quaternion.y
+    message.z = quaternion.z
+    message.w = quaternion.w
+
+
+def _write_pose(pose: Pose, message: pb.Pose) -> None:
+    _write_vector3(pose.position, message.position)
+    _write_quaternion(pose.orientation, message.orientation)
+
+
+def _write_twist(twist: Twist, message: pb.Twist) -> None:
+    _write_vector3(twist.linear, message.linear)
+    _write_vector3(twist.angular, message.angular)
+
+
+def _write_transform(transform: Transform, message: pb.Transform) -> None:
+    stamp_to_proto(transform.stamp_s, message.header.stamp)
+    message.header.frame_id = transform.frame_id
+    message.child_frame_id = transform.child_frame_id
+    _write_vector3(transform.translation, message.translation)
+    _write_quaternion(transform.rotation, message.rotation)
+
+
+def _read_pose(message: pb.Pose) -> Pose:
+    position, orientation = message.position, message.orientation
+    return Pose(
+        Vector3(position.x, position.y, position.z),
+        Quaternion(orientation.x, orientation.y, orientation.z, orientation.w),
+    )
+
+
+def _read_twist(message: pb.Twist) -> Twist:
+    linear, angular = message.linear, message.angular
+    return Twist(Vector3(linear.x, linear.y, linear.z), Vector3(angular.x, angular.y, angular.z))
+
+
+def pose_stamped_to_proto(pose: PoseStamped) -> pb.PoseStamped:
+    """A pose to fly to. Its stamp is left out: the daemon ignores it."""
+    message = pb.PoseStamped()
+    if pose.frame_id:
+        message.header.frame_id = pose.frame_id
+    _write_pose(pose.pose, message.pose)
+    return message
+
+
+def pose_stamped_from_proto(message: pb.PoseStamped, field: str = "pose") -> PoseStamped:
+    """A pose to fly to; an orientation that is not set keeps the heading."""
+    if not message.HasField("pose"):
+        raise _not_set(f"{field}.pose")
+    pose = message.pose
+    if not pose.HasField("position"):
+        raise _not_set(f"{field}.pose.position")
+    position, orientation, header = pose.position, pose.orientation, message.header
+    return PoseStamped(
+        Pose(
+            Vector3(position.x, position.y, position.z),
+            Quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
+            if pose.HasField("orientation")
+            else KEEP_HEADING,
+        ),
+        header.frame_id,
+        stamp_from_proto(header.stamp),
+    )
+
+
+def twist_stamped_to_proto(velocity: TwistStamped) -> pb.TwistStamped:
+    """A velocity to fly. Its stamp is left out: the daemon ignores it."""
+    message = pb.TwistStamped()
+    if velocity.frame_id:
+        message.header.frame_id = velocity.frame_id
+    _write_twist(velocity.twist, message.twist)
+    return message
+
+
+def twist_stamped_from_proto(message: pb.TwistStamped, field: str = "velocity") -> TwistStamped:
+    """A velocity to fly; parts of the twist that are not set are zero."""
+    if not message.HasField("twist"):
+        raise _not_set(f"{field}.twist")
+    header = message.header
+    return TwistStamped(_read_twist(message.twist), header.frame_id, stamp_from_proto(header.stamp))
+
+
+def transform_to_proto(transform: Transform) -> pb.Transform:
+    """A transform with its frames and stamp."""
+    message = pb.Transform()
+    _write_transform(transform, message)
+    return message
+
+
+def transform_from_proto(message: pb.Transform) -> Transform:
+    """A transform; a translation that is not set is zero, a rotation that is not set is none."""
+    rotation, header = message.rotation, message.header
+    return Transform(
+        vector3_from_proto(message.translation),
+        Quaternion(rotation.x, rotation.y, rotation.z, rotation.w) if message.HasField("rotation") else IDENTITY,
+        header.frame_id,
+        message.child_frame_id,
+        stamp_from_proto(header.stamp),
+    )
+
+
+# The parts of requests that must be there
+
+
+def waypoint_from_proto(request: pb.GoToWaypointRequest) -> PoseStamped:
+    """The goal of GoToWaypoint."""
+    if not request.HasField("waypoint"):
+        raise _not_set("waypoint")
+    return pose_stamped_from_proto(request.waypoint, "waypoint")
+
+
+def waypoints_from_proto(request: pb.FollowPathRequest) -> list[PoseStamped]:
+    """The waypoints of FollowPath; an empty list is for the daemon's validation to refuse."""
+    return [pose_stamped_from_proto(message, f"waypoints[{i}]") for i, message in enumerate(request.waypoints)]
+
+
+def altitude_reference_from_proto(request: pb.GoToWaypointGeoRequest) -> AltitudeReference:
+    """The altitude reference of GoToWaypointGeo; UNSPECIFIED is HOME."""
+    value: int = request.altitude_reference
+    return _enum(AltitudeReference, value or AltitudeReference.HOME.value, "altitude_reference")
+
+
+def pose_from_proto(request: pb.SetPoseRequest | pb.StreamSetpointsRequest) -> PoseStamped:
+    """The reference of SetPose, or of a setpoint that has one."""
+    if not request.HasField("pose"):
+        raise _not_set("pose")
+    return pose_stamped_from_proto(request.pose, "pose")
+
+
+def velocity_from_proto(request: pb.SetVelocityRequest | pb.StreamSetpointsRequest) -> TwistStamped:
+    """The reference of SetVelocity, or of a setpoint that has one."""
+    if not request.HasField("velocity"):
+        raise _not_set("velocity")
+    return twist_stamped_from_proto(request.velocity, "velocity")
+
+
+def setpoint_from_proto(request: pb.StreamSetpointsRequest) -> PoseStamped | TwistStamped:
+    """One setpoint of the stream."""
+    kind = request.WhichOneof("setpoint")
+    if kind == "velocity":
+        return twist_stamped_from_proto(request.velocity, "velocity")
+    if kind == "pose":
+        return pose_stamped_from_proto(request.pose, "pose")
+    raise _not_set("setpoint")
+
+
+def setpoint_to_proto(setpoint: PoseStamped | TwistStamped) -> pb.StreamSetpointsRequest:
+    """One setpoint of the stream."""
+    message = pb.StreamSetpointsRequest()
+    if isinstance(setpoint, TwistStamped):
+        velocity = message.velocity
+        if setpoint.frame_id:
+            velocity.header.frame_id = setpoint.frame_id
+        _write_twist(setpoint.twist, velocity.twist)
+    else:
+        pose = message.pose
+        if setpoint.frame_id:
+            pose.header.frame_id = setpoint.frame_id
+        _write_pose(setpoint.pose, pose.pose)
+    return message
+
+
+def new_frame_from_proto(request: pb.AddFrameRequest) -> Transform:
+    """The frame that AddFrame adds."""
+    if not request.HasField("transform"):
+        raise _not_set("transform")
+    return transform_from_proto(request.transform)
+
+
+def altitude_reference_to_proto(reference: AltitudeReference) -> pb.AltitudeReference.ValueType:
+    """The altitude reference of GoToWaypointGeo."""
+    return pb.AltitudeReference.ValueType(reference.value)
+
+
+# Tasks
+
+
+def task_error_to_proto(error: UalError) -> pb.TaskError:
+    """How a task failed."""
+    return pb.TaskError(reason=error.reason, message=error.message, metadata=dict(error.metadata))
+
+
+def task_error_from_proto(message: pb.TaskError) -> UalError:
+    """How a task failed, as the error that waiting for it raises."""
+    return errors.from_reason(message.reason, message.message, dict(message.metadata))
+
+
+def task_to_proto(task: TaskInfo) -> pb.Task:
+    """How a task stands."""
+    return pb.Task(
+        id=task.id,
+        kind=pb.TaskKind.ValueType(task.kind.value),
+        status=pb.TaskStatus.ValueType(task.status.value),
+        progress=task.progress,
+        distance_left_m=task.distance_left_m,
+        elapsed=duration_to_proto(task.elapsed_s),
+        waypoint_index=task.waypoint_index,
+        error=None if task.error is None else task_error_to_proto(task.error),
+        description=task.description,
+    )
+
+
+def task_from_proto(message: pb.Task) -> TaskInfo:
+    """How a task stands."""
+    return TaskInfo(
+        id=message.id,
+        kind=_enum(TaskKind, message.kind, "task.kind"),
+        status=_enum(TaskStatus, message.status, "task.status"),
+        progress=message.progress if message.HasField("progress") else None,
+        distance_left_m=message.distance_left_m if message.HasField("distance_left_m") else None,
+        elapsed_s=duration_from_proto(message.elapsed),
+        waypoint_index=message.waypoint_index if message.HasField("waypoint_index") else None,
+        error=task_error_from_proto(message.error) if message.HasField("error") else None,
+        description=message.description,
+    )
+
+
+# Telemetry
+
+
+def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
+    """One sample. `missed_count` belongs to a subscriber and is sent beside it."""
+    message = pb.Telemetry()
+    header = message.header
+    stamp_to_proto(telemetry.stamp_s, header.stamp)
+    header.frame_id = telemetry.frame_id
+    message.state = _STATE_TO_PROTO[telemetry.state]
+    message.state_reason = telemetry.state_reason
+    message.flight_mode = telemetry.flight_mode
+    message.armed = telemetry.armed
+    message.sequence = telemetry.sequence
+    message.status_text = telemetry.status_text
+    if telemetry.pose is not None:
+        _write_pose(telemetry.pose, message.pose)
+    if telemetry.velocity is not None:
+        _write_twist(telemetry.velocity, message.velocity)
+    if telemetry.odometry is not None:
+        _write_odometry(telemetry.odometry, message.odometry)
+    if telemetry.transform is not None:
+        _write_transform(telemetry.transform, message.transform)
+    if telemetry.reference_pose is not None:
+        _write_pose(telemetry.reference_pose, message.reference_pose)
+    if telemetry.position_geo is not None:
+        message.position_geo.CopyFrom(_geo_point_to_proto(telemetry.position_geo))
+    if telemetry.battery is not None:
+        message.battery.CopyFrom(_battery_to_proto(telemetry.battery))
+    if telemetry.gps is not None:
+        message.gps.CopyFrom(_gps_to_proto(telemetry.gps))
+    if telemetry.task is not None:
+        message.task.CopyFrom(task_to_proto(telemetry.task))
+    return message
+
+
+def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Telemetry:
+    """One sample, with how many the subscriber missed before it."""
+    has, header = message.HasField, message.header
+    return Telemetry(
+        state=_state(message.state),
+        state_reason=message.state_reason,
+        stamp_s=stamp_from_proto(header.stamp),
+        frame_id=header.frame_id,
+        pose=_read_pose(message.pose) if has("pose") else None,
+        velocity=_read_twist(message.velocity) if has("velocity") else None,
+        odometry=_odometry_from_proto(message.odometry) if has("odometry") else None,
+        transform=transform_from_proto(message.transform) if has("transform") else None,
+        reference_pose=_read_pose(message.reference_pose) if has("reference_pose") else None,
+        position_geo=_geo_point_from_proto(message.position_geo) if has("position_geo") else None,
+        battery=_battery_from_proto(message.battery) if has("battery") else None,
+        gps=_gps_from_proto(message.gps) if has("gps") else None,
+        flight_mode=message.flight_mode,
+        armed=message.armed,
+        task=task_from_proto(message.task) if has("task") else None,
+        sequence=message.sequence,
+        status_text=message.status_text,
+        missed_count=missed_count,
+    )
+
+
+def _write_odometry(odometry: Odometry, message: pb.Odometry) -> None:
+    stamp_to_proto(odometry.stamp_s, message.header.stamp)
+    message.header.frame_id = odometry.frame_id
+    message.child_frame_id = odometry.child_frame_id
+    _write_pose(odometry.pose, message.pose)
+    _write_twist(odometry.twist, message.twist)
+
+
+def _odometry_from_proto(message: pb.Odometry) -> Odometry:
+    return Odometry(
+        _read_pose(message.pose),
+        _read_twist(message.twist),
+        message.header.frame_id,
+        message.child_frame_id,
+        stamp_from_proto(message.header.stamp),
+    )
+
+
+def _geo_point_to_proto(point: GeoPoint) -> pb.GeoPoint:
+    return pb.GeoPoint(
+        latitude_deg=point.latitude_deg,
+        longitude_deg=point.longitude_deg,
+        altitude_amsl_m=point.altitude_amsl_m,
+        altitude_home_m=point.altitude_home_m,
+        altitude_ellipsoid_m=point.altitude_ellipsoid_m,
+    )
+
+
+def _geo_point_from_proto(message: pb.GeoPoint) -> GeoPoint:
+    has = message.HasField
+    return GeoPoint(
+        message.latitude_deg,
+        message.longitude_deg,
+        message.altitude_amsl_m if has("altitude_amsl_m") else None,
+        message.altitude_home_m if has("altitude_home_m") else None,
+        message.altitude_ellipsoid_m if has("altitude_ellipsoid_m") else None,
+    )
+
+
+def _battery_to_proto(battery: Battery) -> pb.Battery:
+    return pb.Battery(
+        remaining_percent=battery.remaining_percent, voltage_v=battery.voltage_v, current_a=battery.current_a
+    )
+
+
+def _battery_from_proto(message: pb.Battery) -> Battery:
+    has = message.HasField
+    return Battery(
+        message.remaining_percent if has("remaining_percent") else None,
+        message.voltage_v if has("voltage_v") else None,
+        message.current_a if has("current_a") else None,
+    )
+
+
+def _gps_to_proto(gps: GpsInfo) -> pb.GpsInfo:
+    return pb.GpsInfo(
+        fix=pb.GpsFix.ValueType(gps.fix.value),
+        satellites_count=gps.satellites_count,
+        horizontal_accuracy_m=gps.horizontal_accuracy_m,
+        vertical_accuracy_m=gps.vertical_accuracy_m,
+    )
+
+
+def _gps_from_proto(message: pb.GpsInfo) -> GpsInfo:
+    has = message.HasField
+    return GpsInfo(
+        # Not said: taken as no fix. Better than any we know: taken as the best.
+        GpsFix(min(max(message.fix, GpsFix.NONE), GpsFix.RTK_FIXED)),
+        message.satellites_count,
+        message.horizontal_accuracy_m if has("horizontal_accuracy_m") else None,
+        message.vertical_accuracy_m if has("vertical_accuracy_m") else None,
+    )
+
+
+# Frames and info
+
+
+def frame_to_proto(frame: Frame) -> pb.Frame:
+    """One frame of the tree."""
+    return pb.Frame(
+        frame_id=frame.frame_id,
+        parent_frame_id=frame.parent_frame_id,
+        transform=None if frame.transform is None else transform_to_proto(frame.transform),
+        is_static=frame.is_static,
+    )
+
+
+def frame_from_proto(message: pb.Frame) -> Frame:
+    """One frame of the tree."""
+    return Frame(
+        message.frame_id,
+        message.parent_frame_id,
+        transform_from_proto(message.transform) if message.HasField("transform") else None,
+        message.is_static,
+    )
+
+
+def info_to_proto(info: Info) -> pb.GetInfoResponse:
+    """Who a UAV is; its capabilities in a fixed order."""
+    limits = info.limits
+    return pb.GetInfoResponse(
+        namespace=info.namespace,
+        backend=info.backend,
+        autopilot=info.autopilot,
+        autopilot_version=info.autopilot_version,
+        is_simulation=info.is_simulation,
+        capabilities=[pb.Capability.ValueType(value) for value in sorted(each.value for each in info.capabilities)],
+        limits=pb.Limits(
+            horizontal_speed_m_s=limits.horizontal_speed_m_s,
+            climb_speed_m_s=limits.climb_speed_m_s,
+            descent_speed_m_s=limits.descent_speed_m_s,
+            horizontal_acceleration_m_s2=limits.horizontal_acceleration_m_s2,
+            vertical_acceleration_m_s2=limits.vertical_acceleration_m_s2,
+            yaw_rate_rad_s=limits.yaw_rate_rad_s,
+        ),
+        ual_version=info.ual_version,
+        is_arming_allowed=info.is_arming_allowed,
+        url=info.url,
+    )
+
+
+def info_from_proto(message: pb.GetInfoResponse) -> Info:
+    """Who a UAV is. Capabilities that only a newer client knows are left out."""
+    known = {capability.value for capability in Capability}
+    limits = message.limits
+    return Info(
+        namespace=message.namespace,
+        backend=message.backend,
+        autopilot=message.autopilot,
+        autopilot_version=message.autopilot_version,
+        is_simulation=message.is_simulation,
+        capabilities=frozenset(Capability(value) for value in message.capabilities if value in known),
+        limits=Limits(
+            limits.horizontal_speed_m_s,
+            limits.climb_speed_m_s,
+            limits.descent_speed_m_s,
+            limits.horizontal_acceleration_m_s2,
+            limits.vertical_acceleration_m_s2,
+            limits.yaw_rate_rad_s,
+        ),
+        ual_version=message.ual_version,
+        is_arming_allowed=message.is_arming_allowed,
+        url=message.url,
+    )
+
+
+# Simulation
+
+
+def fault_to_proto(fault: Fault) -> sim_pb.Fault:
+    """A fault."""
+    match fault:
+        case LinkLost():
+            return sim_pb.Fault(link_lost=sim_pb.LinkLost())
+        case PositionLost():
+            return sim_pb.Fault(position_lost=sim_pb.PositionLost())
+        case EstimatorJumps(offset, period_s):
+            jumps = sim_pb.EstimatorJumps(offset=vector3_to_proto(offset), period_s=period_s)
+            return sim_pb.Fault(estimator_jumps=jumps)
+        case MotorsWeak(power_ratio):
+            return sim_pb.Fault(motors_weak=sim_pb.MotorsWeak(power_ratio=power_ratio))
+        case BatteryLow(remaining_percent):
+            return sim_pb.Fault(battery_low=sim_pb.BatteryLow(remaining_percent=remaining_percent))
+        case CommandRefused(command, text):
+            return sim_pb.Fault(command_refused=sim_pb.CommandRefused(command=_command(command), text=text))
+        case AckLost(command):
+            return sim_pb.Fault(ack_lost=sim_pb.AckLost(command=_command(command)))
+        case AckLate(command, delay_s):
+            return sim_pb.Fault(ack_late=sim_pb.AckLate(command=_command(command), delay_s=delay_s))
+    raise InvalidArgumentError(f"fault: {fault!r} is none of ual.simulation", {"field": "fault"})
+
+
+def fault_from_proto(message: sim_pb.Fault, field: str = "fault") -> Fault:
+    """A fault."""
+    match message.WhichOneof("kind"):
+        case "link_lost":
+            return LinkLost()
+        case "position_lost":
+            return PositionLost()
+        case "estimator_jumps":
+            jumps = message.estimator_jumps
+            if not jumps.HasField("offset"):
+                raise _not_set(f"{field}.estimator_jumps.offset")
+            return EstimatorJumps(vector3_from_proto(jumps.offset), jumps.period_s)
+        case "motors_weak":
+            return MotorsWeak(message.motors_weak.power_ratio)
+        case "battery_low":
+            return BatteryLow(message.battery_low.remaining_percent)
+        case "command_refused":
+            refused = message.command_refused
+            return CommandRefused(_enum(Command, refused.command, f"{field}.command_refused.command"), refused.text)
+        case "ack_lost":
+            return AckLost(_enum(Command, message.ack_lost.command, f"{field}.ack_lost.command"))
+        case "ack_late":
+            late = message.ack_late
+            return AckLate(_enum(Command, late.command, f"{field}.ack_late.command"), late.delay_s)
+        case _:
+            raise _not_set(f"{field}.kind")
+
+
+def faults_to_proto(faults: Mapping[str, Fault]) -> sim_pb.ListFaultsResponse:
+    """The faults under way, by their ids."""
+    return sim_pb.ListFaultsResponse(
+        faults=[sim_pb.ActiveFault(fault_id=key, fault=fault_to_proto(fault)) for key, fault in faults.items()]
+    )
+
+
+def faults_from_proto(faults: Iterable[sim_pb.ActiveFault]) -> dict[str, Fault]:
+    """The faults under way, by their ids."""
+    return {active.fault_id: fault_from_proto(active.fault) for active in faults}
+
+
+def wind_from_proto(request: sim_pb.SetWindRequest) -> Vector3:
+    """The wind of SetWind."""
+    if not request.HasField("velocity_m_s"):
+        raise _not_set("velocity_m_s")
+    return vector3_from_proto(request.velocity_m_s)
+
+
+def _command(command: Command) -> sim_pb.Command.ValueType:
+    return sim_pb.Command.ValueType(command.value)
+
+
+def _not_set(field: str) -> InvalidArgumentError:
+    return InvalidArgumentError(f"{field}: not set", {"field": field})
+
+
+def _state(value: int) -> State:
+    state = _STATE_FROM_PROTO.get(value)
+    return _enum(State, value, "state") if state is None else state
+
+
+def _enum(kind: type[_E], value: int, field: str) -> _E:
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(f"{each.value} ({each.name})" for each in kind)
+        raise InvalidArgumentError(f"{field}: {value} is none of {known}", {"field": field}) from None

@@ -1,0 +1,134 @@
+"""Between the errors of the interface and gRPC's: a status code with a ``google.rpc.ErrorInfo`` of domain ``ual``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import cast
+
+import grpc
+from google.protobuf.any_pb2 import Any
+from google.protobuf.message import DecodeError
+from google.rpc.error_details_pb2 import ErrorInfo
+from google.rpc.status_pb2 import Status
+from grpc_status import rpc_status
+
+from ual import errors
+from ual.errors import (
+    DOMAIN,
+    DaemonUnreachableError,
+    GeofenceError,
+    InvalidArgumentError,
+    LinkLostError,
+    NotSupportedError,
+    PermissionDeniedError,
+    RejectedByAutopilotError,
+    TaskAbortedError,
+    UalError,
+    UalTimeoutError,
+    UnauthenticatedError,
+    UnknownFrameError,
+    WrongStateError,
+)
+
+DETAILS_KEY = "grpc-status-details-bin"
+
+# In bytes. All trailing metadata of a call must fit 8 KiB, and a message is in it twice.
+_LONGEST_TEXT = 1500
+
+_CODES: Mapping[str, grpc.StatusCode] = {
+    WrongStateError.reason: grpc.StatusCode.FAILED_PRECONDITION,
+    InvalidArgumentError.reason: grpc.StatusCode.INVALID_ARGUMENT,
+    UnknownFrameError.reason: grpc.StatusCode.INVALID_ARGUMENT,
+    GeofenceError.reason: grpc.StatusCode.FAILED_PRECONDITION,
+    TaskAbortedError.reason: grpc.StatusCode.ABORTED,
+    RejectedByAutopilotError.reason: grpc.StatusCode.FAILED_PRECONDITION,
+    LinkLostError.reason: grpc.StatusCode.UNAVAILABLE,
+    UalTimeoutError.reason: grpc.StatusCode.DEADLINE_EXCEEDED,
+    NotSupportedError.reason: grpc.StatusCode.UNIMPLEMENTED,
+    UnauthenticatedError.reason: grpc.StatusCode.UNAUTHENTICATED,
+    PermissionDeniedError.reason: grpc.StatusCode.PERMISSION_DENIED,
+}
+
+
+def status_code(error: UalError) -> grpc.StatusCode:
+    """The gRPC status code of an error; INTERNAL for one that is not of the contract."""
+    return _CODES.get(error.reason, grpc.StatusCode.INTERNAL)
+
+
+def to_status(error: UalError) -> Status:
+    """The error as ``google.rpc.Status``."""
+    info = ErrorInfo(reason=error.reason, domain=DOMAIN)
+    for key, value in error.metadata.items():
+        info.metadata[key] = _clip(value)
+    detail = Any()
+    detail.Pack(info)
+    code: int = status_code(error).value[0]
+    return cast("Status", Status(code=code, message=_clip(error.message), details=[detail]))
+
+
+def to_grpc_status(error: UalError) -> grpc.Status:
+    """The error as what `ServicerContext.abort_with_status` takes."""
+    return rpc_status.to_status(to_status(error))
+
+
+def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> UalError:
+    """What a call ended with, as the error that the daemon raised, or, where none did, what the code says.
+
+    `address` and `ns` are those of the daemon that was called, for people.
+    """
+    info = _error_info(error)
+    details = error.details() or ""
+    if info is not None:
+        return errors.from_reason(info.reason, details, dict(info.metadata))
+    code = error.code()
+    metadata = {"grpc_code": code.name, "address": address}
+    match code:
+        case grpc.StatusCode.UNAVAILABLE:
+            return unreachable(address, ns, details)
+        case grpc.StatusCode.DEADLINE_EXCEEDED:
+            return UalTimeoutError("no answer within the time given (timeout_s)", metadata)
+        case grpc.StatusCode.UNIMPLEMENTED:
+            return NotSupportedError(f"the daemon at {address} does not offer this ({details})", metadata)
+        case grpc.StatusCode.CANCELLED:
+            return UalError("the call was cancelled before it ended", metadata)
+        case grpc.StatusCode.UNAUTHENTICATED:
+            return UnauthenticatedError(details, metadata)
+        case grpc.StatusCode.PERMISSION_DENIED:
+            return PermissionDeniedError(details, metadata)
+        case _:
+            return UalError(f"{code.name}: {details}", metadata)
+
+
+def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreachableError:
+    """No daemon answers: says where it was looked for, and how to start or name one."""
+    cause = details.rpartition(": ")[2].strip() or "no answer"
+    whom = f"no UAL daemon of {ns} answers" if ns else "no UAL daemon answers"
+    start = f"ual-daemon --ns {ns}" if ns else "ual-daemon"
+    return DaemonUnreachableError(
+        f"{whom} at {address} ({cause}): start one with `{start}`, or say where it is (--address, UAL_ADDRESS)",
+        {"address": address, "ns": ns, "details": details},
+    )
+
+
+def _error_info(error: grpc.RpcError) -> ErrorInfo | None:
+    # Read by hand: rpc_status.from_call knows only synchronous calls, and raises where a proxy changed the code.
+    trailing = cast("Iterable[tuple[str, bytes]]", error.trailing_metadata() or ())
+    for key, value in trailing:
+        if key != DETAILS_KEY:
+            continue
+        try:
+            status = Status.FromString(value)
+        except DecodeError:
+            return None
+        for detail in status.details:
+            info = ErrorInfo()
+            if detail.Unpack(info) and info.domain == DOMAIN:
+                return info
+    return None
+
+
+def _clip(text: str) -> str:
+    encoded = text.encode(errors="replace")
+    if len(encoded) <= _LONGEST_TEXT:
+        return text
+    return encoded[: _LONGEST_TEXT - 3].decode(errors="ignore") + "..."

@@ -1,0 +1,223 @@
+from __future__ import annotations
+
+from typing import TypeVar
+
+import pytest
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+from hypothesis import given
+from ual import convert
+from ual.errors import InvalidArgumentError, UalError
+from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.simulation import Fault
+from ual.types import AltitudeReference, Capability, Frame, GpsFix, Info, TaskInfo, TaskKind, TaskStatus, Telemetry
+from ual.v1 import simulation_pb2 as sim_pb
+from ual.v1 import ual_pb2 as pb
+
+from tests.ual import values
+
+M = TypeVar("M", bound=Message)
+
+
+def wire(message: M) -> M:
+    """What arrives at the other end."""
+    return type(message).FromString(message.SerializeToString())
+
+
+@given(values.stamps)
+def test_stamps_keep_their_microseconds(stamp_s: float) -> None:
+    message = Timestamp()
+    convert.stamp_to_proto(stamp_s, message)
+    assert convert.stamp_from_proto(wire(message)) == pytest.approx(stamp_s, rel=0.0, abs=4e-7)
+    assert 0 <= message.nanos < 1_000_000_000
+    assert round(convert.stamp_from_proto(message) * 1e6) == round(stamp_s * 1e6)
+
+
+def test_stamps_before_1970_have_nanoseconds_that_count_forward() -> None:
+    message = Timestamp()
+    convert.stamp_to_proto(-1.25, message)
+    assert (message.seconds, message.nanos) == (-2, 750_000_000)
+    assert convert.stamp_from_proto(message) == -1.25
+
+
+@given(values.durations)
+def test_durations_keep_their_microseconds(duration_s: float) -> None:
+    for signed in (duration_s, -duration_s):
+        assert convert.duration_from_proto(wire(convert.duration_to_proto(signed))) == pytest.approx(signed, abs=1e-6)
+
+
+@given(values.pose_goals)
+def test_poses_come_back_as_they_were(pose: PoseStamped) -> None:
+    assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
+    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(pose))) == pose
+
+
+@given(values.velocities)
+def test_velocities_come_back_as_they_were(velocity: TwistStamped) -> None:
+    assert convert.twist_stamped_from_proto(wire(convert.twist_stamped_to_proto(velocity))) == velocity
+    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(velocity))) == velocity
+
+
+def test_the_origin_and_standing_still_are_values_not_absence() -> None:
+    pose = PoseStamped(Pose.at(0.0, 0.0, 0.0))
+    assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
+    assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(TwistStamped()))) == TwistStamped()
+    assert convert.wind_from_proto(wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3()))))
+
+
+@given(values.transforms)
+def test_transforms_come_back_as_they_were(transform: Transform) -> None:
+    back = convert.transform_from_proto(wire(convert.transform_to_proto(transform)))
+    assert back.stamp_s == pytest.approx(transform.stamp_s, rel=0.0, abs=4e-7)
+    assert (back.translation, back.rotation) == (transform.translation, transform.rotation)
+    assert (back.frame_id, back.child_frame_id) == (transform.frame_id, transform.child_frame_id)
+
+
+@given(values.telemetries)
+def test_telemetry_comes_back_as_it_was(telemetry: Telemetry) -> None:
+    first = wire(convert.telemetry_to_proto(telemetry))
+    back = convert.telemetry_from_proto(first, telemetry.missed_count)
+    assert wire(convert.telemetry_to_proto(back)) == first
+    for field in ("state", "pose", "velocity", "reference_pose", "position_geo", "battery", "gps", "task", "sequence"):
+        if field != "task":
+            assert getattr(back, field) == getattr(telemetry, field)
+    assert back.missed_count == telemetry.missed_count
+    assert (back.odometry is None) == (telemetry.odometry is None)
+    assert (back.task is None) == (telemetry.task is None)
+
+
+@given(values.task_infos, values.ual_errors)
+def test_tasks_come_back_with_their_errors(task: TaskInfo, error: UalError) -> None:
+    back = convert.task_from_proto(wire(convert.task_to_proto(task)))
+    assert back.elapsed_s == pytest.approx(task.elapsed_s, rel=0.0, abs=1e-6)
+    assert (back.id, back.kind, back.status) == (task.id, task.kind, task.status)
+    assert (back.progress, back.distance_left_m) == (task.progress, task.distance_left_m)
+    assert (back.waypoint_index, back.description, back.error) == (task.waypoint_index, task.description, None)
+    assert values.error_equal(convert.task_error_from_proto(wire(convert.task_error_to_proto(error))), error)
+
+
+def test_a_failed_task_carries_its_error() -> None:
+    error = UalError("it fell", {"state": "LANDED_ARMED"})
+    task = TaskInfo("1", TaskKind.LAND, TaskStatus.FAILED, error=error)
+    assert values.error_equal(convert.task_from_proto(wire(convert.task_to_proto(task))).error, error)
+
+
+@given(values.frames)
+def test_frames_come_back_as_they_were(frame: Frame) -> None:
+    back = convert.frame_from_proto(wire(convert.frame_to_proto(frame)))
+    assert (back.frame_id, back.parent_frame_id, back.is_static) == (
+        frame.frame_id,
+        frame.parent_frame_id,
+        frame.is_static,
+    )
+    assert (back.transform is None) == (frame.transform is None)
+
+
+@given(values.infos)
+def test_info_comes_back_as_it_was(info: Info) -> None:
+    assert convert.info_from_proto(wire(convert.info_to_proto(info))) == info
+
+
+@given(values.faults)
+def test_faults_come_back_as_they_were(fault: Fault) -> None:
+    assert convert.fault_from_proto(wire(convert.fault_to_proto(fault))) == fault
+    assert convert.faults_from_proto(wire(convert.faults_to_proto({"f1": fault})).faults) == {"f1": fault}
+
+
+def test_capabilities_of_a_newer_daemon_are_left_out() -> None:
+    message = pb.GetInfoResponse(capabilities=[pb.CAPABILITY_ARM, pb.Capability.ValueType(99)])
+    assert convert.info_from_proto(message).capabilities == {Capability.ARM}
+
+
+def test_a_better_fix_than_any_known_is_the_best_known() -> None:
+    message = pb.Telemetry(state=pb.STATE_LANDING, gps=pb.GpsInfo(fix=pb.GpsFix.ValueType(42)))
+    gps = convert.telemetry_from_proto(message).gps
+    assert gps is not None
+    assert gps.fix is GpsFix.RTK_FIXED
+
+
+def test_an_orientation_that_is_not_set_keeps_the_heading() -> None:
+    request = pb.SetPoseRequest(pose=pb.PoseStamped(pose=pb.Pose(position=pb.Vector3(x=1.0))))
+    assert convert.pose_from_proto(request).pose == Pose.at(1.0, 0.0, 0.0)
+    assert convert.pose_from_proto(request).pose.orientation == KEEP_HEADING
+
+
+def test_parts_of_a_twist_that_are_not_set_are_zero() -> None:
+    request = pb.SetVelocityRequest(velocity=pb.TwistStamped(twist=pb.Twist(angular=pb.Vector3(z=1.0))))
+    assert convert.velocity_from_proto(request).twist == Twist(angular=Vector3(0.0, 0.0, 1.0))
+    empty = pb.SetVelocityRequest(velocity=pb.TwistStamped(twist=pb.Twist()))
+    assert convert.velocity_from_proto(empty).twist == Twist()
+
+
+def test_a_frame_without_rotation_is_not_rotated() -> None:
+    request = pb.AddFrameRequest(transform=pb.Transform(child_frame_id="pad", translation=pb.Vector3(x=1.0)))
+    assert convert.new_frame_from_proto(request) == Transform(Vector3(1.0), IDENTITY, "", "pad")
+
+
+def test_no_altitude_reference_is_home() -> None:
+    assert convert.altitude_reference_from_proto(pb.GoToWaypointGeoRequest()) is AltitudeReference.HOME
+    for reference in AltitudeReference:
+        request = pb.GoToWaypointGeoRequest(altitude_reference=convert.altitude_reference_to_proto(reference))
+        assert convert.altitude_reference_from_proto(request) is reference
+
+
+pose_without_position = pb.PoseStamped(pose=pb.Pose(orientation=pb.Quaternion(w=1.0)))
+pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
+
+
+@pytest.mark.parametrize(
+    ("read", "field"),
+    [
+        (lambda: convert.waypoint_from_proto(pb.GoToWaypointRequest()), "waypoint"),
+        (lambda: convert.waypoint_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_pose)), "waypoint.pose"),
+        (
+            lambda: convert.waypoint_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_position)),
+            "waypoint.pose.position",
+        ),
+        (
+            lambda: convert.waypoints_from_proto(
+                pb.FollowPathRequest(
+                    waypoints=[convert.pose_stamped_to_proto(PoseStamped(Pose())), pose_without_position]
+                )
+            ),
+            "waypoints[1].pose.position",
+        ),
+        (lambda: convert.pose_from_proto(pb.SetPoseRequest()), "pose"),
+        (lambda: convert.pose_from_proto(pb.SetPoseRequest(pose=pose_without_pose)), "pose.pose"),
+        (lambda: convert.velocity_from_proto(pb.SetVelocityRequest()), "velocity"),
+        (lambda: convert.velocity_from_proto(pb.SetVelocityRequest(velocity=pb.TwistStamped())), "velocity.twist"),
+        (lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest()), "setpoint"),
+        (
+            lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest(velocity=pb.TwistStamped())),
+            "velocity.twist",
+        ),
+        (lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest(pose=pb.PoseStamped())), "pose.pose"),
+        (lambda: convert.new_frame_from_proto(pb.AddFrameRequest()), "transform"),
+        (lambda: convert.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
+        (lambda: convert.fault_from_proto(sim_pb.Fault()), "fault.kind"),
+        (
+            lambda: convert.fault_from_proto(sim_pb.Fault(estimator_jumps=sim_pb.EstimatorJumps(period_s=1.0))),
+            "fault.estimator_jumps.offset",
+        ),
+        (
+            lambda: convert.altitude_reference_from_proto(
+                pb.GoToWaypointGeoRequest(altitude_reference=pb.AltitudeReference.ValueType(7))
+            ),
+            "altitude_reference",
+        ),
+        (
+            lambda: convert.fault_from_proto(
+                sim_pb.Fault(ack_lost=sim_pb.AckLost(command=sim_pb.Command.ValueType(77)))
+            ),
+            "fault.ack_lost.command",
+        ),
+        (lambda: convert.telemetry_from_proto(pb.Telemetry()), "state"),
+        (lambda: convert.task_from_proto(pb.Task(kind=pb.TASK_KIND_LAND)), "task.status"),
+    ],
+)
+def test_what_is_missing_or_unknown_is_named(read: object, field: str) -> None:
+    assert callable(read)
+    with pytest.raises(InvalidArgumentError) as caught:
+        read()
+    assert str(caught.value).startswith(f"{field}: ")
+    assert caught.value.metadata["field"] == field
