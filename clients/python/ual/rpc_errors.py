@@ -63,7 +63,7 @@ def to_status(error: UalError) -> Status:
     detail = Any()
     detail.Pack(info)
     code: int = status_code(error).value[0]
-    return cast("Status", Status(code=code, message=_clip(error.message), details=[detail]))
+    return Status(code=code, message=_clip(error.message), details=[detail])  # type: ignore[no-any-return]
 
 
 def to_grpc_status(error: UalError) -> grpc.Status:
