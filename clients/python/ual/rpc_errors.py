@@ -63,12 +63,12 @@ def to_status(error: UalError) -> Status:
     detail = Any()
     detail.Pack(info)
     code: int = status_code(error).value[0]
-    return Status(code=code, message=_clip(error.message), details=[detail])  # type: ignore[no-any-return]
+    return Status(code=code, message=_clip(error.message), details=[detail])
 
 
 def to_grpc_status(error: UalError) -> grpc.Status:
     """The error as what `ServicerContext.abort_with_status` takes."""
-    return rpc_status.to_status(to_status(error))
+    return cast("grpc.Status", rpc_status.to_status(to_status(error)))
 
 
 def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> UalError:
