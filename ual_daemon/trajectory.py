@@ -305,9 +305,8 @@ class RoundedRun(Trajectory):
         normal = inside / inside.norm()
         angle = offset / corner.radius_m
         begin = self._points[leg + 1] - tangent * corner.cut_m
-        position = (
-            begin + tangent * (corner.radius_m * math.sin(angle)) + normal * (corner.radius_m * (1 - math.cos(angle)))
-        )
+        sine, cosine = math.sin(angle), math.cos(angle)
+        position = begin + (tangent * sine + normal * (1 - cosine)) * corner.radius_m
         return (
             position,
             tangent * cosine + normal * sine,
