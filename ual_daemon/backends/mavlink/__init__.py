@@ -1,0 +1,5 @@
+"""The MAVLink backend: PX4 over UDP. See ``docs/backends/mavlink.md``."""
+
+from ual_daemon.backends.mavlink.backend import MavlinkBackend
+
+__all__ = ["MavlinkBackend"]

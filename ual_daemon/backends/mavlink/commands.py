@@ -1,0 +1,177 @@
+"""Commands and their acknowledgements: sent again while unanswered, one of each kind at a time."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from ual.errors import RejectedByAutopilotError
+
+from ual_daemon.backends.mavlink.messages import Message, mavlink
+
+_log = logging.getLogger(__name__)
+
+RESEND_S = 0.5
+"""An unanswered command is sent again after this; an autopilot answers within 15 ms, a bad radio within 200."""
+SENDS_COUNT = 4
+IN_PROGRESS_S = 10.0
+"""How long one that the autopilot says it works on may take until its next word."""
+LATER_ACK_S = 0.3
+"""How long to wait for the second acknowledgement of a command that is acknowledged twice."""
+TEXT_S = 0.1
+"""How long after a refusal the autopilot's words about it may come."""
+SETPOINTS_WAIT_S = 3.0
+"""A command that needs setpoints is sent after this in any case: let the autopilot say what is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A COMMAND_LONG: `params` from the first, zeros follow.
+
+    `what` is for people ("arm"). Of one `group` only the newest is kept. `acks_count` is how often it is acknowledged.
+    `needs_setpoints_s` is for how long setpoints must have been sent before it.
+    """
+
+    id: int
+    params: tuple[float, ...]
+    what: str
+    group: str = ""
+    acks_count: int = 1
+    needs_setpoints_s: float = 0.0
+
+
+def set_interval(message_id: int, rate_hz: float) -> Command:
+    """Asks to be sent a message at a rate."""
+    return Command(
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz), f"stream message {message_id}"
+    )
+
+
+def request_message(message_id: int) -> Command:
+    """Asks to be sent a message once."""
+    return Command(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),), f"send message {message_id}")
+
+
+@dataclass(slots=True)
+class _Pending:
+    command: Command
+    since_s: float
+    future: Future[None] = field(default_factory=Future)
+    sends_count: int = 0
+    acks_count: int = 0
+    next_s: float = 0.0
+    """When to send it again, or to end the wait for a later acknowledgement or for words."""
+    refusal: str = ""
+    texts: list[str] = field(default_factory=list)
+
+
+class Commands:
+    """The commands under way to one autopilot. Not thread-safe: belongs to the thread that receives.
+
+    `send` takes a command and how often it was sent before. `setpoints_s` says for how long setpoints have been sent.
+    """
+
+    def __init__(self, name: str, send: Callable[[Command, int], None], setpoints_s: Callable[[float], float]) -> None:
+        self._name = name
+        self._send = send
+        self._setpoints_s = setpoints_s
+        self._waiting: deque[_Pending] = deque()
+        self._in_flight: dict[int, _Pending] = {}
+
+    def submit(self, command: Command, now_s: float) -> Future[None]:
+        """Sends a command when its turn comes; the future ends with its acknowledgement, or stays open without one."""
+        if command.group:
+            self._drop(command.group)
+        pending = _Pending(command, now_s)
+        pending.future.set_running_or_notify_cancel()  # it cannot be taken back, so it cannot be cancelled
+        self._waiting.append(pending)
+        self._send_waiting(now_s)
+        return pending.future
+
+    def is_under_way(self, command: Command) -> bool:
+        """Whether an equal command waits for its turn or its acknowledgement."""
+        return any(pending.command == command for pending in (*self._waiting, *self._in_flight.values()))
+
+    def on_ack(self, ack: Message, now_s: float) -> None:
+        """Takes a COMMAND_ACK meant for us."""
+        pending = self._in_flight.get(ack.command)
+        if pending is None or pending.refusal:
+            return
+        if ack.result == mavlink.MAV_RESULT_IN_PROGRESS:
+            pending.next_s = now_s + IN_PROGRESS_S
+        elif ack.result == mavlink.MAV_RESULT_ACCEPTED:
+            pending.acks_count += 1
+            pending.next_s = now_s + LATER_ACK_S
+            if pending.acks_count >= pending.command.acks_count:
+                self._finish(pending, now_s)
+        else:
+            pending.refusal = _result_name(ack.result)
+            pending.next_s = now_s + TEXT_S
+
+    def on_text(self, text: str) -> None:
+        """Takes the autopilot's words: they may explain a refusal."""
+        for pending in self._in_flight.values():
+            pending.texts.append(text)
+
+    def tick(self, now_s: float) -> None:
+        """Does what time asks for; to be called often."""
+        for pending in [pending for pending in self._in_flight.values() if now_s >= pending.next_s]:
+            if pending.refusal or pending.acks_count:
+                self._finish(pending, now_s)
+            elif pending.sends_count < SENDS_COUNT:
+                self._transmit(pending, now_s)
+            else:
+                level = logging.WARNING if pending.command.group else logging.DEBUG  # requests are made again
+                _log.log(level, "%s did not answer the command to %s", self._name, pending.command.what)
+                del self._in_flight[pending.command.id]
+        self._send_waiting(now_s)
+
+    def _send_waiting(self, now_s: float) -> None:
+        for pending in list(self._waiting):
+            if pending.command.id not in self._in_flight and self._is_ready(pending, now_s):
+                self._waiting.remove(pending)
+                self._in_flight[pending.command.id] = pending
+                self._transmit(pending, now_s)
+
+    def _is_ready(self, pending: _Pending, now_s: float) -> bool:
+        needs_s = pending.command.needs_setpoints_s
+        return self._setpoints_s(now_s) >= needs_s or now_s - pending.since_s >= SETPOINTS_WAIT_S
+
+    def _transmit(self, pending: _Pending, now_s: float) -> None:
+        self._send(pending.command, pending.sends_count)
+        pending.sends_count += 1
+        pending.next_s = now_s + RESEND_S
+
+    def _drop(self, group: str) -> None:
+        """Forgets those that a newer one replaces; what the vehicle does is judged by its state, not by their end."""
+        for pending in [pending for pending in self._waiting if pending.command.group == group]:
+            self._waiting.remove(pending)
+        for pending in [pending for pending in self._in_flight.values() if pending.command.group == group]:
+            del self._in_flight[pending.command.id]
+
+    def _finish(self, pending: _Pending, now_s: float) -> None:
+        del self._in_flight[pending.command.id]
+        if not pending.refusal:
+            pending.future.set_result(None)
+        else:
+            words = "".join(f"; it said: {text}" for text in pending.texts)
+            pending.future.set_exception(
+                RejectedByAutopilotError(
+                    f"{self._name} refused to {pending.command.what}: {pending.refusal}{words}",
+                    {"result": pending.refusal, "command": _command_name(pending.command.id)},
+                )
+            )
+        self._send_waiting(now_s)
+
+
+def _result_name(result: int) -> str:
+    entry = mavlink.enums["MAV_RESULT"].get(result)
+    return f"result {result}" if entry is None else str(entry.name).removeprefix("MAV_RESULT_")
+
+
+def _command_name(command_id: int) -> str:
+    entry = mavlink.enums["MAV_CMD"].get(command_id)
+    return f"command {command_id}" if entry is None else str(entry.name)

@@ -1,0 +1,182 @@
+"""PX4: flown in OFFBOARD mode with setpoints in its local NED frame. Measured on 1.17 (docs/backends/mavlink.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ual.types import Capability, Limits
+
+from ual_daemon.backends.mavlink.axes import swap_local, swap_yaw
+from ual_daemon.backends.mavlink.commands import Command, set_interval
+from ual_daemon.backends.mavlink.dialect import Dialect, version_text
+from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
+from ual_daemon.geodesy import Projection, SphereProjection
+
+_MAIN = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
+}
+_SUB_POSCTL = {1: "ORBIT", 2: "SLOW"}
+_SUB_AUTO = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "LOITER",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    8: "FOLLOW_TARGET",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+} | {10 + number: f"EXTERNAL{number}" for number in range(1, 9)}
+_SUB = {"POSCTL": _SUB_POSCTL, "AUTO": _SUB_AUTO}
+_CONTROL = {
+    "OFFBOARD": Control.REFERENCES,
+    "AUTO.TAKEOFF": Control.TAKE_OFF,
+    "AUTO.VTOL_TAKEOFF": Control.TAKE_OFF,
+    "AUTO.LAND": Control.LAND,
+    "AUTO.PRECLAND": Control.LAND,
+}
+_AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
+
+_IGNORE_POSITION = 0b111
+_IGNORE_ACCELERATION = 0b111 << 6
+_IGNORE_YAW = 1 << 10
+_IGNORE_YAW_RATE = 1 << 11
+POSITION_MASK = _IGNORE_YAW_RATE
+VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
+
+OFFBOARD_NEEDS_SETPOINTS_S = 0.4
+"""How long setpoints must have come before PX4 takes OFFBOARD: without a stream it refuses the mode, or the arming."""
+
+_SIMULATION_UID = int.from_bytes(b"ONIDLATI", "little")
+"""What PX4's simulator gives as the first vehicle's unique id (its board says ``SIMULATIONID0000``); the ids of the
+next ones are higher by their system id."""
+
+
+class Px4(Dialect):
+    """PX4 multirotors, from 1.13."""
+
+    name = "PX4"
+    capabilities = frozenset(Capability)
+    wanted_messages = (
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    )
+    parameters = (
+        "MPC_XY_VEL_MAX",
+        "MPC_Z_VEL_MAX_UP",
+        "MPC_Z_VEL_MAX_DN",
+        "MPC_ACC_HOR",
+        "MPC_ACC_UP_MAX",
+        "MPC_ACC_DOWN_MAX",
+        "MPC_YAWRAUTO_MAX",
+    )
+
+    def mode(self, custom_mode: int) -> Mode:
+        main_number, sub_number = custom_mode >> 16 & 0xFF, custom_mode >> 24
+        name = _MAIN.get(main_number, f"MODE{main_number}")
+        if sub_number:
+            name = f"{name}.{_SUB.get(name, {}).get(sub_number, sub_number)}"
+        return Mode(name, _CONTROL.get(name, Control.OTHER))
+
+    def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
+        return SphereProjection(latitude_deg, longitude_deg, altitude_amsl_m)
+
+    def streams(self, pose_rate_hz: float) -> list[Command]:
+        return [
+            set_interval(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 20.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
+            set_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
+        ]
+
+    def version(self, message: Message) -> str:
+        return version_text(message.flight_sw_version)
+
+    def is_simulation(self, version: Message, system_id: int) -> bool:
+        return bool(version.uid == _SIMULATION_UID + system_id - 1)
+
+    def limits(self, parameters: Mapping[str, float]) -> Limits:
+        default = Limits()
+
+        def read(name: str, otherwise: float) -> float:
+            value = parameters.get(name, 0.0)
+            return value if value > 0.0 else otherwise
+
+        accelerations = [parameters[name] for name in ("MPC_ACC_UP_MAX", "MPC_ACC_DOWN_MAX") if name in parameters]
+        return Limits(
+            horizontal_speed_m_s=read("MPC_XY_VEL_MAX", default.horizontal_speed_m_s),
+            climb_speed_m_s=read("MPC_Z_VEL_MAX_UP", default.climb_speed_m_s),
+            descent_speed_m_s=read("MPC_Z_VEL_MAX_DN", default.descent_speed_m_s),
+            horizontal_acceleration_m_s2=read("MPC_ACC_HOR", default.horizontal_acceleration_m_s2),
+            vertical_acceleration_m_s2=min(
+                (value for value in accelerations if value > 0.0), default=default.vertical_acceleration_m_s2
+            ),
+            yaw_rate_rad_s=math.radians(read("MPC_YAWRAUTO_MAX", math.degrees(default.yaw_rate_rad_s))),
+        )
+
+    def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
+        velocity = swap_local(*setpoint.velocity)
+        if isinstance(setpoint, PositionSetpoint):
+            mask = POSITION_MASK
+            position, acceleration = swap_local(*setpoint.position), swap_local(*setpoint.acceleration)
+            yaw_rad, yaw_rate_rad_s = swap_yaw(setpoint.yaw_rad), 0.0
+        else:
+            mask = VELOCITY_MASK
+            position = acceleration = swap_local(0.0, 0.0, 0.0)
+            yaw_rad, yaw_rate_rad_s = 0.0, -setpoint.yaw_rate_rad_s
+        return mavlink.MAVLink_set_position_target_local_ned_message(
+            time_ms,
+            system_id,
+            mavlink.MAV_COMP_ID_AUTOPILOT1,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            mask,
+            *position,
+            *velocity,
+            *acceleration,
+            yaw_rad,
+            yaw_rate_rad_s,
+        )
+
+    def arm(self, *, is_arming: bool) -> Command:
+        what = "arm" if is_arming else "disarm"
+        return Command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(is_arming),), what, group="arm")
+
+    def take_off(self, height_m: float) -> Command:  # noqa: ARG002 - the climb is flown on our setpoints
+        return self._set_mode(_OFFBOARD, 0, "take off", needs_setpoints_s=OFFBOARD_NEEDS_SETPOINTS_S)
+
+    def land(self) -> Command:
+        # Answered once, unlike DO_SET_MODE, and never refused: without a position PX4 descends where it is.
+        return Command(
+            mavlink.MAV_CMD_NAV_LAND, (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan), "land", "mode"
+        )
+
+    def take_control(self) -> Command:
+        return self._set_mode(_OFFBOARD, 0, "take control", needs_setpoints_s=OFFBOARD_NEEDS_SETPOINTS_S)
+
+    def hold(self) -> Command:
+        return self._set_mode(_AUTO, _SUB_LOITER, "hold")
+
+    @staticmethod
+    def _set_mode(main: int, sub: int, what: str, *, needs_setpoints_s: float = 0.0) -> Command:
+        params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub))
+        # The first answer only says that the message was read; the second is the commander's.
+        return Command(
+            mavlink.MAV_CMD_DO_SET_MODE,
+            params,
+            what,
+            group="mode",
+            acks_count=2,
+            needs_setpoints_s=needs_setpoints_s,
+        )

@@ -1,0 +1,259 @@
+"""What the autopilot has said, from decoded messages to snapshots. No sockets, no clock of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+
+from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap_local
+from ual_daemon.backends.mavlink.dialect import Dialect
+from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.mavlink.stamps import REBOOT_S, StampFilter
+from ual_daemon.backends.values import Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.geodesy import Projection
+
+ATTITUDE_LIMIT_S = 0.5
+"""A position without an attitude as fresh as this is no pose."""
+
+_LANDED = {
+    mavlink.MAV_LANDED_STATE_ON_GROUND: LandedState.ON_GROUND,
+    mavlink.MAV_LANDED_STATE_IN_AIR: LandedState.IN_AIR,
+    mavlink.MAV_LANDED_STATE_TAKEOFF: LandedState.TAKING_OFF,
+    mavlink.MAV_LANDED_STATE_LANDING: LandedState.LANDING,
+}
+_FIX = {
+    mavlink.GPS_FIX_TYPE_2D_FIX: GpsFix.FIX_2D,
+    mavlink.GPS_FIX_TYPE_3D_FIX: GpsFix.FIX_3D,
+    mavlink.GPS_FIX_TYPE_DGPS: GpsFix.DIFFERENTIAL,
+    mavlink.GPS_FIX_TYPE_RTK_FLOAT: GpsFix.RTK_FLOAT,
+    mavlink.GPS_FIX_TYPE_RTK_FIXED: GpsFix.RTK_FIXED,
+    mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
+    mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
+}
+_ESTIMATOR_NEEDS = {
+    mavlink.ESTIMATOR_ATTITUDE: "attitude",
+    mavlink.ESTIMATOR_VELOCITY_HORIZ: "horizontal velocity",
+    mavlink.ESTIMATOR_VELOCITY_VERT: "vertical velocity",
+    mavlink.ESTIMATOR_POS_HORIZ_REL: "horizontal position",
+    mavlink.ESTIMATOR_POS_VERT_ABS: "height",
+}
+_UNKNOWN_U16 = 0xFFFF
+_TEXT_LENGTH = 50
+
+
+def _mm(value: int) -> float:
+    return value / 1000.0
+
+
+def _degrees(value: int) -> float:
+    return value / 1e7
+
+
+class Telemetry:
+    """The newest of each thing one autopilot said. Not thread-safe: belongs to the thread that receives.
+
+    `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+        self._stamps = StampFilter()
+        self._heard_s: float | None = None
+        self._boot_s = -math.inf
+        self._stamp_s = 0.0
+        self._armed: Sample[bool] | None = None
+        self._mode: Sample[Mode] | None = None
+        self._landed: Sample[LandedState] | None = None
+        self._estimator: Sample[Estimator] | None = None
+        self._attitude: Sample[tuple[Quaternion, Vector3]] | None = None
+        self._pose: Sample[Pose] | None = None
+        self._velocity: Sample[Twist] | None = None
+        self._position_geo: GeoPoint | None = None
+        self._projection: Projection | None = None
+        self._home_altitude_amsl_m: float | None = None
+        self._geoid_separation_m: float | None = None
+        self._battery: Battery | None = None
+        self._gps: GpsInfo | None = None
+        self._status_text = ""
+        self._status_text_part: tuple[int, int] | None = None
+        self.version: Message | None = None
+        """The autopilot's AUTOPILOT_VERSION."""
+        self.is_hardware_in_the_loop = False
+        self.parameters: dict[str, float] = {}
+        self.seen: set[int] = set()
+        """Ids of the messages heard since it booted."""
+        self.boots_count = 0
+        """How often the autopilot was seen to have booted again."""
+        self._handlers: dict[int, Callable[[Message, float, float], None]] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_mode,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_sys_state,
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._on_attitude_quaternion,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_local_position_ned,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_global_position_int,
+            mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._on_gps_global_origin,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._on_home_position,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps_raw_int,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._on_sys_status,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_statustext,
+            mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._on_autopilot_version,
+            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_param_value,
+        }
+
+    def uses(self, message_id: int) -> bool:
+        """Whether such a message is worth decoding."""
+        return message_id in self._handlers
+
+    def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        """Takes a decoded message of this autopilot."""
+        self._heard_s = now_s
+        message_id = message.get_msgId()
+        handler = self._handlers.get(message_id)
+        if handler is not None:
+            handler(message, now_s, utc_now_s)
+        self.seen.add(message_id)
+
+    def heard(self, now_s: float) -> None:
+        """The autopilot sent something that is not used."""
+        self._heard_s = now_s
+
+    @property
+    def heard_s(self) -> float | None:
+        """When it was last heard."""
+        return self._heard_s
+
+    @property
+    def pose_time_s(self) -> float | None:
+        """When the newest pose came."""
+        return None if self._pose is None else self._pose.time_s
+
+    @property
+    def status_text(self) -> str:
+        return self._status_text
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """All of it, as of now."""
+        return Snapshot(
+            time_s=now_s,
+            heard_s=self._heard_s,
+            stamp_s=self._stamp_s,
+            armed=self._armed,
+            landed=self._landed,
+            mode=self._mode,
+            estimator=self._estimator,
+            pose=self._pose,
+            velocity=self._velocity,
+            position_geo=self._position_geo,
+            projection=self._projection,
+            home_altitude_amsl_m=self._home_altitude_amsl_m,
+            geoid_separation_m=self._geoid_separation_m,
+            battery=self._battery,
+            gps=self._gps,
+            status_text=self._status_text,
+        )
+
+    def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
+        self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
+        self.is_hardware_in_the_loop = bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
+        self._on_mode(message, now_s, _)
+
+    def _on_mode(self, message: Message, now_s: float, _: float) -> None:
+        self._mode = Sample(self._dialect.mode(message.custom_mode), now_s)
+
+    def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
+        self._landed = Sample(_LANDED.get(message.landed_state, LandedState.UNKNOWN), now_s)
+
+    def _on_estimator_status(self, message: Message, now_s: float, _: float) -> None:
+        missing = [name for flag, name in _ESTIMATOR_NEEDS.items() if not message.flags & flag]
+        self._estimator = Sample(Estimator(not missing, f"no {', '.join(missing)}" if missing else ""), now_s)
+
+    def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
+        w, x, y, z = message.q1, message.q2, message.q3, message.q4
+        rates = swap_body(message.rollspeed, message.pitchspeed, message.yawspeed)
+        if math.isfinite(w + x + y + z + sum(rates)) and (w, x, y, z) != (0.0, 0.0, 0.0, 0.0):
+            self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
+
+    def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        boot_s = _mm(message.time_boot_ms)
+        if boot_s < self._boot_s - REBOOT_S:
+            self._on_boot()
+        self._boot_s = boot_s
+        self._stamp_s = self._stamps.utc(boot_s, now_s, utc_now_s)
+        attitude = self._attitude
+        if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
+            return
+        position = swap_local(message.x, message.y, message.z)
+        velocity = swap_local(message.vx, message.vy, message.vz)
+        if math.isfinite(sum(position) + sum(velocity)):
+            orientation, rates = attitude.value
+            self._pose = Sample(Pose(position, orientation), now_s)
+            self._velocity = Sample(Twist(velocity, rates), now_s)
+
+    def _on_boot(self) -> None:
+        """Forgets what belongs to the boot before; what is sampled grows old by itself."""
+        self.boots_count += 1
+        self.seen.clear()
+        self.parameters.clear()
+        self.version = None
+        self._projection = None
+        self._home_altitude_amsl_m = None
+
+    def _on_global_position_int(self, message: Message, _now_s: float, _: float) -> None:
+        altitude_m = _mm(message.alt)
+        separation_m = self._geoid_separation_m
+        self._position_geo = GeoPoint(
+            _degrees(message.lat),
+            _degrees(message.lon),
+            altitude_amsl_m=altitude_m,
+            altitude_home_m=_mm(message.relative_alt),
+            altitude_ellipsoid_m=None if separation_m is None else altitude_m + separation_m,
+        )
+
+    def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
+        self._projection = self._dialect.projection(
+            _degrees(message.latitude), _degrees(message.longitude), _mm(message.altitude)
+        )
+
+    def _on_home_position(self, message: Message, _now_s: float, _: float) -> None:
+        self._home_altitude_amsl_m = _mm(message.altitude)
+
+    def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:
+        fix = _FIX.get(message.fix_type, GpsFix.NONE)
+        self._gps = GpsInfo(
+            fix,
+            satellites_count=0 if message.satellites_visible == 0xFF else message.satellites_visible,
+            horizontal_accuracy_m=_mm(message.h_acc) or None,  # 0 where it is not known
+            vertical_accuracy_m=_mm(message.v_acc) or None,
+        )
+        if fix >= GpsFix.FIX_3D and message.alt_ellipsoid:
+            self._geoid_separation_m = _mm(message.alt_ellipsoid - message.alt)
+
+    def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
+        voltage, current, remaining = message.voltage_battery, message.current_battery, message.battery_remaining
+        battery = Battery(
+            remaining_percent=None if remaining < 0 else float(remaining),
+            voltage_v=None if voltage == _UNKNOWN_U16 else _mm(voltage),
+            current_a=None if current < 0 else current / 100.0,  # -1 by MAVLink, -100 by PX4, where it is not known
+        )
+        self._battery = None if battery == Battery() else battery
+
+    def _on_statustext(self, message: Message, _now_s: float, _: float) -> None:
+        """A long text comes in parts of one id; a part that follows the last one is added to it."""
+        part = (message.id, message.chunk_seq)
+        before = self._status_text_part
+        if message.id and before is not None and part == (before[0], before[1] + 1):
+            self._status_text += message.text
+        else:
+            self._status_text = message.text
+        self._status_text_part = part if len(message.text) == _TEXT_LENGTH else None
+
+    def _on_autopilot_version(self, message: Message, _now_s: float, _: float) -> None:
+        self.version = message
+
+    def _on_param_value(self, message: Message, _now_s: float, _: float) -> None:
+        if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 and math.isfinite(message.param_value):
+            self.parameters[message.param_id] = message.param_value

@@ -1,0 +1,137 @@
+"""One autopilot that was met: what it says, what it is asked and told. Belongs to the thread that receives."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual_daemon.backends.mavlink.commands import Command, Commands, request_message
+from ual_daemon.backends.mavlink.dialect import Dialect
+from ual_daemon.backends.mavlink.interview import Interview
+from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
+from ual_daemon.backends.mavlink.telemetry import Telemetry
+from ual_daemon.backends.values import Snapshot, VehicleInfo
+
+_log = logging.getLogger(__name__)
+
+HEARTBEAT_S = 1.0
+ASK_HEARTBEAT_S = 0.1
+"""At most this often the autopilot is asked for a heartbeat out of turn."""
+SILENCE_S = 3.0
+"""After a silence as long as this it is asked everything anew: it may have booted, or the link been another's."""
+
+
+class MavlinkVehicle:
+    """The conversation with one autopilot. `transmit` sends a message; `setpoints_s` is as for `Commands`."""
+
+    def __init__(
+        self,
+        system_id: int,
+        dialect: Dialect,
+        pose_rate_hz: float,
+        own_ids: tuple[int, int],
+        transmit: Callable[[Message], object],
+        setpoints_s: Callable[[float], float],
+    ) -> None:
+        self.system_id = system_id
+        self.dialect = dialect
+        self.telemetry = Telemetry(dialect)
+        self._pose_rate_hz = pose_rate_hz
+        self._own_ids = own_ids
+        self._transmit = transmit
+        self._commands = Commands(dialect.name, self._send_command, setpoints_s)
+        self._interview = self._new_interview()
+        self._boots_count = 0
+        self._next_heartbeat_s: float | None = None
+        self._next_ask_s: float | None = None
+        self._wants_heartbeat = False
+
+    def uses(self, message_id: int) -> bool:
+        """Whether such a message is worth decoding; of others the arrival is enough."""
+        return message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK or self.telemetry.uses(message_id)
+
+    def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        """Takes a decoded message of this autopilot."""
+        telemetry = self.telemetry
+        heard_s = telemetry.heard_s
+        telemetry.update(message, now_s, utc_now_s)
+        if telemetry.boots_count != self._boots_count or (heard_s is not None and now_s - heard_s > SILENCE_S):
+            self._boots_count = telemetry.boots_count
+            _log.info("%s is heard again: asking it everything anew", self.dialect.name)
+            self._interview = self._new_interview()
+        message_id = message.get_msgId()
+        if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+            if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
+                self._commands.on_ack(message, now_s)
+        elif message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
+            self._commands.on_text(telemetry.status_text)
+
+    def notice(self, message_id: int, now_s: float) -> None:
+        """Takes the arrival of a message that is not decoded."""
+        self.telemetry.heard(now_s)
+        if message_id == EVENT_ID:
+            # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
+            self._wants_heartbeat = True
+
+    def submit(self, command: Command, now_s: float) -> Future[None]:
+        """Sends a command; see `Commands.submit`."""
+        future = self._commands.submit(command, now_s)
+        future.add_done_callback(self._on_done)  # done by tick or update, so on the thread that this belongs to
+        return future
+
+    def tick(self, now_s: float) -> None:
+        """Does what time asks for; to be called often."""
+        if self._next_heartbeat_s is None or now_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = now_s + HEARTBEAT_S
+            self._transmit(heartbeat())
+        self._interview.tick(now_s)
+        self._commands.tick(now_s)
+        if self._wants_heartbeat and (self._next_ask_s is None or now_s >= self._next_ask_s):
+            self._wants_heartbeat = False
+            self._next_ask_s = now_s + ASK_HEARTBEAT_S
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        return self.telemetry.snapshot(now_s)
+
+    def info(self) -> VehicleInfo:
+        """What is known of it so far."""
+        telemetry, dialect = self.telemetry, self.dialect
+        version = telemetry.version
+        return VehicleInfo(
+            autopilot=dialect.name,
+            autopilot_version="" if version is None else dialect.version(version),
+            is_simulation=telemetry.is_hardware_in_the_loop
+            or (version is not None and dialect.is_simulation(version, self.system_id)),
+            capabilities=dialect.capabilities,
+            limits=dialect.limits(telemetry.parameters),
+        )
+
+    def _on_done(self, _: Future[None]) -> None:
+        self._wants_heartbeat = True
+
+    def _new_interview(self) -> Interview:
+        return Interview(self.dialect, self.telemetry, self._commands, self._read_parameter, self._pose_rate_hz)
+
+    def _send_command(self, command: Command, sent_before_count: int) -> None:
+        params = (*command.params, *(0.0,) * (7 - len(command.params)))
+        self._transmit(
+            mavlink.MAVLink_command_long_message(
+                self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, command.id, sent_before_count, *params
+            )
+        )
+
+    def _read_parameter(self, name: str) -> None:
+        self._transmit(
+            mavlink.MAVLink_param_request_read_message(
+                self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode("ascii"), -1
+            )
+        )
+
+
+def heartbeat() -> Message:
+    """Ours: an onboard computer, which PX4 then counts as present, but never as a ground station."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+    )
