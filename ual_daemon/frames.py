@@ -80,7 +80,7 @@ class FrameTree:
         parent = transform.frame_id or MAP
         child = transform.child_frame_id
         with self._lock:
-            self._require(parent)
+            self.require(parent)
             if child in self._fixed:
                 raise InvalidArgumentError(
                     f"transform.child_frame_id: the frame {child} is built in or configured and stays where it is",
@@ -115,8 +115,8 @@ class FrameTree:
 
         Raises `UnknownFrameError`, and `WrongStateError` where a link of the chain is not known (yet).
         """
-        self._require(target)
-        self._require(source)
+        self.require(target)
+        self.require(source)
         if target == source:
             return Transform(Vector3(), IDENTITY, target, source)
         up_from_target = self._chain(target)
@@ -146,7 +146,8 @@ class FrameTree:
             chain.append(name)
         return chain
 
-    def _require(self, name: str) -> None:
+    def require(self, name: str) -> None:
+        """Raises `UnknownFrameError` unless there is such a frame."""
         if name != MAP and name not in self._parents:
             known = ", ".join(self.names())
             raise UnknownFrameError(f"there is no frame {name}; known are {known}", {"frame_id": name, "known": known})

@@ -1,0 +1,411 @@
+"""What a UAV can be busy with: take-off, landing, following a trajectory, taking control back.
+
+A manoeuvre is stepped at each update, by the update thread, with the newest snapshot; it answers with a setpoint to
+send and, once, with how it ended. It never blocks and sends nothing itself.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
+from ual.geometry import Vector3, wrap_angle
+from ual.types import Limits, State
+
+from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
+from ual_daemon.estimator import Estimate
+from ual_daemon.references import Follow, Hold, Reference, brake, measured_motion
+from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tasks import VehicleTask
+from ual_daemon.trajectory import Line, Trajectory
+
+COMMAND_PATIENCE_S = 5.0
+"""How long a command may take to show its effect. A PX4 answers within 15 ms, and shows a mode within 1 s."""
+
+_TIMEOUT_FACTOR = 3.0
+_TIMEOUT_MARGIN_S = 20.0
+_SLOWEST_LANDING_M_S = 0.2
+_LOST_ACK_S = 1.0
+_TAKE_OFF_TOLERANCE = 0.05
+_TAKE_OFF_LEAST_TOLERANCE_M = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What a manoeuvre says at an update: a setpoint (or none), and, when it `has_ended`, with which error (or none)
+    and what is to be flown then (None: stop where it is).
+    """
+
+    setpoint: Setpoint | None = None
+    has_ended: bool = False
+    error: UalError | None = None
+    then: Reference | None = None
+
+
+def _failed(error: UalError) -> Step:
+    return Step(has_ended=True, error=error)
+
+
+class Command:
+    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only tells refusals."""
+
+    def __init__(self, what: str, now_s: float) -> None:
+        self.sent_s = now_s
+        self._what = what
+        self._ack: Future[None] | None = None
+
+    def send(self, sender: Callable[[], Future[None]]) -> None:
+        """Sends it. What the backend raises counts as its refusal."""
+        try:
+            self._ack = sender()
+        except UalError as error:
+            self._ack = Future()
+            self._ack.set_exception(error)
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether the autopilot has said yes or no."""
+        return self._ack is not None and self._ack.done()
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the autopilot has said yes."""
+        return self._ack is not None and self._ack.done() and self._ack.exception() is None
+
+    def failure(self, snapshot: Snapshot) -> UalError | None:
+        """Why it has failed, if it has: it was refused, or shows no effect in time."""
+        if self._ack is not None and self._ack.done():
+            error = self._ack.exception()
+            if isinstance(error, UalError):
+                return error
+            if error is not None:
+                return UalError(f"{self._what}: {error}")
+        if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
+            return None
+        words = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
+        if self.is_answered:
+            return RejectedByAutopilotError(
+                f"the autopilot accepted to {self._what}, but has not after {COMMAND_PATIENCE_S:g} s{words}"
+            )
+        return UalTimeoutError(f"the autopilot did not answer when told to {self._what}{words}")
+
+
+class Manoeuvre(ABC):
+    """Something that the UAV is busy with.
+
+    `declares` is the state that it means for the estimator; `is_replaceable` says whether a new command may end it.
+    `task` is None for what is not a task of the interface.
+    """
+
+    declares: State | None = None
+    is_replaceable = True
+
+    def __init__(self, name: str, task: VehicleTask | None) -> None:
+        self.name = name
+        self.task = task
+        self.future: Future[None] = Future() if task is None else task.future
+        if task is None:
+            self.future.set_running_or_notify_cancel()  # nobody but `end` ends it
+
+    @abstractmethod
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        """One update; `estimate` is what the data say without this manoeuvre."""
+
+    def pose_reference(self) -> Reference | None:
+        """What it flies by now, if it does by references of ours."""
+        return None
+
+    def end(self, error: UalError | None) -> None:
+        """Tells those who wait. No lock may be held."""
+        if self.task is not None:
+            self.task.end(error)
+        elif error is None:
+            self.future.set_result(None)
+        else:
+            self.future.set_exception(error)
+
+
+def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalError | None:
+    """Why a manoeuvre cannot go on, if so: link or position lost, disarmed, or not flown by our references."""
+    blind = _why_blind(estimate, during)
+    if blind is not None:
+        return blind
+    if estimate.state is State.LANDED_DISARMED:
+        return TaskAbortedError(f"{during}: the motors were disarmed", {"by": "autopilot", "state": "LANDED_DISARMED"})
+    assert snapshot.mode is not None
+    if snapshot.mode.value.control is not Control.REFERENCES:
+        return _taken(snapshot, during)
+    return None
+
+
+def _why_blind(estimate: Estimate, during: str) -> UalError | None:
+    if not estimate.is_link_up:
+        return LinkLostError(f"{during}: {estimate.why}", {"state": State.UNINITIALIZED.name})
+    if estimate.state is State.UNINITIALIZED:
+        return TaskAbortedError(f"{during}: {estimate.why}", {"by": "autopilot", "state": State.UNINITIALIZED.name})
+    return None
+
+
+def _taken(snapshot: Snapshot, during: str) -> TaskAbortedError:
+    mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    return TaskAbortedError(
+        f"{during}: taken by the safety pilot (the autopilot is in mode {mode}); "
+        "recover_from_manual takes control back",
+        {"by": "safety pilot", "state": State.FLYING_MANUAL.name, "mode": mode},
+    )
+
+
+class _Arrival:
+    """Judges arrival: within tolerance, and slow, for a while."""
+
+    def __init__(self, position: Vector3, yaw_rad: float, tolerance: ToleranceSettings) -> None:
+        self._position, self._yaw_rad, self._tolerance = position, yaw_rad, tolerance
+        self._since_s: float | None = None
+
+    def has_arrived(self, snapshot: Snapshot) -> bool:
+        """To be asked at each update."""
+        motion = measured_motion(snapshot)
+        there = (
+            (motion.position - self._position).norm() <= self._tolerance.position_m
+            and abs(wrap_angle(motion.yaw_rad - self._yaw_rad)) <= self._tolerance.heading_rad
+            and motion.velocity.norm() <= self._tolerance.speed_m_s
+        )
+        if not there:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = snapshot.time_s
+        return snapshot.time_s - self._since_s >= self._tolerance.dwell_s
+
+    def gap(self, snapshot: Snapshot) -> str:
+        """How far it is off, for people."""
+        motion = measured_motion(snapshot)
+        distance_m = (motion.position - self._position).norm()
+        turn_rad = abs(wrap_angle(motion.yaw_rad - self._yaw_rad))
+        return f"{distance_m:.2f} m and {turn_rad:.2f} rad off, at {motion.velocity.norm():.2f} m/s"
+
+
+class FollowTrajectory(Manoeuvre):
+    """A go-to or a path."""
+
+    def __init__(self, name: str, task: VehicleTask, trajectory: Trajectory, tolerance: ToleranceSettings) -> None:
+        super().__init__(name, task)
+        self._task = task
+        end = trajectory.end()
+        self._trajectory = trajectory
+        self._follow: Follow | None = None
+        self._then = Hold(end.position, end.yaw_rad)
+        self._arrival = _Arrival(end.position, end.yaw_rad, tolerance)
+        self._longest_s = trajectory.duration_s * _TIMEOUT_FACTOR + _TIMEOUT_MARGIN_S
+        self._started_s: float | None = None
+
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = why_not_ours(snapshot, estimate, self.name)
+        if lost is not None:
+            return _failed(lost)
+        if self._follow is None or self._started_s is None:
+            self._follow, self._started_s = Follow(self._trajectory, snapshot.time_s), snapshot.time_s
+        follow = self._follow
+        setpoint = follow.setpoint(snapshot)
+        self._report(snapshot, follow)
+        if follow.is_finished and self._arrival.has_arrived(snapshot):
+            return Step(setpoint, has_ended=True, then=self._then)
+        if snapshot.time_s - self._started_s > self._longest_s:
+            return _failed(
+                UalTimeoutError(
+                    f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.gap(snapshot)}",
+                    {"state": estimate.state.name},
+                )
+            )
+        return Step(setpoint)
+
+    def _report(self, snapshot: Snapshot, follow: Follow) -> None:
+        motion = follow.motion(snapshot)
+        lag_m = (measured_motion(snapshot).position - motion.position).norm()
+        left_m = self._trajectory.length_left_m(follow.time_s) + lag_m
+        length_m, duration_s = self._trajectory.length_m, self._trajectory.duration_s
+        if length_m > 0.0:
+            progress = max(0.0, 1.0 - left_m / length_m)
+        else:
+            progress = follow.time_s / duration_s if duration_s > 0.0 else 1.0
+        self._task.report(
+            progress=min(1.0, progress),
+            distance_left_m=left_m,
+            waypoint_index=self._trajectory.waypoint_at(follow.time_s),
+        )
+
+    def pose_reference(self) -> Reference | None:
+        return self._follow
+
+
+class TakeOff(Manoeuvre):
+    """Straight up to a height above where it stands."""
+
+    declares = State.TAKING_OFF
+    is_replaceable = False
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        command: Command,
+        start: Snapshot,
+        height_m: float,
+        limits: Limits,
+        tolerance: ToleranceSettings,
+        *,
+        on_setpoints: bool,
+    ) -> None:
+        super().__init__("take_off", task)
+        self._task = task
+        self._command = command
+        self._height_m = height_m
+        self._limits = limits
+        self._on_setpoints = on_setpoints
+        self._slow_m_s = tolerance.speed_m_s
+        self._dwell_s = tolerance.dwell_s
+        motion = measured_motion(start)
+        self._ground_z = motion.position.z
+        self._ground = Hold(motion.position, motion.yaw_rad)
+        self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
+        self._tolerance_m = max(_TAKE_OFF_LEAST_TOLERANCE_M, _TAKE_OFF_TOLERANCE * height_m)
+        self._climb: Follow | None = None
+        self._climbing_since_s: float | None = None
+        self._up_since_s: float | None = None
+        self._longest_s = height_m / limits.climb_speed_m_s * _TIMEOUT_FACTOR + _TIMEOUT_MARGIN_S
+
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = _why_blind(estimate, self.name)
+        if lost is not None:
+            return _failed(lost)
+        if estimate.state is State.LANDED_DISARMED:
+            return _failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
+        if self._climbing_since_s is None:
+            if not self._has_begun(snapshot):
+                failure = self._command.failure(snapshot)
+                if failure is not None:
+                    return _failed(failure)
+                return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
+            self._climbing_since_s = snapshot.time_s
+        return self._climb_on(snapshot, self._climbing_since_s)
+
+    def _has_begun(self, snapshot: Snapshot) -> bool:
+        assert snapshot.mode is not None
+        if snapshot.mode.value.control not in (Control.REFERENCES, Control.TAKE_OFF):
+            return False
+        # In the right mode; where the acknowledgement got lost, the mode alone must do.
+        is_answer_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
+        return self._command.is_accepted or is_answer_lost
+
+    def _climb_on(self, snapshot: Snapshot, since_s: float) -> Step:
+        assert snapshot.mode is not None
+        ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
+        if snapshot.mode.value.control not in ours:
+            return _failed(_taken(snapshot, self.name))
+        setpoint = self._climb_setpoint(snapshot) if self._on_setpoints else None
+        motion = measured_motion(snapshot)
+        climbed_m = motion.position.z - self._ground_z
+        self._task.report(
+            progress=max(0.0, min(1.0, climbed_m / self._height_m)),
+            distance_left_m=max(0.0, self._height_m - climbed_m),
+        )
+        is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
+        if not is_up:
+            self._up_since_s = None
+        elif self._up_since_s is None:
+            self._up_since_s = snapshot.time_s
+        if self._up_since_s is not None and snapshot.time_s - self._up_since_s >= self._dwell_s:
+            return Step(setpoint, has_ended=True, then=self._top)
+        if snapshot.time_s - since_s > self._longest_s:
+            return _failed(
+                UalTimeoutError(
+                    f"take_off: at {climbed_m:.2f} m after {self._longest_s:.0f} s, not at {self._height_m:g} m"
+                )
+            )
+        return Step(setpoint)
+
+    def _climb_setpoint(self, snapshot: Snapshot) -> Setpoint:
+        if self._climb is None:
+            top = self._top.motion(snapshot)
+            line = Line(self._ground.motion(snapshot), top.position, top.yaw_rad, self._limits)
+            self._climb = Follow(line, snapshot.time_s)
+        return self._climb.setpoint(snapshot)
+
+    def pose_reference(self) -> Reference | None:
+        return self._climb or self._ground
+
+
+class Land(Manoeuvre):
+    """Down where it is, by the autopilot's own landing."""
+
+    declares = State.LANDING
+    is_replaceable = False
+
+    def __init__(self, task: VehicleTask, command: Command, reference: Reference, start: Snapshot) -> None:
+        super().__init__("land", task)
+        self._task = task
+        self._command = command
+        self._reference: Reference | None = reference
+        self._is_landing = False
+        self._begin_z = measured_motion(start).position.z
+
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = _why_blind(estimate, self.name)
+        if lost is not None:
+            return _failed(lost)
+        if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
+            return Step(has_ended=True)
+        assert snapshot.mode is not None
+        control = snapshot.mode.value.control
+        landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
+        if not self._is_landing:
+            if control is Control.LAND or landed is LandedState.LANDING:
+                self._is_landing, self._reference = True, None
+            elif (failure := self._command.failure(snapshot)) is not None:
+                return _failed(failure)
+            elif control is not Control.REFERENCES:
+                return _failed(_taken(snapshot, self.name))
+            elif self._reference is not None:  # it must not lose its references before it lands by itself
+                return Step(self._reference.setpoint(snapshot))
+        elif control is not Control.LAND and landed is not LandedState.LANDING:
+            return _failed(_taken(snapshot, self.name))
+        descended_m = self._begin_z - measured_motion(snapshot).position.z
+        if snapshot.time_s - self._command.sent_s > descended_m / _SLOWEST_LANDING_M_S + 3 * _TIMEOUT_MARGIN_S:
+            return _failed(UalTimeoutError("land: the UAV has stopped coming down, but reports no ground"))
+        return Step()
+
+    def pose_reference(self) -> Reference | None:
+        return self._reference
+
+
+class Recover(Manoeuvre):
+    """Takes control back from the safety pilot, and holds the pose that it finds."""
+
+    is_replaceable = False
+
+    def __init__(self, command: Command, limits: Limits) -> None:
+        super().__init__("recover_from_manual", None)
+        self._command = command
+        self._limits = limits
+
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = _why_blind(estimate, self.name)
+        if lost is not None:
+            return _failed(lost)
+        if estimate.state is State.FLYING_AUTO:
+            stop = brake(snapshot, self._limits)
+            return Step(stop.setpoint(snapshot), has_ended=True, then=stop)
+        if estimate.state is not State.FLYING_MANUAL:
+            return _failed(
+                TaskAbortedError(
+                    f"recover_from_manual: the state became {estimate.state.name}",
+                    {"by": "autopilot", "state": estimate.state.name},
+                )
+            )
+        failure = self._command.failure(snapshot)
+        if failure is not None:
+            return _failed(failure)
+        motion = measured_motion(snapshot)
+        return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))

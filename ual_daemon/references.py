@@ -1,0 +1,135 @@
+"""What a UAV is told at each update while it flies by our references."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.types import Limits
+
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.trajectory import Brake, Motion, Trajectory
+
+VELOCITY_TIMEOUT_S = 0.5
+"""A velocity reference that is not renewed for so long is over: the UAV stops and holds (contract)."""
+
+_FREE_LAG_M = 0.5
+_FREE_LAG_S = 0.4
+_LONGEST_LAG_M = 1.5
+_LONGEST_STEP_S = 0.2
+
+
+class Reference(ABC):
+    """Something that gives a setpoint at each update. Poses are in the local frame."""
+
+    @abstractmethod
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        """The setpoint now. Called once at each update, by the update thread."""
+
+    @abstractmethod
+    def motion(self, snapshot: Snapshot) -> Motion:
+        """The motion it asks for now: where a next trajectory begins, so that references never jump."""
+
+    @abstractmethod
+    def pose(self) -> Pose | None:
+        """Where the UAV is told to be; None where only a velocity is told."""
+
+
+class Hold(Reference):
+    """A place to stay at, sent as it is."""
+
+    def __init__(self, position: Vector3, yaw_rad: float) -> None:
+        self._setpoint = PositionSetpoint(position, yaw_rad)
+
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        return self._setpoint
+
+    def motion(self, snapshot: Snapshot) -> Motion:
+        return Motion(self._setpoint.position, self._setpoint.yaw_rad)
+
+    def pose(self) -> Pose | None:
+        return Pose(self._setpoint.position, Quaternion.from_yaw(self._setpoint.yaw_rad))
+
+
+class Velocity(Reference):
+    """A velocity until a time. In the body's axes (`in_body`) it turns with the heading and stays level."""
+
+    def __init__(self, twist: Twist, *, in_body: bool, expires_s: float) -> None:
+        self._twist, self._in_body, self.expires_s = twist, in_body, expires_s
+
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        velocity = self._twist.linear
+        if self._in_body and snapshot.pose is not None:
+            velocity = Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
+        return VelocitySetpoint(velocity, self._twist.angular.z)
+
+    def motion(self, snapshot: Snapshot) -> Motion:
+        return measured_motion(snapshot)
+
+    def pose(self) -> Pose | None:
+        return None
+
+
+class Follow(Reference):
+    """Follows a trajectory in time. Where the UAV lags behind (wind, weak motors), the reference waits for it."""
+
+    def __init__(self, trajectory: Trajectory, now_s: float) -> None:
+        self.trajectory = trajectory
+        self.time_s = 0.0
+        self._updated_s = now_s
+        self._motion = trajectory.at(0.0)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the reference has come to the end; the UAV may still be on its way."""
+        return self.time_s >= self.trajectory.duration_s
+
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
+        self._updated_s = snapshot.time_s
+        pace = self._pace(snapshot)
+        self.time_s = min(self.time_s + passed_s * pace, self.trajectory.duration_s)
+        motion = self.trajectory.at(self.time_s)
+        self._motion = replace(
+            motion,
+            velocity=motion.velocity * pace,
+            acceleration=motion.acceleration * (pace * pace),
+            yaw_rate_rad_s=motion.yaw_rate_rad_s * pace,
+        )
+        return PositionSetpoint(
+            self._motion.position,
+            self._motion.yaw_rad,
+            self._motion.velocity,
+            self._motion.acceleration,
+            self._motion.yaw_rate_rad_s,
+        )
+
+    def _pace(self, snapshot: Snapshot) -> float:
+        """1 while the UAV is close behind, 0 where it is too far off, in between on the way."""
+        if snapshot.pose is None:
+            return 0.0
+        lag_m = (self._motion.position - snapshot.pose.value.position).norm()
+        free_m = _FREE_LAG_M + _FREE_LAG_S * self._motion.velocity.norm()
+        return max(0.0, min(1.0, 1.0 - (lag_m - free_m) / _LONGEST_LAG_M))
+
+    def motion(self, snapshot: Snapshot) -> Motion:
+        return self._motion
+
+    def pose(self) -> Pose | None:
+        return Pose(self._motion.position, Quaternion.from_yaw(self._motion.yaw_rad))
+
+
+def measured_motion(snapshot: Snapshot) -> Motion:
+    """The motion of the UAV as the autopilot measures it. The snapshot must have a pose."""
+    assert snapshot.pose is not None
+    pose = snapshot.pose.value
+    if snapshot.velocity is None:
+        return Motion(pose.position, pose.yaw_rad)
+    twist = snapshot.velocity.value
+    return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
+
+
+def brake(snapshot: Snapshot, limits: Limits) -> Follow:
+    """Comes to rest from the measured motion, and holds there."""
+    return Follow(Brake(measured_motion(snapshot), limits), snapshot.time_s)

@@ -1,0 +1,3 @@
+"""The version of ual-daemon."""
+
+__version__ = "0.1.0"
