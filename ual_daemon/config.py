@@ -134,18 +134,18 @@ def located(error: ConfigError, sources: Sequence[Source]) -> ConfigurationError
     return ConfigurationError(str(error))
 
 
-def assignment(text: str) -> tuple[str, Any]:
-    """The key and the value of a ``key=value``, the value read as in the file. Raises `ConfigError`."""
+def assignment(text: str, name: str) -> tuple[str, Any]:
+    """The key and the value of a ``key=value``, the value read as in the file. `name` is how it was given."""
     key, equals, value = text.partition("=")
     if not equals or not all(re.fullmatch(r"\w+", part) for part in key.split(".")):
-        raise ConfigError(f"expected key=value (as limits.climb_speed_m_s=2), got {text!r}")
+        raise ConfigurationError(f"{name}: expected KEY=VALUE, as limits.climb_speed_m_s=2, got {text!r}")
     try:
         loader = _Loader(value)
         node = loader.get_single_node()
         _check_node(node)
         return key, None if node is None else loader.construct_document(node)
     except (yaml.YAMLError, _BadNodeError) as error:
-        raise ConfigError(_yaml_message(error), key) from None
+        raise ConfigurationError(f"{name} {key}: {_yaml_message(error)}") from None
 
 
 def nested(key: str, value: object) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import json
 import logging
+import math
 import queue
 import re
 import sys
@@ -65,7 +66,12 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             fields["exception"] = self.formatException(record.exc_info)
-        return json.dumps(fields, default=str, ensure_ascii=False)
+        return json.dumps({name: _json(value) for name, value in fields.items()}, default=str, ensure_ascii=False)
+
+
+def _json(value: object) -> object:
+    """The value, or as text what JSON has no word for."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _text(value: object) -> str:
@@ -95,15 +101,22 @@ class BackgroundHandler(logging.Handler):
             return
         try:
             if self._lost:
-                self._lines.put_nowait(f"{self._lost} log lines lost: the log is not read fast enough")
+                self._lines.put_nowait(self._loss())
                 self._lost = 0
             self._lines.put_nowait(line)
         except queue.Full:
             self._lost += 1
 
+    def _loss(self) -> str:
+        return f"{self._lost} log lines lost: the log is not read fast enough"
+
     def close(self) -> None:
         """Writes what is left, but does not wait for a reader that is stuck."""
+        if not self._thread.is_alive():
+            return
         try:
+            if self._lost:
+                self._lines.put(self._loss(), timeout=_FLUSH_LIMIT_S)
             self._lines.put(None, timeout=_FLUSH_LIMIT_S)
         except queue.Full:
             pass
@@ -117,7 +130,7 @@ class BackgroundHandler(logging.Handler):
                 self._stream.write(line + "\n")
                 if self._lines.empty():
                     self._stream.flush()
-            except (OSError, ValueError):  # noqa: PERF203  a line at a time
+            except (OSError, ValueError):
                 return  # the reader of the pipe is gone, or the stream is closed: there is nobody to tell
 
 

@@ -14,6 +14,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from typing_extensions import Self
 from ual import discovery
 from ual.discovery import Registration
 
@@ -50,6 +51,12 @@ class Namespace:
             os.truncate(self._lock, 0)
             os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.release()
+
     def register(self, address: str, backend: str) -> None:
         """Lets clients find the daemon: `address` is ``host:port`` or ``unix:/path``. Raises `NamespaceError`."""
         try:
@@ -75,7 +82,8 @@ def _make_directory(directory: Path) -> None:
         raise NamespaceError(f"{directory} is no directory: remove it, or set {discovery.RUNTIME_DIR_VARIABLE}")
     if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
         raise NamespaceError(
-            f"{directory}: anyone may remove others' files there: `chmod +t` it, or set {discovery.RUNTIME_DIR_VARIABLE}"
+            f"{directory}: users may remove each other's files there: `chmod +t` it, "
+            f"or set {discovery.RUNTIME_DIR_VARIABLE}"
         )
 
 

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import io
+import json
+import logging
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from ual_daemon import logs
+
+LOG = logging.getLogger("ual_daemon.vehicle")
+
+
+class Log:
+    """What was logged, in one format."""
+
+    def __init__(self) -> None:
+        self.stream = io.StringIO()
+
+    def begin(self, format: logs.Format, level: str = "info") -> None:  # noqa: A002
+        logs.setup(level, format, self.stream)
+
+    def lines(self) -> list[str]:
+        for handler in logging.getLogger().handlers:
+            handler.close()
+        return self.stream.getvalue().splitlines()
+
+
+@pytest.fixture
+def log() -> Iterator[Log]:
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    root.handlers = []
+    yield Log()
+    for handler in root.handlers:
+        handler.close()
+    root.handlers = handlers
+    root.setLevel(level)
+
+
+def test_text_is_one_line_with_the_fields(log: Log) -> None:
+    log.begin("text")
+    logs.event(LOG, logging.INFO, "state", old="LANDED_ARMED", new="TAKING_OFF", why="our take-off", height_m=1 / 3)
+    (line,) = log.lines()
+    assert line.endswith('INFO    vehicle: state old=LANDED_ARMED new=TAKING_OFF why="our take-off" height_m=0.333333')
+
+
+def test_a_value_cannot_forge_a_line_or_a_field(log: Log) -> None:
+    log.begin("text")
+    logs.event(LOG, logging.INFO, "refused", frame="a\n2026-01-01 ERROR x", other='b" why="c', empty="")
+    (line,) = log.lines()
+    assert r'frame="a\n2026-01-01 ERROR x" other="b\" why=\"c" empty=""' in line
+
+
+def test_json_is_one_object_a_line(log: Log) -> None:
+    log.begin("json")
+    logs.event(LOG, logging.WARNING, "state", new="LANDING", distance_m=float("nan"), height_m=2.5)
+    LOG.error("%d lines", 2)
+    event, plain = map(json.loads, log.lines())
+    assert event["time"].endswith("Z")
+    assert {key: event[key] for key in event if key != "time"} == {
+        "level": "warning",
+        "logger": "ual_daemon.vehicle",
+        "event": "state",
+        "new": "LANDING",
+        "distance_m": "nan",
+        "height_m": 2.5,
+    }
+    assert plain["message"] == "2 lines"
+
+
+@pytest.mark.parametrize("format_", ["text", "json"])
+def test_an_exception_keeps_its_traceback(log: Log, format_: logs.Format) -> None:
+    log.begin(format_)
+    try:
+        raise ValueError("boom")
+    except ValueError:
+        LOG.exception("it failed")
+    text = "\n".join(log.lines())
+    assert "it failed" in text
+    assert "Traceback" in text
+    assert "ValueError: boom" in text
+
+
+def test_the_caller_is_named_unless_it_is_this_process(log: Log) -> None:
+    log.begin("json")
+    logs.event(LOG, logging.INFO, "land")
+    token = logs.caller.set("ipv4:127.0.0.1:4711")
+    try:
+        logs.event(LOG, logging.INFO, "land")
+    finally:
+        logs.caller.reset(token)
+    first, second = map(json.loads, log.lines())
+    assert "caller" not in first
+    assert second["caller"] == "ipv4:127.0.0.1:4711"
+
+
+def test_levels_below_are_left_out(log: Log) -> None:
+    log.begin("text", level="warning")
+    logs.event(LOG, logging.INFO, "state")
+    logs.event(LOG, logging.WARNING, "link_lost")
+    (line,) = log.lines()
+    assert "link_lost" in line
+
+
+class _Stuck(io.StringIO):
+    """A stream whose reader is stuck until it is released."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_writing = threading.Event()
+        self.may_write = threading.Event()
+
+    def write(self, text: str) -> int:
+        self.is_writing.set()
+        self.may_write.wait()
+        return super().write(text)
+
+
+def test_a_stuck_reader_holds_up_nobody_and_the_loss_is_told() -> None:
+    stream = _Stuck()
+    handler = logs.BackgroundHandler(stream, queue_size=3)
+    handler.setFormatter(logging.Formatter())
+
+    def emit(text: str) -> None:
+        handler.emit(logging.LogRecord("x", logging.INFO, __file__, 1, text, None, None))
+
+    emit("first")
+    assert stream.is_writing.wait(10)
+    for number in range(5):  # 3 fit the queue, 2 are lost
+        emit(f"line {number}")
+    stream.may_write.set()
+    handler.close()
+    assert stream.getvalue().splitlines() == [
+        "first",
+        "line 0",
+        "line 1",
+        "line 2",
+        "2 log lines lost: the log is not read fast enough",
+    ]

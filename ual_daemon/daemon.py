@@ -1,0 +1,135 @@
+"""The daemon's life: it opens the port, flies until a signal comes, and ends in a way that is safe for the UAV."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+from collections.abc import Sequence
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from ual_daemon import logs
+from ual_daemon.auto_arm import auto_arm
+from ual_daemon.namespace import Namespace
+from ual_daemon.server.addresses import Address
+from ual_daemon.server.server import Server
+from ual_daemon.server.waiting import completion
+from ual_daemon.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import grpc
+
+_log = logging.getLogger(__name__)
+
+_SAFE_EXIT_LIMIT_S = 60.0
+_REMINDER_PERIOD_S = 5.0
+_ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  as what they are, not to bind to
+_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+class Daemon:
+    """One vehicle with its server, from start to end."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        namespace: Namespace,
+        listen: Sequence[Address],
+        credentials: grpc.ServerCredentials | None = None,
+        *,
+        is_auto_arming: bool = False,
+    ) -> None:
+        self._vehicle = vehicle
+        self._namespace = namespace
+        self._listen = listen
+        self._credentials = credentials
+        self._is_auto_arming = is_auto_arming
+
+    async def run(self) -> None:
+        """Runs until a signal. Raises `ListenError` or `NamespaceError` where it cannot begin."""
+        stop = asyncio.Event()
+        _on_first_signal(stop)
+        server = Server(self._vehicle)
+        try:
+            addresses = await server.start(self._listen, self._credentials)
+            self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
+        except BaseException:
+            await server.stop()
+            raise
+        logs.event(
+            _log,
+            logging.INFO,
+            "listening",
+            ns=self._vehicle.ns,
+            backend=self._vehicle.backend.name,
+            addresses=" ".join(map(str, addresses)),
+            tls=self._credentials is not None,
+            pid=os.getpid(),
+        )
+        await self._fly(server, stop)
+        logs.event(_log, logging.INFO, "ended")
+
+    async def _fly(self, server: Server, stop: asyncio.Event) -> None:
+        arming: asyncio.Task[None] | None = None
+        try:
+            self._vehicle.open()
+            if self._is_auto_arming:
+                arming = asyncio.create_task(auto_arm(self._vehicle, server.updates))
+            await stop.wait()
+        finally:
+            if arming is not None:
+                arming.cancel()
+            server.begin_shutdown()
+            await self._until_safe()
+            await server.stop()
+            await asyncio.to_thread(self._vehicle.close)
+
+    async def _until_safe(self) -> None:
+        """Waits until the UAV can be left alone."""
+        safe = self._vehicle.prepare_shutdown()
+        done = completion(safe)
+        deadline_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S
+        while not done.done():
+            left_s = deadline_s - asyncio.get_running_loop().time()
+            if left_s <= 0.0:
+                logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name)
+                return
+            await asyncio.wait((done,), timeout=min(left_s, _REMINDER_PERIOD_S))
+            if not done.done():
+                logs.event(
+                    _log, logging.WARNING, "waiting_to_end", state=self._vehicle.state().name, limit_s=round(left_s)
+                )
+        error = safe.exception()
+        if error is not None:
+            logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name, why=error)
+
+
+def _on_first_signal(stop: asyncio.Event) -> None:
+    """Sets the event at the first signal to end; the second one ends the process at once."""
+    loop = asyncio.get_running_loop()
+    numbers = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as nohup does
+
+    def end_at_once(number: int, frame: FrameType | None) -> None:
+        del frame
+        os._exit(128 + number)
+
+    def on_first(number: signal.Signals) -> None:
+        logs.event(_log, logging.WARNING, "signal", name=number.name, again="ends at once")
+        for each in numbers:
+            loop.remove_signal_handler(each)
+            signal.signal(each, end_at_once)
+        stop.set()
+
+    for number in numbers:
+        loop.add_signal_handler(number, on_first, number)
+
+
+def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:
+    """The address that suits clients of this computer best: one without TLS, if there is one."""
+    plain = [address for address in addresses if credentials is None or address.is_unix]
+    best = (plain or addresses)[0]
+    if best.host in _ANY_HOST:
+        return str(Address(_ANY_HOST[best.host], best.port))
+    return f"unix:{os.path.abspath(best.host)}" if best.is_unix else str(best)  # noqa: PTH100  keeps links

@@ -1,0 +1,187 @@
+"""The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal.
+
+Exit status 0 after a clean end, 1 where it cannot start (port or namespace in use), 2 for wrong usage or configuration.
+What is heavy is imported late, so that the port is open soon.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+from click.core import ParameterSource
+
+from ual_daemon import config, logs
+from ual_daemon.config import Configuration, ConfigurationError, FlagSource, Source
+from ual_daemon.settings import ConfigError
+
+if TYPE_CHECKING:
+    import grpc
+
+    from ual_daemon.backends.base import Backend
+    from ual_daemon.server.addresses import Address
+
+_CANNOT_START = 1
+_WRONG_USAGE = 2
+
+
+def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
+    if is_asked and not context.resilient_parsing:
+        from importlib.metadata import version
+
+        click.echo(f"ual-daemon {version('ual-daemon')}")
+        context.exit()
+
+
+@click.command(
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "max_content_width": 110,
+        "auto_envvar_prefix": "UAL",
+    }
+)
+@click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
+@click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
+@click.option("--url", help="Where the autopilot is, as the backend expects it.")
+@click.option(
+    "--listen",
+    multiple=True,
+    metavar="ADDRESS",
+    help="Where to serve, HOST:PORT or unix:PATH; may be given again.  [127.0.0.1:(50050 + N) for a name ending in _N]",
+)
+@click.option("--config", "config_file", type=click.Path(path_type=Path), envvar="UAL_CONFIG", help="A YAML file.")
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    envvar="UAL_SET",
+    help="Any key of the file, as limits.climb_speed_m_s=2; may be given again.",
+)
+@click.option("--allow-arming/--no-allow-arming", default=None, help="Let callers arm a real UAV.")
+@click.option("--auto-arm/--no-auto-arm", default=None, help="A simulated pilot arms whenever the UAV stands ready.")
+@click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
+@click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
+@click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
+@click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error"]), help="[info]")
+@click.option("--log-format", type=click.Choice(["text", "json"]), help="[text]")
+@click.option("--print-config", is_flag=True, allow_from_autoenv=False, help="Check the configuration, print it, end.")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    allow_from_autoenv=False,
+    callback=_print_version,
+    help="Print the version, end.",
+)
+@click.pass_context
+def main(
+    context: click.Context,
+    /,
+    *,
+    config_file: Path | None,
+    assignments: tuple[str, ...],
+    print_config: bool,
+    **flags: object,
+) -> None:
+    """Flies one UAV, for callers in any process, on any host and in any language.
+
+    Each flag has an environment variable: UAL_BACKEND, UAL_NS, ... Flags win over the environment, that over the
+    file, the file over the defaults. SIGTERM and SIGINT end it in a way that is safe for the UAV; a second one ends
+    it at once.
+    """
+    try:
+        _run(_sources(context, config_file, assignments, flags), print_config=print_config)
+    except (ConfigurationError, ConfigError) as error:
+        _fail(str(error), _WRONG_USAGE)
+
+
+def _sources(
+    context: click.Context, config_file: Path | None, assignments: tuple[str, ...], flags: dict[str, object]
+) -> list[Source]:
+    """Where settings come from, the weakest first."""
+    sources: list[Source] = [] if config_file is None else [config.read_file(config_file)]
+    for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
+        values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
+        sources.append(FlagSource(values, {name: _given_as(name, origin) for name in values}))
+        if context.get_parameter_source("assignments") is origin:
+            name = _given_as("set", origin)
+            for text in assignments:
+                key, value = config.assignment(text, name)
+                sources.append(FlagSource(config.nested(key, value), {key: f"{name} {key}"}))
+    return sources
+
+
+def _given_as(name: str, origin: ParameterSource) -> str:
+    return f"UAL_{name.upper()}" if origin is ParameterSource.ENVIRONMENT else f"--{name.replace('_', '-')}"
+
+
+def _run(sources: Sequence[Source], *, print_config: bool) -> None:
+    # gRPC's own words on stderr are no log lines; what concerns users is told by the daemon.
+    os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    from ual_daemon.backends import registry
+    from ual_daemon.backends.base import BackendOptions
+    from ual_daemon.server import addresses, tls
+
+    configuration = config.resolve(sources, registry.names())
+    settings = configuration.daemon
+    try:
+        listen = [addresses.parse(text) for text in configuration.listen]
+        credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
+        _refuse_exposure(listen, is_safe=settings.insecure or credentials is not None)
+        backend = registry.make(
+            settings.backend,
+            BackendOptions(settings.ns, settings.url, configuration.backends.get(settings.backend, {})),
+        )
+        if settings.auto_arm and backend.simulation() is None:
+            raise ConfigError(f"the {settings.backend} backend flies a real UAV: its safety pilot arms", "auto_arm")  # noqa: TRY301
+    except ConfigError as error:
+        raise config.located(error, sources) from None
+    if print_config:
+        click.echo(configuration.as_yaml(), nl=False)
+        return
+    logs.setup(settings.log_level, settings.log_format)
+    _serve(configuration, backend, listen, credentials)
+
+
+def _serve(
+    configuration: Configuration,
+    backend: Backend,
+    listen: Sequence[Address],
+    credentials: grpc.ServerCredentials | None,
+) -> None:
+    import asyncio
+
+    from ual_daemon.daemon import Daemon
+    from ual_daemon.namespace import Namespace, NamespaceError
+    from ual_daemon.server.addresses import ListenError
+    from ual_daemon.vehicle import Vehicle
+
+    settings = configuration.daemon
+    try:
+        with Namespace(settings.ns) as namespace:
+            vehicle = Vehicle(backend, configuration.vehicle, allow_arming=settings.allow_arming)
+            daemon = Daemon(vehicle, namespace, listen, credentials, is_auto_arming=settings.auto_arm)
+            asyncio.run(daemon.run())
+    except (ListenError, NamespaceError) as error:
+        _fail(str(error), _CANNOT_START)
+
+
+def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:
+    exposed = [str(address) for address in listen if not address.is_local]
+    if exposed and not is_safe:
+        raise ConfigError(
+            f"{exposed[0]} can be reached from other computers, which could fly the UAV: "
+            "give --tls-certificate and --tls-key, or --insecure where the network is trusted",
+            "listen",
+        )
+
+
+def _fail(message: str, status: int) -> NoReturn:
+    click.echo(f"ual-daemon: {message}", err=True)
+    sys.exit(status)

@@ -1,0 +1,141 @@
+"""The addresses that the daemon listens on."""
+
+from __future__ import annotations
+
+import errno
+import ipaddress
+import os
+import re
+import socket
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import grpc
+
+from ual_daemon.settings import ConfigError
+
+_LONGEST_UNIX_PATH = 107
+
+
+class ListenError(Exception):
+    """An address cannot be listened on; the message says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """``HOST:PORT`` (IPv6 in brackets), or ``unix:PATH``, for which `port` is 0 and `host` the path."""
+
+    host: str
+    port: int
+    is_unix: bool = False
+
+    def __str__(self) -> str:
+        if self.is_unix:
+            return f"unix:{self.host}"
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+    @property
+    def is_local(self) -> bool:
+        """True when only this computer can reach it."""
+        if self.is_unix or self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
+def parse(text: str) -> Address:
+    """The address that a text says. Raises `ConfigError`."""
+    if text.startswith("unix:"):
+        path = text.removeprefix("unix:").replace("//", "/", 1)
+        if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH:
+            raise ConfigError(f"{text!r}: the path of a unix socket has 1 to {_LONGEST_UNIX_PATH} bytes", "listen")
+        return Address(path, 0, is_unix=True)
+    match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):(\d{1,5})", text)
+    if match is None or int(match[3]) > 65535:
+        raise ConfigError(f"{text!r} is no address: expected HOST:PORT or unix:PATH", "listen")
+    return Address(match[1] or match[2], int(match[3]))
+
+
+def bind(server: grpc.aio.Server, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
+    """Makes the server listen there, with TLS where there are credentials; the address with the port it got.
+
+    Raises `ListenError`, which says who is there already where that can be told.
+    """
+    if address.is_unix:
+        _make_way(address)
+    try:
+        if credentials is None or address.is_unix:
+            port = server.add_insecure_port(str(address))
+        else:
+            port = server.add_secure_port(str(address), credentials)
+    except RuntimeError as error:
+        raise ListenError(f"cannot listen on {address}: {_why(address) or error}") from None
+    return address if address.is_unix else Address(address.host, port)
+
+
+def _make_way(address: Address) -> None:
+    """Refuses a unix socket that somebody listens on, which gRPC would take from him, and what is no socket."""
+    path = Path(address.host)
+    try:
+        if not stat.S_ISSOCK(path.lstat().st_mode):
+            raise ListenError(f"cannot listen on {address}: there is a file that is no socket")
+    except FileNotFoundError:
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return  # left by one that was killed
+    raise ListenError(f"cannot listen on {address}: another program listens there")
+
+
+def _why(address: Address) -> str | None:
+    """What the system says to the address; gRPC does not tell."""
+    try:
+        if address.is_unix:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+                probe.bind(address.host)
+                Path(address.host).unlink()
+            return None
+        family, kind, protocol, _, name = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as gRPC does
+            probe.bind(name)
+            probe.listen()
+    except socket.gaierror:
+        return f"there is no host {address.host!r}"
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE and not address.is_unix:
+            who = _holder(address.port)
+            return f"the port is in use{f' by {who}' if who else ''}; free it, or choose another with --listen"
+        return os.strerror(error.errno or 0)
+    return None
+
+
+def _holder(port: int) -> str | None:
+    """The program that listens on a TCP port, where the system lets us see it (Linux: ours, or all for root)."""
+    sockets = {f"socket:[{inode}]" for inode in _listening_inodes(port)}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if any(str(link.readlink()) in sockets for link in (process / "fd").iterdir()):
+                words = (process / "cmdline").read_bytes().rstrip(b"\0").split(b"\0")
+                return f"pid {process.name} ({os.fsdecode(b' '.join(words)):.120})"
+        except OSError:
+            continue  # another user's, or gone meanwhile
+    return None
+
+
+def _listening_inodes(port: int) -> Iterator[str]:
+    listening = "0A"
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        try:
+            lines = Path(table).read_text().splitlines()[1:]
+        except OSError:
+            continue
+        for fields in map(str.split, lines):
+            if fields[3] == listening and int(fields[1].rpartition(":")[2], 16) == port:
+                yield fields[9]

@@ -1,0 +1,58 @@
+"""The standard gRPC health service.
+
+Our own, as grpcio-health-checking's asyncio servicer forgets all watchers of a service when one of them leaves, and
+lets a watcher that does not read hold up the one who sets the status.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Iterable
+
+import grpc
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+
+_Status = health_pb2.HealthCheckResponse
+_Context = grpc.aio.ServicerContext[health_pb2.HealthCheckRequest, health_pb2.HealthCheckResponse]
+
+
+class HealthServicer(health_pb2_grpc.HealthServicer):
+    """Says of the services, and of the server as a whole (the empty name), that they serve or that they do not."""
+
+    def __init__(self, services: Iterable[str]) -> None:
+        self._services = frozenset({"", *services})
+        self._status: int = _Status.NOT_SERVING
+        self._changed = asyncio.Event()
+
+    def set_serving(self, is_serving: bool) -> None:
+        """Sets the status of all the services, and tells the watchers."""
+        self._status = _Status.SERVING if is_serving else _Status.NOT_SERVING
+        # An event for each change, as one event would have to be cleared while some have not seen it.
+        self._changed.set()
+        self._changed = asyncio.Event()
+
+    async def Check(  # noqa: N802  the contract's name
+        self,
+        request: health_pb2.HealthCheckRequest,
+        context: _Context,
+    ) -> health_pb2.HealthCheckResponse:
+        if request.service not in self._services:
+            await context.abort(grpc.StatusCode.NOT_FOUND, f"no service {request.service!r} here")
+        return health_pb2.HealthCheckResponse(status=self._status)
+
+    async def Watch(  # noqa: N802
+        self,
+        request: health_pb2.HealthCheckRequest,
+        context: _Context,
+    ) -> AsyncIterator[health_pb2.HealthCheckResponse]:
+        del context
+        told = None
+        while True:
+            changed, status = self._changed, self._status
+            if request.service not in self._services:
+                status = _Status.SERVICE_UNKNOWN
+            if status != told:
+                yield health_pb2.HealthCheckResponse(status=status)
+                told = status
+                continue  # it may have changed while that was written
+            await changed.wait()

@@ -1,0 +1,87 @@
+"""The gRPC server of one vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import grpc
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+from grpc_reflection.v1alpha import reflection
+from ual.errors import NotSupportedError
+from ual.interface import Simulation
+from ual.types import State
+from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
+
+from ual_daemon.server.addresses import Address, bind
+from ual_daemon.server.calls import Calls
+from ual_daemon.server.health import HealthServicer
+from ual_daemon.server.simulation_service import SimulationServicer
+from ual_daemon.server.uav_service import UalServicer
+from ual_daemon.server.updates import Updates
+from ual_daemon.vehicle import Vehicle
+
+_UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
+_SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["SimulationService"].full_name
+_HEALTH_SERVICE: str = health_pb2.DESCRIPTOR.services_by_name["Health"].full_name
+
+_OPTIONS: Sequence[tuple[str, int]] = (
+    # One port, one daemon: with this on, as is gRPC's default, a second one would get a part of the calls.
+    ("grpc.so_reuseport", 0),
+    # A host that vanished without a word (cable, radio) is noticed within 8 s, and its flying calls cancelled.
+    ("grpc.keepalive_time_ms", 4000),
+    ("grpc.keepalive_timeout_ms", 4000),
+    ("grpc.keepalive_permit_without_calls", 1),
+    ("grpc.http2.max_pings_without_data", 0),
+    # A client may look after us as often.
+    ("grpc.http2.min_recv_ping_interval_without_data_ms", 1000),
+    # The longest path that anybody can mean has some ten thousand waypoints.
+    ("grpc.max_receive_message_length", 4 << 20),
+)
+_GRACE_S = 1.0
+
+
+class Server:
+    """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        simulation = _simulation(vehicle)
+        services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
+        # A simulated safety pilot must be able to act until the end.
+        self._calls = Calls(vehicle.ns, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
+        self._health = HealthServicer(services)
+        self.updates = Updates(vehicle, self._on_state)
+        self._server = grpc.aio.server(interceptors=[self._calls], options=_OPTIONS)
+        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), self._server)
+        if simulation is not None:
+            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), self._server)
+        health_pb2_grpc.add_HealthServicer_to_server(self._health, self._server)
+        reflection.enable_server_reflection([*services, _HEALTH_SERVICE, reflection.SERVICE_NAME], self._server)
+
+    async def start(
+        self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None
+    ) -> tuple[Address, ...]:
+        """Begins to serve; the addresses with the ports that they got. Raises `ListenError`."""
+        bound = tuple(bind(self._server, address, credentials) for address in addresses)
+        await self._server.start()
+        return bound
+
+    def begin_shutdown(self) -> None:
+        """Says that it no longer serves, ends the streams and refuses new flying calls; running ones go on."""
+        self._health.set_serving(False)
+        self.updates.close()
+        self._calls.begin_shutdown()
+
+    async def stop(self) -> None:
+        """Ends what still waits, and closes."""
+        self._calls.end_waiting()
+        await self._server.stop(_GRACE_S)
+
+    def _on_state(self, state: State) -> None:
+        self._health.set_serving(state is not State.UNINITIALIZED)
+
+
+def _simulation(vehicle: Vehicle) -> Simulation | None:
+    try:
+        return vehicle.simulation()
+    except NotSupportedError:
+        return None

@@ -1,0 +1,86 @@
+"""`SimulationService`: the world around a simulated vehicle. Offered by simulated backends only."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import grpc
+from ual import convert
+from ual.interface import Simulation
+from ual.v1 import simulation_pb2 as pb
+from ual.v1 import simulation_pb2_grpc
+
+_Context = grpc.aio.ServicerContext[Any, Any]
+
+
+class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
+    """The interface of one simulation. See ``ual/v1/simulation.proto`` for what each method does.
+
+    The members of a simulation may block (a step, the pilot's switches), so each runs on a worker thread.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    # Names and order are those of the contract.
+    # ruff: noqa: N802
+
+    async def PilotArm(self, request: pb.PilotArmRequest, context: _Context) -> pb.PilotArmResponse:
+        await asyncio.to_thread(self._simulation.pilot_arm)
+        return pb.PilotArmResponse()
+
+    async def PilotDisarm(self, request: pb.PilotDisarmRequest, context: _Context) -> pb.PilotDisarmResponse:
+        await asyncio.to_thread(self._simulation.pilot_disarm)
+        return pb.PilotDisarmResponse()
+
+    async def PilotTakeOver(self, request: pb.PilotTakeOverRequest, context: _Context) -> pb.PilotTakeOverResponse:
+        await asyncio.to_thread(self._simulation.pilot_take_over)
+        return pb.PilotTakeOverResponse()
+
+    async def PilotMoveSticks(
+        self, request: pb.PilotMoveSticksRequest, context: _Context
+    ) -> pb.PilotMoveSticksResponse:
+        await asyncio.to_thread(
+            self._simulation.pilot_move_sticks,
+            forward=request.forward,
+            left=request.left,
+            up=request.up,
+            turn=request.turn,
+        )
+        return pb.PilotMoveSticksResponse()
+
+    async def PilotGiveBack(self, request: pb.PilotGiveBackRequest, context: _Context) -> pb.PilotGiveBackResponse:
+        await asyncio.to_thread(self._simulation.pilot_give_back)
+        return pb.PilotGiveBackResponse()
+
+    async def BeginFault(self, request: pb.BeginFaultRequest, context: _Context) -> pb.BeginFaultResponse:
+        fault = convert.fault_from_proto(request.fault)
+        return pb.BeginFaultResponse(
+            fault_id=await asyncio.to_thread(self._simulation.begin_fault, fault, request.duration_s)
+        )
+
+    async def EndFault(self, request: pb.EndFaultRequest, context: _Context) -> pb.EndFaultResponse:
+        await asyncio.to_thread(self._simulation.end_fault, request.fault_id)
+        return pb.EndFaultResponse()
+
+    async def ListFaults(self, request: pb.ListFaultsRequest, context: _Context) -> pb.ListFaultsResponse:
+        return convert.faults_to_proto(await asyncio.to_thread(self._simulation.faults))
+
+    async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: _Context) -> pb.SetSpeedFactorResponse:
+        await asyncio.to_thread(self._simulation.set_speed_factor, request.speed_factor)
+        return pb.SetSpeedFactorResponse()
+
+    async def Step(self, request: pb.StepRequest, context: _Context) -> pb.StepResponse:
+        await asyncio.to_thread(self._simulation.step, request.duration_s)
+        return pb.StepResponse()
+
+    async def SetNoise(self, request: pb.SetNoiseRequest, context: _Context) -> pb.SetNoiseResponse:
+        await asyncio.to_thread(
+            self._simulation.set_noise, position_m=request.position_m, velocity_m_s=request.velocity_m_s
+        )
+        return pb.SetNoiseResponse()
+
+    async def SetWind(self, request: pb.SetWindRequest, context: _Context) -> pb.SetWindResponse:
+        await asyncio.to_thread(self._simulation.set_wind, convert.wind_from_proto(request))
+        return pb.SetWindResponse()

@@ -1,0 +1,175 @@
+"""`UalService`: unpacks the request, calls the vehicle, packs the answer. What is allowed is judged by the vehicle."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import AsyncIterator
+from typing import Any
+
+import grpc
+from ual import convert
+from ual.errors import InvalidArgumentError
+from ual.geometry import TwistStamped
+from ual.v1 import ual_pb2 as pb
+from ual.v1 import ual_pb2_grpc
+
+from ual_daemon import logs
+from ual_daemon.server.updates import Updates
+from ual_daemon.server.waiting import completion, ended
+from ual_daemon.tasks import VehicleTask
+from ual_daemon.vehicle import Vehicle
+
+_Context = grpc.aio.ServicerContext[Any, Any]
+
+_log = logging.getLogger(__name__)
+
+_WATCH_RATE_HZ = 10.0
+
+
+class UalServicer(ual_pb2_grpc.UalServiceServicer):
+    """The interface of one vehicle. See ``ual/v1/ual.proto`` for what each method does."""
+
+    def __init__(self, vehicle: Vehicle, updates: Updates) -> None:
+        self._vehicle = vehicle
+        self._updates = updates
+
+    # Names and order are those of the contract.
+    # ruff: noqa: N802
+
+    async def GetInfo(self, request: pb.GetInfoRequest, context: _Context) -> pb.GetInfoResponse:
+        return convert.info_to_proto(self._vehicle.info())
+
+    async def GetTelemetry(self, request: pb.GetTelemetryRequest, context: _Context) -> pb.GetTelemetryResponse:
+        return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
+
+    async def StreamTelemetry(
+        self, request: pb.StreamTelemetryRequest, context: _Context
+    ) -> AsyncIterator[pb.StreamTelemetryResponse]:
+        with self._updates.reader(_rate_hz(request.rate_hz)) as reader:
+            while True:
+                sample, missed_count = await reader.read()
+                if missed_count:
+                    telemetry = sample.message.telemetry
+                    yield pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
+                else:
+                    yield sample.message
+
+    async def GetTransform(self, request: pb.GetTransformRequest, context: _Context) -> pb.GetTransformResponse:
+        transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
+        return pb.GetTransformResponse(transform=convert.transform_to_proto(transform))
+
+    async def ListFrames(self, request: pb.ListFramesRequest, context: _Context) -> pb.ListFramesResponse:
+        return pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
+
+    async def AddFrame(self, request: pb.AddFrameRequest, context: _Context) -> pb.AddFrameResponse:
+        self._vehicle.add_frame(convert.new_frame_from_proto(request))
+        return pb.AddFrameResponse()
+
+    async def Arm(self, request: pb.ArmRequest, context: _Context) -> pb.ArmResponse:
+        await ended(self._vehicle.arm())
+        return pb.ArmResponse()
+
+    async def Disarm(self, request: pb.DisarmRequest, context: _Context) -> pb.DisarmResponse:
+        await ended(self._vehicle.disarm())
+        return pb.DisarmResponse()
+
+    async def TakeOff(self, request: pb.TakeOffRequest, context: _Context) -> pb.TakeOffResponse:
+        task = self._vehicle.take_off(request.height_m)
+        return pb.TakeOffResponse(task=await _outcome(task, request.non_blocking))
+
+    async def Land(self, request: pb.LandRequest, context: _Context) -> pb.LandResponse:
+        task = self._vehicle.land()
+        return pb.LandResponse(task=await _outcome(task, request.non_blocking))
+
+    async def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: _Context) -> pb.GoToWaypointResponse:
+        task = self._vehicle.go_to_waypoint(convert.waypoint_from_proto(request))
+        return pb.GoToWaypointResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+
+    async def GoToWaypointGeo(
+        self, request: pb.GoToWaypointGeoRequest, context: _Context
+    ) -> pb.GoToWaypointGeoResponse:
+        task = self._vehicle.go_to_waypoint_geo(
+            request.latitude_deg,
+            request.longitude_deg,
+            request.altitude_m,
+            convert.altitude_reference_from_proto(request),
+            request.yaw_rad if request.HasField("yaw_rad") else None,
+        )
+        return pb.GoToWaypointGeoResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+
+    async def FollowPath(self, request: pb.FollowPathRequest, context: _Context) -> pb.FollowPathResponse:
+        task = self._vehicle.follow_path(convert.waypoints_from_proto(request), request.corner_radius_m)
+        return pb.FollowPathResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+
+    async def SetPose(self, request: pb.SetPoseRequest, context: _Context) -> pb.SetPoseResponse:
+        self._vehicle.set_pose(convert.pose_from_proto(request))
+        return pb.SetPoseResponse()
+
+    async def SetVelocity(self, request: pb.SetVelocityRequest, context: _Context) -> pb.SetVelocityResponse:
+        self._vehicle.set_velocity(convert.velocity_from_proto(request))
+        return pb.SetVelocityResponse()
+
+    async def StreamSetpoints(
+        self, request_iterator: AsyncIterator[pb.StreamSetpointsRequest], context: _Context
+    ) -> pb.StreamSetpointsResponse:
+        accepted_count = 0
+        async for request in request_iterator:
+            setpoint = convert.setpoint_from_proto(request)
+            if isinstance(setpoint, TwistStamped):
+                self._vehicle.set_velocity(setpoint)
+            else:
+                self._vehicle.set_pose(setpoint)
+            accepted_count += 1
+        return pb.StreamSetpointsResponse(accepted_count=accepted_count)
+
+    async def RecoverFromManual(
+        self, request: pb.RecoverFromManualRequest, context: _Context
+    ) -> pb.RecoverFromManualResponse:
+        await ended(self._vehicle.recover_from_manual())
+        return pb.RecoverFromManualResponse()
+
+    async def SetHome(self, request: pb.SetHomeRequest, context: _Context) -> pb.SetHomeResponse:
+        self._vehicle.set_home(request.set_z)
+        return pb.SetHomeResponse()
+
+    async def Abort(self, request: pb.AbortRequest, context: _Context) -> pb.AbortResponse:
+        self._vehicle.abort(request.freeze, request.task_id)
+        return pb.AbortResponse()
+
+    async def GetTask(self, request: pb.GetTaskRequest, context: _Context) -> pb.GetTaskResponse:
+        return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
+
+    async def WatchTask(self, request: pb.WatchTaskRequest, context: _Context) -> AsyncIterator[pb.WatchTaskResponse]:
+        period_s = 1.0 / (_rate_hz(request.rate_hz) or _WATCH_RATE_HZ)
+        task = self._vehicle.task(request.task_id)
+        done = completion(task.future)
+        while not done.done():
+            yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+            await asyncio.wait((done,), timeout=period_s)
+        yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+
+
+async def _outcome(task: VehicleTask, non_blocking: bool, *, ends_with_caller: bool = False) -> pb.Task:
+    """The task once it has ended, or at once; its error where it did not succeed.
+
+    `ends_with_caller` cancels it when the caller gives up waiting: the deadline passed, or he vanished.
+    """
+    if not non_blocking:
+        try:
+            await ended(task.future)
+        except asyncio.CancelledError:
+            logs.event(
+                _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller
+            )
+            if ends_with_caller:
+                task.cancel()
+            raise
+    return convert.task_to_proto(task.info())
+
+
+def _rate_hz(rate_hz: float) -> float:
+    if not (math.isfinite(rate_hz) and rate_hz >= 0.0):
+        raise InvalidArgumentError(f"rate_hz: {rate_hz} is not a rate; 0 means every update", {"field": "rate_hz"})
+    return rate_hz
