@@ -1,1 +1,110 @@
-"""The UAV abstraction layer: fly any UAV without knowing its autopilot."""
+"""The UAV abstraction layer: fly any UAV without knowing its autopilot.
+
+>>> import ual
+>>> with ual.Uav("uav_1") as uav:
+...     uav.take_off(3.0)
+...     uav.go_to_waypoint(ual.Pose.at(4.0, 2.0, 3.0, yaw_rad=1.57))
+...     uav.land()
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from ual.errors import (
+    DaemonUnreachableError,
+    GeofenceError,
+    InvalidArgumentError,
+    LinkLostError,
+    NotSupportedError,
+    PermissionDeniedError,
+    RejectedByAutopilotError,
+    TaskAbortedError,
+    UalError,
+    UalTimeoutError,
+    UnauthenticatedError,
+    UnknownFrameError,
+    WrongStateError,
+)
+from ual.geometry import (
+    KEEP_HEADING,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+)
+from ual.types import (
+    AltitudeReference,
+    Battery,
+    Capability,
+    Frame,
+    GeoPoint,
+    GpsFix,
+    GpsInfo,
+    Info,
+    Limits,
+    Odometry,
+    State,
+    TaskInfo,
+    TaskKind,
+    TaskStatus,
+    Telemetry,
+)
+
+if TYPE_CHECKING:
+    import ual.aio as aio
+    from ual.client import Uav
+
+__all__ = [
+    "KEEP_HEADING",
+    "AltitudeReference",
+    "Battery",
+    "Capability",
+    "DaemonUnreachableError",
+    "Frame",
+    "GeoPoint",
+    "GeofenceError",
+    "GpsFix",
+    "GpsInfo",
+    "Info",
+    "InvalidArgumentError",
+    "Limits",
+    "LinkLostError",
+    "NotSupportedError",
+    "Odometry",
+    "PermissionDeniedError",
+    "Pose",
+    "PoseStamped",
+    "Quaternion",
+    "RejectedByAutopilotError",
+    "State",
+    "TaskAbortedError",
+    "TaskInfo",
+    "TaskKind",
+    "TaskStatus",
+    "Telemetry",
+    "Transform",
+    "Twist",
+    "TwistStamped",
+    "UalError",
+    "UalTimeoutError",
+    "Uav",
+    "UnauthenticatedError",
+    "UnknownFrameError",
+    "Vector3",
+    "WrongStateError",
+    "aio",
+]
+
+
+def __getattr__(name: str) -> object:
+    # Imported when used: gRPC takes longer to import than all the rest, and ``ual --help`` needs none of it.
+    if name == "Uav":
+        return importlib.import_module("ual.client").Uav
+    if name == "aio":
+        return importlib.import_module("ual.aio")
+    raise AttributeError(f"module 'ual' has no attribute {name!r}")

@@ -35,6 +35,8 @@ DETAILS_KEY = "grpc-status-details-bin"
 # In bytes. All trailing metadata of a call must fit 8 KiB, and a message is in it twice.
 _LONGEST_TEXT = 1500
 
+_NOT_CONNECTED = ("failed to connect to all addresses", "connections to all backends failing")
+
 _CODES: Mapping[str, grpc.StatusCode] = {
     WrongStateError.reason: grpc.StatusCode.FAILED_PRECONDITION,
     InvalidArgumentError.reason: grpc.StatusCode.INVALID_ARGUMENT,
@@ -108,6 +110,11 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
         f"{whom} at {address} ({cause}): start one with `{start}`, or say where it is (--address, UAL_ADDRESS)",
         {"address": address, "ns": ns, "details": details},
     )
+
+
+def was_never_sent(error: DaemonUnreachableError) -> bool:
+    """True where no connection could be made, so that it is safe to try again."""
+    return error.metadata.get("details", "").startswith(_NOT_CONNECTED)
 
 
 def _error_info(error: grpc.RpcError) -> ErrorInfo | None:

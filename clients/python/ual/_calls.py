@@ -1,0 +1,317 @@
+"""Every unary call of the interface: which method, with which request, and how to read its response.
+
+The client and its asyncio twin differ only in how they make a call, never in what is in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+from google.protobuf.message import Message
+
+from ual import convert
+from ual.errors import InvalidArgumentError, UalError, UalTimeoutError
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.simulation import Fault
+from ual.types import AltitudeReference, Frame, Info, TaskInfo, TaskStatus, Telemetry
+from ual.v1 import simulation_pb2 as sim_pb
+from ual.v1 import ual_pb2 as pb
+
+T = TypeVar("T")
+
+
+class Service(Enum):
+    """Which of the daemon's services a method belongs to."""
+
+    UAL = 1
+    SIMULATION = 2
+
+
+# An answer that needs no manoeuvre comes within milliseconds; a daemon that takes this long is stuck.
+QUICK_S = 10.0
+# How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.
+RECONNECT_S = 1.0
+
+_GOES_ON = "it goes on"
+_IS_CANCELLED = "it is cancelled and the UAV holds its position"
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[T]):
+    """One call of the method `method` of a service.
+
+    `quick_s` is the time limit where the caller gave none; None for calls that wait for the vehicle. `at_timeout` says
+    what becomes of what was asked for when the time is over.
+    """
+
+    service: Service
+    method: str
+    request: Message
+    read: Callable[[Any], T]
+    quick_s: float | None = QUICK_S
+    at_timeout: str = ""
+
+
+def deadline(call: Call[Any], timeout_s: float | None) -> float | None:
+    """The time limit of a call, as the caller says, or its own."""
+    if timeout_s is None or timeout_s == math.inf:
+        return call.quick_s
+    if not timeout_s >= 0.0:
+        raise InvalidArgumentError(f"timeout_s: {timeout_s} is no time to wait", {"field": "timeout_s"})
+    return timeout_s
+
+
+def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError:
+    """The error; where the caller's time was over, one that says what that means."""
+    if isinstance(error, UalTimeoutError) and "grpc_code" in error.metadata and limit_s is not None:
+        what_then = f"; {call.at_timeout}" if call.at_timeout else ""
+        return UalTimeoutError(f"{call.method} did not end within {limit_s:g} s{what_then}", error.metadata)
+    return error
+
+
+def _nothing(_: Message) -> None:
+    return None
+
+
+def _built(make: Callable[[], Message], what: str) -> Message:
+    # Protobuf refuses what is no number or no text with these.
+    try:
+        return make()
+    except InvalidArgumentError:
+        raise
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InvalidArgumentError(f"{what}: {error}", {"field": what}) from None
+
+
+def get_info() -> Call[Info]:
+    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
+
+
+def get_telemetry() -> Call[Telemetry]:
+    def read(response: pb.GetTelemetryResponse) -> Telemetry:
+        return convert.telemetry_from_proto(response.telemetry)
+
+    return Call(Service.UAL, "GetTelemetry", pb.GetTelemetryRequest(), read)
+
+
+def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
+    def read(response: pb.GetTransformResponse) -> Transform:
+        return convert.transform_from_proto(response.transform)
+
+    request = _built(
+        lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
+    )
+    return Call(Service.UAL, "GetTransform", request, read)
+
+
+def list_frames() -> Call[list[Frame]]:
+    def read(response: pb.ListFramesResponse) -> list[Frame]:
+        return [convert.frame_from_proto(each) for each in response.frames]
+
+    return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
+
+
+def add_frame(transform: Transform) -> Call[None]:
+    request = _built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform")
+    return Call(Service.UAL, "AddFrame", request, _nothing)
+
+
+def arm() -> Call[None]:
+    return Call(Service.UAL, "Arm", pb.ArmRequest(), _nothing, None)
+
+
+def disarm() -> Call[None]:
+    return Call(Service.UAL, "Disarm", pb.DisarmRequest(), _nothing, None)
+
+
+def recover_from_manual() -> Call[None]:
+    return Call(Service.UAL, "RecoverFromManual", pb.RecoverFromManualRequest(), _nothing, None)
+
+
+def set_home(set_z: bool) -> Call[None]:
+    return Call(Service.UAL, "SetHome", pb.SetHomeRequest(set_z=set_z), _nothing)
+
+
+def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
+    return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=freeze, task_id=task_id), _nothing)
+
+
+def get_task(task_id: str) -> Call[TaskInfo]:
+    request = _built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
+    return Call(Service.UAL, "GetTask", request, _read_task)
+
+
+# Tasks: as non-blocking they are answered at once
+
+
+def take_off(height_m: float, blocking: bool) -> Call[TaskInfo]:
+    request = _built(lambda: pb.TakeOffRequest(height_m=height_m, non_blocking=not blocking), "height_m")
+    return _task("TakeOff", request, blocking, _GOES_ON)
+
+
+def land(blocking: bool) -> Call[TaskInfo]:
+    return _task("Land", pb.LandRequest(non_blocking=not blocking), blocking, _GOES_ON)
+
+
+def go_to_waypoint(waypoint: PoseStamped | Pose, blocking: bool) -> Call[TaskInfo]:
+    request = _built(
+        lambda: pb.GoToWaypointRequest(
+            waypoint=convert.pose_stamped_to_proto(stamped_pose(waypoint)), non_blocking=not blocking
+        ),
+        "waypoint",
+    )
+    return _task("GoToWaypoint", request, blocking)
+
+
+def go_to_waypoint_geo(
+    latitude_deg: float,
+    longitude_deg: float,
+    altitude_m: float,
+    altitude_reference: AltitudeReference,
+    yaw_rad: float | None,
+    blocking: bool,
+) -> Call[TaskInfo]:
+    request = _built(
+        lambda: pb.GoToWaypointGeoRequest(
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            altitude_m=altitude_m,
+            altitude_reference=convert.altitude_reference_to_proto(altitude_reference),
+            yaw_rad=yaw_rad,
+            non_blocking=not blocking,
+        ),
+        "waypoint",
+    )
+    return _task("GoToWaypointGeo", request, blocking)
+
+
+def follow_path(waypoints: Sequence[PoseStamped | Pose], corner_radius_m: float, blocking: bool) -> Call[TaskInfo]:
+    request = _built(
+        lambda: pb.FollowPathRequest(
+            waypoints=[convert.pose_stamped_to_proto(stamped_pose(each)) for each in waypoints],
+            corner_radius_m=corner_radius_m,
+            non_blocking=not blocking,
+        ),
+        "waypoints",
+    )
+    return _task("FollowPath", request, blocking)
+
+
+def _task(method: str, request: Message, blocking: bool, at_timeout: str = _IS_CANCELLED) -> Call[TaskInfo]:
+    quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, "")
+    return Call(Service.UAL, method, request, _read_task, quick_s, at_timeout)
+
+
+def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
+    return convert.task_from_proto(response.task)
+
+
+def has_ended(task: TaskInfo) -> bool:
+    """True once a task has ended, however."""
+    return task.status is not TaskStatus.RUNNING
+
+
+# Setpoints
+
+
+def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
+    """A pose without a frame is one in ``<ns>/odom``."""
+    return PoseStamped(pose) if isinstance(pose, Pose) else pose
+
+
+def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
+    """A velocity without a frame is one in ``<ns>/odom``."""
+    return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
+
+
+def pose_setpoint(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:
+    """`set_pose` as an element of the stream."""
+    return _setpoint(stamped_pose(pose), "pose")
+
+
+def velocity_setpoint(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
+    """`set_velocity` as an element of the stream."""
+    return _setpoint(stamped_twist(velocity), "velocity")
+
+
+def _setpoint(setpoint: PoseStamped | TwistStamped, what: str) -> pb.StreamSetpointsRequest:
+    try:
+        return convert.setpoint_to_proto(setpoint)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InvalidArgumentError(f"{what}: {error}", {"field": what}) from None
+
+
+def single_setpoint(setpoint: pb.StreamSetpointsRequest) -> Call[None]:
+    """One element of the stream as a call that is answered."""
+    if setpoint.HasField("velocity"):
+        return Call(Service.UAL, "SetVelocity", pb.SetVelocityRequest(velocity=setpoint.velocity), _nothing)
+    return Call(Service.UAL, "SetPose", pb.SetPoseRequest(pose=setpoint.pose), _nothing)
+
+
+# Simulation
+
+
+def pilot_arm() -> Call[None]:
+    return Call(Service.SIMULATION, "PilotArm", sim_pb.PilotArmRequest(), _nothing)
+
+
+def pilot_disarm() -> Call[None]:
+    return Call(Service.SIMULATION, "PilotDisarm", sim_pb.PilotDisarmRequest(), _nothing)
+
+
+def pilot_take_over() -> Call[None]:
+    return Call(Service.SIMULATION, "PilotTakeOver", sim_pb.PilotTakeOverRequest(), _nothing)
+
+
+def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
+    request = _built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
+    return Call(Service.SIMULATION, "PilotMoveSticks", request, _nothing)
+
+
+def pilot_give_back() -> Call[None]:
+    return Call(Service.SIMULATION, "PilotGiveBack", sim_pb.PilotGiveBackRequest(), _nothing)
+
+
+def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
+    def read(response: sim_pb.BeginFaultResponse) -> str:
+        return response.fault_id
+
+    request = _built(
+        lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
+    )
+    return Call(Service.SIMULATION, "BeginFault", request, read)
+
+
+def end_fault(fault_id: str) -> Call[None]:
+    return Call(Service.SIMULATION, "EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), _nothing)
+
+
+def list_faults() -> Call[dict[str, Fault]]:
+    def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
+        return convert.faults_from_proto(response.faults)
+
+    return Call(Service.SIMULATION, "ListFaults", sim_pb.ListFaultsRequest(), read)
+
+
+def set_speed_factor(speed_factor: float) -> Call[None]:
+    request = _built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
+    return Call(Service.SIMULATION, "SetSpeedFactor", request, _nothing)
+
+
+def step(duration_s: float) -> Call[None]:
+    request = _built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
+    return Call(Service.SIMULATION, "Step", request, _nothing, None)
+
+
+def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
+    request = _built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
+    return Call(Service.SIMULATION, "SetNoise", request, _nothing)
+
+
+def set_wind(velocity_m_s: Vector3) -> Call[None]:
+    request = _built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
+    return Call(Service.SIMULATION, "SetWind", request, _nothing)

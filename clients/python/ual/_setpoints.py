@@ -1,0 +1,151 @@
+"""`set_velocity` and `set_pose` of the client: the first of a motion is answered, those that follow are streamed.
+
+A call that begins a motion waits for the daemon's answer (a millisecond), so that a refusal is raised where it belongs.
+Calls that follow within `CONTINUES_S` only hand over the newest setpoint and return; if the daemon refuses one of
+those, the next call raises it.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import grpc
+
+from ual import _calls
+from ual._connection import Connection
+from ual.errors import DaemonUnreachableError, UalError
+from ual.v1 import ual_pb2 as pb
+
+_log = logging.getLogger(__name__)
+
+# The daemon stops a UAV that gets no velocity for this long: what comes later begins a new motion.
+CONTINUES_S = 0.5
+# A setpoint that could not be sent for this long is not sent at all: the world has moved on.
+STALE_S = 0.2
+_CLOSE_S = 2.0
+
+
+class Setpoints:
+    """Sends setpoints, the newest only. May be used from any thread."""
+
+    def __init__(self, connection: Connection, clock: Callable[[], float] = time.monotonic) -> None:
+        self._connection = connection
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._stream: _Stream | None = None
+        self._failure: UalError | None = None
+        self._accepted_s: float | None = None
+
+    def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
+        """Sends a setpoint; raises the refusal of this one, or of one before."""
+        with self._lock:
+            failure, self._failure = self._failure, None
+            now_s = self._clock()
+            continues = failure is None and self._accepted_s is not None and now_s - self._accepted_s < CONTINUES_S
+            self._accepted_s = now_s if continues else None
+            stream, is_new = self._stream, False
+            if continues and stream is None:
+                stream, is_new = _Stream(self._connection, self._on_end, self._clock), True
+                self._stream = stream
+        if failure is not None:
+            raise failure
+        if not continues or stream is None:
+            self._connection.run(_calls.single_setpoint(setpoint))
+            with self._lock:
+                self._accepted_s = self._clock()
+            return
+        stream.put(setpoint)
+        if is_new:
+            stream.open()
+
+    def close(self) -> None:
+        """Sends what waits and ends the stream. A refusal that no call is left to raise is logged."""
+        with self._lock:
+            stream = self._stream
+        if stream is not None:
+            stream.close(_CLOSE_S)
+        with self._lock:
+            failure, self._failure = self._failure, None
+        if failure is not None:
+            _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
+
+    def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
+        with self._lock:
+            if self._stream is stream:
+                self._stream = None
+                self._failure = failure
+
+
+class _Stream:
+    """One stream of setpoints: hands the newest to gRPC's sending thread, which iterates over this."""
+
+    def __init__(
+        self,
+        connection: Connection,
+        on_end: Callable[[_Stream, UalError | None], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self._connection = connection
+        self._on_end = on_end
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
+        self._is_ending = False
+        self._ended = threading.Event()
+        self._call: Any = None
+
+    def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
+        """Replaces the setpoint that waits to be sent."""
+        with self._changed:
+            self._newest = (setpoint, self._clock())
+            self._changed.notify()
+
+    def open(self) -> None:
+        """Begins to send."""
+        try:
+            self._call = self._connection.stream_setpoints(self)
+        except UalError:
+            self._ended.set()
+            self._on_end(self, None)
+            raise
+        self._call.add_done_callback(self._end)
+
+    def close(self, timeout_s: float) -> None:
+        """Ends the stream once what waits is sent."""
+        self._finish()
+        if not self._ended.wait(timeout_s) and self._call is not None:
+            self._call.cancel()
+            self._ended.wait(timeout_s)
+
+    def __iter__(self) -> _Stream:
+        return self
+
+    def __next__(self) -> pb.StreamSetpointsRequest:
+        with self._changed:
+            while True:
+                self._changed.wait_for(lambda: self._newest is not None or self._is_ending)
+                if self._newest is None:
+                    raise StopIteration
+                (setpoint, put_s), self._newest = self._newest, None
+                if self._clock() - put_s <= STALE_S:
+                    return setpoint
+
+    def _finish(self) -> None:
+        with self._changed:
+            self._is_ending = True
+            self._changed.notify()
+
+    def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
+        was_asked = self._is_ending
+        self._finish()  # lets the sending thread end, too
+        failure: UalError | None = None
+        if call.code() is not grpc.StatusCode.OK:
+            failure = None if call.cancelled() else self._connection.error(call)
+        elif not was_asked:
+            failure = DaemonUnreachableError("the daemon ended the stream of setpoints")
+        self._on_end(self, failure)
+        self._ended.set()

@@ -1,0 +1,85 @@
+"""The client's handle of a task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import grpc
+
+from ual import _calls, convert
+from ual._connection import Connection
+from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
+from ual.types import TaskInfo, TaskKind
+
+# Waiting needs only the last message, which comes at once when the task ends.
+WAIT_RATE_HZ = 1.0
+
+
+def has_not_ended(kind: TaskKind, timeout_s: float) -> UalTimeoutError:
+    """What waiting raises when the time is over."""
+    return UalTimeoutError(f"{kind.name} has not ended after {timeout_s:g} s; it goes on")
+
+
+class Task:
+    """A manoeuvre under way, or ended; see `ual.interface.Task`."""
+
+    def __init__(self, connection: Connection, info: TaskInfo) -> None:
+        self._connection = connection
+        self._info = info
+
+    @property
+    def id(self) -> str:
+        """By which `Uav.task` finds it."""
+        return self._info.id
+
+    @property
+    def kind(self) -> TaskKind:
+        """Which manoeuvre it is."""
+        return self._info.kind
+
+    def info(self) -> TaskInfo:
+        if not _calls.has_ended(self._info):
+            self._info = self._connection.run(_calls.get_task(self.id))
+        return self._info
+
+    def done(self) -> bool:
+        return _calls.has_ended(self.info())
+
+    def wait(self, timeout_s: float | None = None) -> TaskInfo:
+        for info in self._watch(WAIT_RATE_HZ, timeout_s):
+            self._info = info
+        if self._info.error is not None:
+            raise self._info.error
+        return self._info
+
+    def cancel(self) -> None:
+        if self.done():
+            return
+        try:
+            self._connection.run(_calls.abort(task_id=self.id))
+        except (WrongStateError, InvalidArgumentError):
+            if not self.done():
+                raise
+
+    def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
+        for info in self._watch(rate_hz, None):
+            self._info = info
+            yield info
+
+    def __repr__(self) -> str:
+        return f"<Task {self.id} {self.kind.name} {self._info.status.name}>"
+
+    def _watch(self, rate_hz: float, timeout_s: float | None) -> Iterator[TaskInfo]:
+        if _calls.has_ended(self._info):
+            yield self._info
+            return
+        call = self._connection.watch_task(self.id, rate_hz, timeout_s)
+        try:
+            for response in call:
+                yield convert.task_from_proto(response.task)
+        except grpc.RpcError as error:
+            if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
+                raise has_not_ended(self.kind, timeout_s) from error
+            raise self._connection.error(error) from error
+        finally:
+            call.cancel()

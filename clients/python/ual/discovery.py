@@ -1,0 +1,144 @@
+"""How daemons and clients of one computer find each other: a directory with one small file for each daemon.
+
+A daemon holds a lock on `lock_file` of its namespace as long as it runs and writes its `Registration` beside it. The
+file of a daemon that was killed stays behind: it names a process that is gone, and is taken as none.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ual.errors import InvalidArgumentError
+
+RUNTIME_DIR_VARIABLE = "UAL_RUNTIME_DIR"
+LOOPBACK = "127.0.0.1"
+
+_DEFAULT_PORT = 50051
+_PORT_BEFORE_FIRST = 50050
+_LAST_PORT = 65535
+_READABLE = 0o644
+
+
+def runtime_dir() -> Path:
+    """Where the daemons of this computer register: ``$UAL_RUNTIME_DIR``, else ``ual`` in the directory of temporary
+    files.
+    """
+    configured = os.environ.get(RUNTIME_DIR_VARIABLE)
+    return Path(configured) if configured else Path(tempfile.gettempdir()) / "ual"
+
+
+def registry_file(ns: str) -> Path:
+    """Where the daemon of a namespace says who and where it is."""
+    return runtime_dir() / f"{ns}.json"
+
+
+def lock_file(ns: str) -> Path:
+    """What the daemon of a namespace holds locked (flock) as long as it runs."""
+    return runtime_dir() / f"{ns}.lock"
+
+
+def default_port(ns: str) -> int:
+    """50050 + N for a namespace that ends in ``_N``, 50051 without a number."""
+    match = re.search(r"_(\d+)$", ns)
+    if match is None:
+        return _DEFAULT_PORT
+    port = _PORT_BEFORE_FIRST + int(match[1])
+    return port if port <= _LAST_PORT else _DEFAULT_PORT
+
+
+def default_address(ns: str) -> str:
+    """Where the daemon of a namespace listens if nobody said otherwise."""
+    return f"{LOOPBACK}:{default_port(ns)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """One daemon: `address` is ``host:port`` or ``unix:/path``, `started_s` UTC since 1970."""
+
+    ns: str
+    pid: int
+    address: str
+    backend: str
+    started_s: float
+
+    def write(self) -> None:
+        """Registers the daemon; a reader sees the old file or the new one, never half of one."""
+        file = registry_file(self.ns)
+        # A new file of a name that nobody can know before: others may write in this directory, too.
+        handle, unfinished = tempfile.mkstemp(prefix=f"{self.ns}.", suffix=".tmp", dir=file.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                os.fchmod(handle, _READABLE)
+                stream.write(json.dumps(asdict(self)) + "\n")
+            Path(unfinished).replace(file)
+        except OSError:
+            Path(unfinished).unlink(missing_ok=True)
+            raise
+
+    @classmethod
+    def read(cls, file: Path) -> Registration | None:
+        """What a file says; None where there is none, or it is none of ours."""
+        try:
+            values = json.loads(file.read_text(encoding="utf-8"))
+            return cls(
+                ns=str(values["ns"]),
+                pid=int(values["pid"]),
+                address=str(values["address"]),
+                backend=str(values["backend"]),
+                started_s=float(values["started_s"]),
+            )
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def is_alive(self) -> bool:
+        """Whether its process is there."""
+        if self.pid <= 0:
+            return False
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except (PermissionError, OverflowError):
+            # Another user's process is one all the same; a number that can be no process is not.
+            return self.pid < 2**31
+        return True
+
+
+def list_daemons() -> list[Registration]:
+    """The daemons that run on this computer, in the order of their names and numbers."""
+    found = (Registration.read(file) for file in runtime_dir().glob("*.json"))
+    return sorted((each for each in found if each is not None and each.is_alive()), key=_natural)
+
+
+def registered(ns: str) -> Registration | None:
+    """The daemon of a namespace, if one runs on this computer."""
+    registration = Registration.read(registry_file(ns))
+    return registration if registration is not None and registration.is_alive() else None
+
+
+def only() -> Registration | None:
+    """The daemon of this computer, if there is one. Raises `InvalidArgumentError` if there are several."""
+    daemons = list_daemons()
+    if len(daemons) > 1:
+        names = ", ".join(each.ns for each in daemons)
+        raise InvalidArgumentError(f"ns: several UAVs are here, say which one: {names}", {"field": "ns"})
+    return daemons[0] if daemons else None
+
+
+def find(ns: str = "") -> str:
+    """The address of the daemon of a namespace: where it registered, else where it would listen by default.
+
+    Without a namespace it is the only daemon of this computer. Raises `InvalidArgumentError` if there are several.
+    """
+    registration = registered(ns) if ns else only()
+    return default_address(ns) if registration is None else registration.address
+
+
+def _natural(registration: Registration) -> tuple[str, int, str]:
+    match = re.fullmatch(r"(.*?)(\d+)", registration.ns)
+    return (registration.ns, 0, "") if match is None else (match[1], int(match[2]), registration.ns)
