@@ -94,19 +94,19 @@ class Unknown(Dialect):
     def version(self, message: Message) -> str:
         return version_text(message.flight_sw_version)
 
-    def is_simulation(self, version: Message, system_id: int) -> bool:  # noqa: ARG002
+    def is_simulation(self, version: Message, system_id: int) -> bool:
         return False
 
-    def limits(self, parameters: Mapping[str, float]) -> Limits:  # noqa: ARG002
+    def limits(self, parameters: Mapping[str, float]) -> Limits:
         return Limits()
 
-    def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:  # noqa: ARG002
+    def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
         raise self._refusal()
 
-    def arm(self, *, is_arming: bool) -> Command:  # noqa: ARG002
+    def arm(self, *, is_arming: bool) -> Command:
         raise self._refusal()
 
-    def take_off(self, height_m: float) -> Command:  # noqa: ARG002
+    def take_off(self, height_m: float) -> Command:
         raise self._refusal()
 
     def land(self) -> Command:

@@ -20,7 +20,10 @@ Address = tuple[str, int] | tuple[str, int, int, int]
 
 
 class UdpLink:
-    """Listens at, or calls, an endpoint. `open`, `receive` and `close` belong to one thread; the rest to any."""
+    """Listens at, or calls, an endpoint. `send` and `wake` are for any thread, the rest for the one that receives.
+
+    It holds system resources from the moment it is made until `close`.
+    """
 
     def __init__(self, endpoint: Endpoint) -> None:
         self._endpoint = endpoint

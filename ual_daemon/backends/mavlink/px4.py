@@ -153,7 +153,7 @@ class Px4(Dialect):
         what = "arm" if is_arming else "disarm"
         return Command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(is_arming),), what, group="arm")
 
-    def take_off(self, height_m: float) -> Command:  # noqa: ARG002 - the climb is flown on our setpoints
+    def take_off(self, height_m: float) -> Command:
         return self._set_mode(_OFFBOARD, 0, "take off", needs_setpoints_s=OFFBOARD_NEEDS_SETPOINTS_S)
 
     def land(self) -> Command:

@@ -11,7 +11,7 @@ from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.interview import Interview
 from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.telemetry import Telemetry
-from ual_daemon.backends.values import Snapshot, VehicleInfo
+from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class MavlinkVehicle:
         dialect: Dialect,
         pose_rate_hz: float,
         own_ids: tuple[int, int],
-        transmit: Callable[[Message], object],
+        transmit: Callable[[Message], bool],
         setpoints_s: Callable[[float], float],
     ) -> None:
         self.system_id = system_id
@@ -79,6 +79,10 @@ class MavlinkVehicle:
         future = self._commands.submit(command, now_s)
         future.add_done_callback(self._on_done)  # done by tick or update, so on the thread that this belongs to
         return future
+
+    def send(self, setpoint: Setpoint, now_s: float) -> bool:
+        """Sends a setpoint; false when it could not leave. From any thread."""
+        return self._transmit(self.dialect.setpoint(setpoint, self.system_id, int(now_s * 1000.0) & 0xFFFFFFFF))
 
     def tick(self, now_s: float) -> None:
         """Does what time asks for; to be called often."""
