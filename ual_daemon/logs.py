@@ -23,6 +23,8 @@ Format = Literal["text", "json"]
 caller: ContextVar[str] = ContextVar("ual_caller", default="in-process")
 """Who gave the command that is being worked on: the peer's address, or ``in-process``."""
 
+_TALKATIVE = ("asyncio", "grpc")
+"""Libraries whose debug messages would bury ours."""
 _QUEUE_SIZE = 10_000
 _FLUSH_LIMIT_S = 1.0
 _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
@@ -144,4 +146,6 @@ def setup(level: str, format: Format = "text", stream: TextIO | None = None) -> 
         old.close()
     root.addHandler(handler)
     root.setLevel(level.upper())
+    for talkative in _TALKATIVE:
+        logging.getLogger(talkative).setLevel(logging.WARNING)
     atexit.register(handler.close)

@@ -81,7 +81,8 @@ def test_later_sources_win_key_by_key() -> None:
 def test_printed_it_is_the_same_configuration_again(file: Path) -> None:
     found = load(
         file,
-        "ns: uav_7\nhome_pose: [1, 2, 3]\nlimits: {climb_speed_m_s: 2}\nframes: [{frame_id: field}]\nlight: {a: [1, x]}\n",
+        "ns: uav_7\nhome_pose: [1, 2, 3]\nlimits: {climb_speed_m_s: 2}\n"
+        "frames: [{frame_id: field}]\nlight: {a: [1, x]}\n",
     )
     again = load(file, found.as_yaml())
     assert again.listen == found.listen == ("127.0.0.1:50057",)
@@ -145,7 +146,7 @@ def test_numbers_and_words_are_read_as_yaml_1_2_does(file: Path) -> None:
 def test_an_error_is_told_where_the_winning_value_was_given(file: Path) -> None:
     file.write_text("ns: uav_1\nurl: a\n")
     flags = FlagSource({"ns": "b c"}, {"ns": "--ns"})
-    with pytest.raises(ConfigurationError, match="^--ns: Expected"):
+    with pytest.raises(ConfigurationError, match=r"^--ns: Expected"):
         config.resolve([config.read_file(file), flags], BACKENDS)
 
 
@@ -173,6 +174,6 @@ def test_an_assignment_sets_any_key() -> None:
 
 @pytest.mark.parametrize("text", ["ns", "=1", "a..b=1", "a b=1", "a=[1", "a={b: 1, b: 2}"])
 def test_a_bad_assignment_is_refused(text: str) -> None:
-    with pytest.raises(ConfigurationError, match="^--set") as caught:
+    with pytest.raises(ConfigurationError, match=r"^--set") as caught:
         config.assignment(text, "--set")
     assert "\n" not in str(caught.value)

@@ -50,7 +50,7 @@ class Address:
 def parse(text: str) -> Address:
     """The address that a text says. Raises `ConfigError`."""
     if text.startswith("unix:"):
-        path = text.removeprefix("unix:").replace("//", "/", 1)
+        path = text.removeprefix("unix://" if text.startswith("unix:///") else "unix:")
         if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH:
             raise ConfigError(f"{text!r}: the path of a unix socket has 1 to {_LONGEST_UNIX_PATH} bytes", "listen")
         return Address(path, 0, is_unix=True)

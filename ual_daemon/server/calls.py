@@ -6,7 +6,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import grpc
 from ual import rpc_errors
@@ -16,9 +16,9 @@ from ual_daemon import logs
 
 _Request = TypeVar("_Request")
 _Response = TypeVar("_Response")
-_Handler = grpc.RpcMethodHandler[Any, Any]
-_Details = grpc.HandlerCallDetails
-_Context = grpc.aio.ServicerContext[Any, Any]
+_Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
+_Details: TypeAlias = grpc.HandlerCallDetails
+_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
 _log = logging.getLogger(__name__)
 

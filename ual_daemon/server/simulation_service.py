@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+from typing import Any, TypeAlias
 
 import grpc
 from ual import convert
@@ -11,7 +11,7 @@ from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
 
-_Context = grpc.aio.ServicerContext[Any, Any]
+_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
 
 class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import math
 from collections.abc import AsyncIterator
-from typing import Any
+from typing import Any, TypeAlias
 
 import grpc
 from ual import convert
@@ -21,7 +21,7 @@ from ual_daemon.server.waiting import completion, ended
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
 
-_Context = grpc.aio.ServicerContext[Any, Any]
+_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
 _log = logging.getLogger(__name__)
 

@@ -1,0 +1,135 @@
+"""A daemon as a real process, for any test: the fixtures `start_daemon` and `daemon`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import grpc
+import pytest
+from ual import discovery
+
+LIMIT_S = 30.0
+"""How long anything may take on a busy machine before a test gives up."""
+
+
+class DaemonProcess:
+    """One ``ual-daemon`` process; its log, one JSON object a line, tells tests what it does."""
+
+    def __init__(self, flags: tuple[str, ...], ns: str, environment: dict[str, str]) -> None:
+        self.ns = ns
+        self.events: list[dict[str, Any]] = []
+        self.stderr = ""
+        self._changed = threading.Condition()
+        self._has_ended = False
+        self._resources = ExitStack()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "ual_daemon", "--ns", ns, "--log-format", "json", *flags],
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._reader = threading.Thread(target=self._read, name=f"log of {ns}", daemon=True)
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    @property
+    def address(self) -> str:
+        """Where it listens (the first address), once it does."""
+        return str(self.wait_for("listening")["addresses"]).split()[0]
+
+    def wait_for(self, event: str, after: int = 0, **fields: object) -> dict[str, Any]:
+        """The first such event in its log, from index `after` on."""
+        deadline_s = time.monotonic() + LIMIT_S
+        with self._changed:
+            while True:
+                for found in self.events[after:]:
+                    if found.get("event") == event and fields.items() <= found.items():
+                        return found
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0.0 or self._has_ended:
+                    raise AssertionError(f"no {event} {fields} in the log:\n{self.stderr}")
+                self._changed.wait(left_s)
+
+    def channel(self) -> grpc.Channel:
+        """A channel of its own, closed with the daemon."""
+        return self._resources.enter_context(grpc.insecure_channel(self.address))
+
+    def signal(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def wait(self) -> int:
+        """Its exit status, once it has ended."""
+        status = self.process.wait(LIMIT_S)
+        self._reader.join(LIMIT_S)
+        return status
+
+    def close(self) -> None:
+        self._resources.close()
+        self.process.kill()
+        self.wait()
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            with self._changed:
+                self.stderr += line
+                if line.startswith("{"):
+                    self.events.append(json.loads(line))
+                self._changed.notify_all()
+        with self._changed:
+            self._has_ended = True
+            self._changed.notify_all()
+
+
+StartDaemon = Callable[..., DaemonProcess]
+
+
+@pytest.fixture
+def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The directory in which this test's daemons, and nobody else's, register."""
+    path = tmp_path / "ual"
+    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(path))
+    return path
+
+
+@pytest.fixture
+def start_daemon(runtime_dir: Path) -> Iterator[StartDaemon]:
+    """Starts daemons: ``start_daemon("--auto-arm", ns="uav_2", backend="light", listen="127.0.0.1:0")``."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
+    environment[discovery.RUNTIME_DIR_VARIABLE] = str(runtime_dir)
+    started: list[DaemonProcess] = []
+
+    def start(
+        *flags: str, ns: str = "uav_1", backend: str = "light", listen: str | None = "127.0.0.1:0"
+    ) -> DaemonProcess:
+        where = () if listen is None else ("--listen", listen)
+        started.append(DaemonProcess(("--backend", backend, *where, *flags), ns, environment))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.close()
+
+
+@pytest.fixture
+def daemon(start_daemon: StartDaemon) -> DaemonProcess:
+    """A light UAV, uav_1, ten times as fast as real, armed by its simulated safety pilot; it listens already."""
+    started = start_daemon("--auto-arm", "--set", "light.speed_factor=10")
+    started.wait_for("listening")
+    return started

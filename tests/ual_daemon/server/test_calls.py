@@ -1,0 +1,228 @@
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from concurrent.futures import Future
+from contextlib import asynccontextmanager
+from typing import Any, cast
+
+import grpc
+import pytest
+from ual import rpc_errors
+from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
+from ual.geometry import TwistStamped
+from ual.types import State, Telemetry
+from ual.v1 import ual_pb2 as pb
+from ual.v1 import ual_pb2_grpc
+
+from ual_daemon import logs
+from ual_daemon.server.calls import Calls
+from ual_daemon.server.uav_service import UalServicer
+from ual_daemon.server.updates import Updates
+from ual_daemon.vehicle import Vehicle
+
+
+class FakeVehicle:
+    """Does what a test tells it to."""
+
+    ns = "uav_1"
+
+    def __init__(self) -> None:
+        self.arming: Future[None] = Future()
+        self.callers: list[str] = []
+        self.setpoints: list[TwistStamped] = []
+
+    def telemetry(self) -> Telemetry:
+        return Telemetry(State.LANDED_DISARMED)
+
+    def subscribe(self, _: object) -> Any:
+        return lambda: None
+
+    def set_home(self, set_z: bool) -> None:
+        self.callers.append(logs.caller.get())
+        if set_z:
+            raise WrongStateError("set_home: not in FLYING_AUTO", {"state": "FLYING_AUTO"})
+
+    def frames(self) -> object:
+        raise RuntimeError("a defect")
+
+    def arm(self) -> Future[None]:
+        return self.arming
+
+    def set_velocity(self, velocity: TwistStamped) -> None:
+        if velocity.twist.linear.x > 1.0:
+            raise InvalidArgumentError("velocity: too fast")
+        self.setpoints.append(velocity)
+
+
+class Served:
+    """A server of a fake vehicle, and a client."""
+
+    def __init__(self, vehicle: FakeVehicle, calls: Calls, stub: ual_pb2_grpc.UalServiceAsyncStub) -> None:
+        self.vehicle = vehicle
+        self.calls = calls
+        self.stub = stub
+
+
+@asynccontextmanager
+async def served() -> AsyncIterator[Served]:
+    vehicle = FakeVehicle()
+    calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
+    server = grpc.aio.server(interceptors=[calls])
+    updates = Updates(cast("Vehicle", vehicle), lambda _: None)
+    ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(cast("Vehicle", vehicle), updates), server)
+    port = server.add_insecure_port("127.0.0.1:0")
+    await server.start()
+    try:
+        async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
+            stub = cast("ual_pb2_grpc.UalServiceAsyncStub", ual_pb2_grpc.UalServiceStub(channel))
+            yield Served(vehicle, calls, stub)
+    finally:
+        await server.stop(None)
+
+
+async def error_of(call: Any) -> UalError:
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await call
+    return rpc_errors.from_rpc_error(caught.value)
+
+
+def speed(x: float) -> pb.TwistStamped:
+    return pb.TwistStamped(twist=pb.Twist(linear=pb.Vector3(x=x), angular=pb.Vector3()))
+
+
+def test_a_refusal_goes_out_as_status_with_reason_and_metadata() -> None:
+    async def run() -> None:
+        async with served() as it:
+            error = await error_of(it.stub.SetHome(pb.SetHomeRequest(set_z=True)))
+            assert isinstance(error, WrongStateError)
+            assert error.message == "set_home: not in FLYING_AUTO"
+            assert error.state == "FLYING_AUTO"
+
+    asyncio.run(run())
+
+
+def test_a_defect_is_internal_logged_and_the_server_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    async def run() -> None:
+        async with served() as it:
+            with pytest.raises(grpc.aio.AioRpcError) as caught:
+                await it.stub.ListFrames(pb.ListFramesRequest())
+            assert caught.value.code() is grpc.StatusCode.INTERNAL
+            assert "RuntimeError: a defect" in (caught.value.details() or "")
+            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+
+    with caplog.at_level(logging.ERROR, "ual_daemon"):
+        asyncio.run(run())
+    (record,) = caplog.records
+    assert record.exc_info is not None
+    assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
+
+
+def test_another_uavs_name_is_refused() -> None:
+    async def run() -> None:
+        async with served() as it:
+            await it.stub.SetHome(pb.SetHomeRequest(), metadata=(("ual-ns", "uav_1"),))
+            error = await error_of(it.stub.SetHome(pb.SetHomeRequest(), metadata=(("ual-ns", "uav_2"),)))
+            assert isinstance(error, InvalidArgumentError)
+            assert error.message == "this daemon flies uav_1, not uav_2"
+            stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest(), metadata=(("ual-ns", "uav_2"),))
+            assert isinstance(await error_of(anext(aiter(stream))), InvalidArgumentError)
+            assert len(it.vehicle.callers) == 1
+
+    asyncio.run(run())
+
+
+def test_the_vehicle_knows_who_calls() -> None:
+    async def run() -> None:
+        async with served() as it:
+            await it.stub.SetHome(pb.SetHomeRequest())
+            (caller,) = it.vehicle.callers
+            assert caller.startswith("ipv4:127.0.0.1:")
+        assert logs.caller.get() == "in-process"
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("rate_hz", [-1.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+    async def run() -> None:
+        async with served() as it:
+            stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest(rate_hz=rate_hz))
+            error = await error_of(anext(aiter(stream)))
+            assert isinstance(error, InvalidArgumentError)
+            assert error.metadata["field"] == "rate_hz"
+
+    asyncio.run(run())
+
+
+def test_the_first_refused_setpoint_ends_the_stream() -> None:
+    async def run() -> None:
+        async with served() as it:
+            stream = it.stub.StreamSetpoints()
+            await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
+            await stream.write(pb.StreamSetpointsRequest(velocity=speed(9.0)))
+            error = await error_of(stream)
+            assert error.message == "velocity: too fast"
+            assert [each.twist.linear.x for each in it.vehicle.setpoints] == [0.5]
+
+    asyncio.run(run())
+
+
+def test_a_setpoint_stream_that_ends_tells_how_many_were_taken() -> None:
+    async def run() -> None:
+        async with served() as it:
+            stream = it.stub.StreamSetpoints()
+            for _ in range(3):
+                await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
+            await stream.done_writing()
+            assert (await stream).accepted_count == 3
+
+    asyncio.run(run())
+
+
+def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> None:
+    async def run() -> None:
+        async with served() as it:
+            telemetry = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
+            await telemetry.read()
+            setpoints = it.stub.StreamSetpoints()
+            await setpoints.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
+            arming = it.stub.Arm(pb.ArmRequest())
+            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+            it.calls.begin_shutdown()
+            for call in (telemetry.read(), setpoints, it.stub.GetTelemetry(pb.GetTelemetryRequest())):
+                with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down") as caught:
+                    await call
+                assert caught.value.code() is grpc.StatusCode.UNAVAILABLE
+            it.vehicle.arming.set_result(None)
+            await arming
+
+    asyncio.run(run())
+
+
+def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
+    async def run() -> None:
+        async with served() as it:
+            arming = it.stub.Arm(pb.ArmRequest())
+            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+            it.calls.begin_shutdown()
+            it.calls.end_waiting()
+            error = await error_of(arming)
+            assert isinstance(error, TaskAbortedError)
+            assert error.metadata["by"] == "shutdown"
+
+    asyncio.run(run())
+
+
+def test_shutdown_ends_a_stream_that_nobody_reads() -> None:
+    async def run() -> None:
+        async with served() as it:
+            stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
+            await stream.wait_for_connection()
+            it.calls.begin_shutdown()
+            with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down"):
+                async for _ in stream:
+                    pass
+
+    asyncio.run(run())

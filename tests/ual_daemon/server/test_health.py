@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+
+import grpc
+import pytest
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+
+from ual_daemon.server.health import HealthServicer
+
+SERVING = health_pb2.HealthCheckResponse.SERVING
+NOT_SERVING = health_pb2.HealthCheckResponse.NOT_SERVING
+SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
+
+Test = Callable[[HealthServicer, health_pb2_grpc.HealthStub], Awaitable[None]]
+
+
+@asynccontextmanager
+async def served() -> AsyncIterator[tuple[HealthServicer, health_pb2_grpc.HealthStub]]:
+    servicer = HealthServicer(["ual.v1.UalService"])
+    server = grpc.aio.server()
+    health_pb2_grpc.add_HealthServicer_to_server(servicer, server)
+    port = server.add_insecure_port("127.0.0.1:0")
+    await server.start()
+    try:
+        async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
+            yield servicer, health_pb2_grpc.HealthStub(channel)  # type: ignore[no-untyped-call]
+    finally:
+        await server.stop(None)
+
+
+def request(service: str = "") -> health_pb2.HealthCheckRequest:
+    return health_pb2.HealthCheckRequest(service=service)
+
+
+def test_each_service_and_the_server_itself_have_the_status() -> None:
+    async def run() -> None:
+        async with served() as (servicer, stub):
+            for service in ("", "ual.v1.UalService"):
+                assert (await stub.Check(request(service))).status == NOT_SERVING
+            servicer.set_serving(True)
+            for service in ("", "ual.v1.UalService"):
+                assert (await stub.Check(request(service))).status == SERVING
+
+    asyncio.run(run())
+
+
+def test_an_unknown_service_is_not_found() -> None:
+    async def run() -> None:
+        async with served() as (_, stub):
+            with pytest.raises(grpc.aio.AioRpcError) as caught:
+                await stub.Check(request("nobody"))
+            assert caught.value.code() is grpc.StatusCode.NOT_FOUND
+            async for answer in stub.Watch(request("nobody")):
+                assert answer.status == SERVICE_UNKNOWN
+                break
+
+    asyncio.run(run())
+
+
+def test_a_watcher_that_leaves_takes_no_other_with_it() -> None:
+    async def run() -> None:
+        async with served() as (servicer, stub):
+            leaving, staying = stub.Watch(request()), stub.Watch(request())
+            assert (await leaving.read()).status == NOT_SERVING
+            assert (await staying.read()).status == NOT_SERVING
+            leaving.cancel()
+            for is_serving, status in ((True, SERVING), (False, NOT_SERVING), (True, SERVING)):
+                servicer.set_serving(is_serving)
+                assert (await staying.read()).status == status
+            staying.cancel()
+
+    asyncio.run(run())
