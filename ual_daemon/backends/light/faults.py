@@ -1,0 +1,130 @@
+"""What goes wrong with one simulated vehicle."""
+
+from __future__ import annotations
+
+import math
+import secrets
+import threading
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from ual.errors import InvalidArgumentError
+from ual.simulation import (
+    AckLate,
+    AckLost,
+    BatteryLow,
+    Command,
+    CommandRefused,
+    EstimatorJumps,
+    Fault,
+    LinkLost,
+    MotorsWeak,
+    PositionLost,
+)
+
+from ual_daemon import validation
+from ual_daemon.backends.base import Clock
+from ual_daemon.backends.light.world import Fleet
+
+
+class Faults:
+    """The faults under way, each with the time at which it ends. Every member may be called from any thread."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._active: Mapping[str, tuple[Fault, float, float]] = MappingProxyType({})  # fault, begin, end
+
+    def begin(self, fault: Fault, duration_s: float) -> str:
+        """Begins a fault, for a duration or (0) until it is ended. Its id."""
+        _check(fault)
+        duration_s = validation.not_negative(duration_s, "duration_s", at_most=1e9)
+        now_s = self._clock.now_s()
+        fault_id = secrets.token_hex(4)
+        ends_s = now_s + duration_s if duration_s else math.inf
+        with self._lock:
+            self._active = MappingProxyType({**self._active, fault_id: (fault, now_s, ends_s)})
+        return fault_id
+
+    def end(self, fault_id: str) -> None:
+        """Ends a fault, or all (empty)."""
+        with self._lock:
+            if fault_id and fault_id not in self._active:
+                raise InvalidArgumentError(f"fault_id: there is no fault {fault_id[:100]!r}", {"field": "fault_id"})
+            kept = {other: entry for other, entry in self._active.items() if fault_id and other != fault_id}
+            self._active = MappingProxyType(kept)
+
+    def active(self) -> dict[str, Fault]:
+        """The faults under way by their ids."""
+        return {fault_id: fault for fault_id, (fault, _, _) in self._active.items()}
+
+    def step(self, now_s: float) -> None:
+        """Ends those whose time is over."""
+        over = [fault_id for fault_id, (_, _, ends_s) in self._active.items() if now_s >= ends_s]
+        if over:
+            with self._lock:
+                self._active = MappingProxyType({k: v for k, v in self._active.items() if k not in over})
+
+    def apply(self, fleet: Fleet, index: int, now_s: float) -> None:
+        """Puts what they do to the vehicle into its row (the world's lock is held)."""
+        fleet.power[index] = 1.0
+        fleet.has_position[index] = True
+        fleet.estimate_offset[index] = 0.0
+        for fault, began_s, _ in self._active.values():
+            match fault:
+                case MotorsWeak(power_ratio):
+                    fleet.power[index] = power_ratio
+                case PositionLost():
+                    fleet.has_position[index] = False
+                case EstimatorJumps(offset, period_s):
+                    if int((now_s - began_s) / period_s) % 2 == 0:
+                        fleet.estimate_offset[index] = tuple(offset)
+                case BatteryLow(remaining_percent):
+                    fleet.battery_percent[index] = min(fleet.battery_percent[index], remaining_percent)
+                case _:
+                    pass  # concerns the link, not the vehicle
+
+    @property
+    def is_link_lost(self) -> bool:
+        """Whether nothing comes or goes."""
+        return any(isinstance(fault, LinkLost) for fault, _, _ in self._active.values())
+
+    def refusal(self, command: Command) -> str | None:
+        """The words in which a command is refused."""
+        for fault, _, _ in self._active.values():
+            if isinstance(fault, CommandRefused) and fault.command in (command, Command.ANY):
+                return fault.text or "refused"
+        return None
+
+    def is_ack_lost(self, command: Command) -> bool:
+        """Whether the acknowledgement of a command never arrives."""
+        return any(
+            isinstance(fault, AckLost) and fault.command in (command, Command.ANY)
+            for fault, _, _ in self._active.values()
+        )
+
+    def ack_delay_s(self, command: Command) -> float:
+        """How late the acknowledgement of a command is."""
+        return max(
+            (
+                fault.delay_s
+                for fault, _, _ in self._active.values()
+                if isinstance(fault, AckLate) and fault.command in (command, Command.ANY)
+            ),
+            default=0.0,
+        )
+
+
+def _check(fault: Fault) -> None:
+    match fault:
+        case EstimatorJumps(offset, period_s):
+            validation.position(offset, "fault.estimator_jumps.offset")
+            validation.positive(period_s, "fault.estimator_jumps.period_s", at_most=1e9)
+        case MotorsWeak(power_ratio):
+            validation.not_negative(power_ratio, "fault.motors_weak.power_ratio", at_most=1.0)
+        case BatteryLow(remaining_percent):
+            validation.not_negative(remaining_percent, "fault.battery_low.remaining_percent", at_most=100.0)
+        case AckLate(_, delay_s):
+            validation.positive(delay_s, "fault.ack_late.delay_s", at_most=1e9)
+        case _:
+            pass

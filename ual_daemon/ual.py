@@ -1,0 +1,325 @@
+"""The class interface: a UAV in the process, without a server and without delay. See `ual.interface.Uav`."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import logging
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from typing_extensions import Self
+from ual.errors import UalTimeoutError, WrongStateError
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.interface import Simulation
+from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
+
+from ual_daemon import logs, validation
+from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.registry import make
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.tasks import VehicleTask
+from ual_daemon.vehicle import Vehicle
+
+_log = logging.getLogger(__name__)
+
+_CLOSE_PATIENCE_S = 60.0
+
+T = TypeVar("T")
+
+
+class UAL:
+    """One UAV in this process: `with UAL(backend="light", ns="uav_1") as uav: ...`.
+
+    `backend` is a name (see `ual_daemon.backends.registry`) or a `Backend`; `backend_settings` is the backend's section
+    of the configuration. Leaving the block (or `close`) cancels what runs, lets a take-off or landing end, and makes
+    the autopilot hold its position by itself.
+    """
+
+    def __init__(
+        self,
+        backend: str | Backend = "light",
+        ns: str = "uav_1",
+        *,
+        url: str | None = None,
+        settings: VehicleSettings | None = None,
+        backend_settings: Mapping[str, Any] | None = None,
+        allow_arming: bool = False,
+    ) -> None:
+        if isinstance(backend, str):
+            backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
+        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming)
+        self._subscriptions: set[_Subscription] = set()
+        self.vehicle.open()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Brings the UAV to where it may be left, and ends everything."""
+        try:
+            self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
+        except concurrent.futures.TimeoutError:
+            why = f"the UAV was not at rest after {_CLOSE_PATIENCE_S:g} s"
+            logs.event(_log, logging.ERROR, "closed_in_motion", why=why)
+        for subscription in list(self._subscriptions):
+            subscription.close()
+        self.vehicle.close()
+
+    # --- What is known ------------------------------------------------------------------------------------------------
+
+    @property
+    def ns(self) -> str:
+        """The namespace."""
+        return self.vehicle.ns
+
+    def info(self) -> Info:
+        return self.vehicle.info()
+
+    def is_ready(self) -> bool:
+        return self.state() is not State.UNINITIALIZED
+
+    def is_idle(self) -> bool:
+        return self.telemetry().task is None
+
+    def state(self) -> State:
+        return self.vehicle.state()
+
+    def telemetry(self) -> Telemetry:
+        return self.vehicle.telemetry()
+
+    def pose(self) -> PoseStamped:
+        sample = self.telemetry()
+        return PoseStamped(_known(sample.pose, "pose", sample), sample.frame_id, sample.stamp_s)
+
+    def velocity(self) -> TwistStamped:
+        sample = self.telemetry()
+        return TwistStamped(_known(sample.velocity, "velocity", sample), sample.frame_id, sample.stamp_s)
+
+    def odometry(self) -> Odometry:
+        sample = self.telemetry()
+        return _known(sample.odometry, "odometry", sample)
+
+    def reference_pose(self) -> PoseStamped | None:
+        sample = self.telemetry()
+        if sample.reference_pose is None:
+            return None
+        return PoseStamped(sample.reference_pose, sample.frame_id, sample.stamp_s)
+
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        return self.vehicle.transform(target_frame_id, source_frame_id)
+
+    def frames(self) -> list[Frame]:
+        return self.vehicle.frames()
+
+    def add_frame(self, transform: Transform) -> None:
+        self.vehicle.add_frame(transform)
+
+    def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> _Subscription:
+        rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=1e6)
+        subscription = _Subscription(self.vehicle, callback, rate_hz, self._subscriptions.discard)
+        self._subscriptions.add(subscription)
+        return subscription
+
+    # --- Commands -----------------------------------------------------------------------------------------------------
+
+    def arm(self, *, timeout_s: float | None = None) -> None:
+        _wait(self.vehicle.arm(), timeout_s, "arm")
+
+    def disarm(self, *, timeout_s: float | None = None) -> None:
+        _wait(self.vehicle.disarm(), timeout_s, "disarm")
+
+    def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
+        return _handle(self.vehicle.take_off(height_m), blocking, timeout_s)
+
+    def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
+        return _handle(self.vehicle.land(), blocking, timeout_s)
+
+    def go_to_waypoint(
+        self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
+    ) -> _Task:
+        return _handle(self.vehicle.go_to_waypoint(_stamped(waypoint)), blocking, timeout_s)
+
+    def go_to_waypoint_geo(
+        self,
+        latitude_deg: float,
+        longitude_deg: float,
+        altitude_m: float,
+        altitude_reference: AltitudeReference = AltitudeReference.HOME,
+        *,
+        yaw_rad: float | None = None,
+        blocking: bool = True,
+        timeout_s: float | None = None,
+    ) -> _Task:
+        task = self.vehicle.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
+        return _handle(task, blocking, timeout_s)
+
+    def follow_path(
+        self,
+        waypoints: Sequence[PoseStamped | Pose],
+        *,
+        corner_radius_m: float = 0.0,
+        blocking: bool = True,
+        timeout_s: float | None = None,
+    ) -> _Task:
+        task = self.vehicle.follow_path([_stamped(waypoint) for waypoint in waypoints], corner_radius_m)
+        return _handle(task, blocking, timeout_s)
+
+    def set_pose(self, pose: PoseStamped | Pose) -> None:
+        self.vehicle.set_pose(_stamped(pose))
+
+    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        self.vehicle.set_velocity(TwistStamped(velocity) if isinstance(velocity, Twist) else velocity)
+
+    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+        _wait(self.vehicle.recover_from_manual(), timeout_s, "recover_from_manual")
+
+    def set_home(self, set_z: bool = False) -> None:
+        self.vehicle.set_home(set_z)
+
+    def abort(self, freeze: bool = False) -> None:
+        self.vehicle.abort(freeze)
+
+    def task(self, task_id: str) -> _Task:
+        return _Task(self.vehicle.task(task_id))
+
+    @property
+    def simulation(self) -> Simulation:
+        """The world around a simulated UAV."""
+        return self.vehicle.simulation()
+
+
+class _Task:
+    """A task's handle; see `ual.interface.Task`."""
+
+    def __init__(self, task: VehicleTask) -> None:
+        self._task = task
+
+    @property
+    def id(self) -> str:
+        return self._task.id
+
+    @property
+    def kind(self) -> TaskKind:
+        return self._task.kind
+
+    def info(self) -> TaskInfo:
+        return self._task.info()
+
+    def done(self) -> bool:
+        return self._task.future.done()
+
+    def wait(self, timeout_s: float | None = None) -> TaskInfo:
+        _wait(self._task.future, timeout_s, f"wait for {self._task.kind.name.lower()}")
+        return self._task.info()
+
+    def cancel(self) -> None:
+        self._task.cancel()
+
+    def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
+        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=1e6)
+        while not self._task.future.done():
+            yield self._task.info()
+            concurrent.futures.wait([self._task.future], timeout=period_s)
+        yield self._task.info()
+
+
+class _Subscription:
+    """Calls back on a thread of its own with the newest sample; what comes while it is busy is counted as missed."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        callback: Callable[[Telemetry], None],
+        rate_hz: float,
+        on_close: Callable[[_Subscription], None],
+    ) -> None:
+        self._clock = vehicle.backend.clock
+        self._callback = callback
+        self._period_s = 1.0 / rate_hz if rate_hz else 0.0
+        self._next_s = float("-inf")
+        self._on_close = on_close
+        self._changed = threading.Condition()
+        self._newest: Telemetry | None = None
+        self._missed = 0
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._run, name="ual-subscription", daemon=True)
+        self._thread.start()
+        self._unsubscribe = vehicle.subscribe(self._offer)
+
+    def _offer(self, sample: Telemetry) -> None:
+        now_s = self._clock.now_s()
+        if now_s < self._next_s:
+            return
+        self._next_s = max(self._next_s + self._period_s, now_s)
+        with self._changed:
+            if self._newest is not None:
+                self._missed += 1
+            self._newest = sample
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._newest is not None or self._is_closed)
+                if self._is_closed or self._newest is None:
+                    return
+                sample = replace(self._newest, missed_count=self._missed)
+                self._newest, self._missed = None, 0
+            try:
+                self._callback(sample)
+            except Exception:  # noqa: BLE001  the user's own code: told, and the subscription goes on
+                _log.exception("a telemetry callback failed")
+
+    def close(self) -> None:
+        """Ends it; no call comes once this returns (unless called from the callback itself)."""
+        self._unsubscribe()
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        self._on_close(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+
+def _known(value: T | None, what: str, sample: Telemetry) -> T:
+    if value is None:
+        raise WrongStateError(f"the {what} is not known: {sample.state_reason}", {"state": sample.state.name})
+    return value
+
+
+def _stamped(pose: PoseStamped | Pose) -> PoseStamped:
+    return PoseStamped(pose) if isinstance(pose, Pose) else pose
+
+
+def _wait(future: Future[None], timeout_s: float | None, what: str) -> None:
+    """Waits for a future. `UalTimeoutError` when it has not ended in time; what it stands for goes on."""
+    done, _ = concurrent.futures.wait([future], timeout=timeout_s)
+    if not done:
+        raise UalTimeoutError(f"{what}: not done after the {timeout_s:g} s that the caller would wait")
+    future.result()
+
+
+def _handle(task: VehicleTask, blocking: bool, timeout_s: float | None) -> _Task:
+    handle = _Task(task)
+    if blocking:
+        try:
+            _wait(task.future, timeout_s, task.kind.name.lower())
+        except BaseException:
+            # The caller's deadline has passed, or he was interrupted (Ctrl-C): what he waited for shall not go on
+            # unwatched. Take-off and landing do; cancelling one that has ended does nothing.
+            if task.kind not in (TaskKind.TAKE_OFF, TaskKind.LAND):
+                task.cancel()
+            raise
+    return handle
