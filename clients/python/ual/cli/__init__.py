@@ -1,0 +1,7 @@
+"""The ``ual`` command: fly a UAV from a terminal or a script. See ``docs/cli.md``."""
+
+from __future__ import annotations
+
+from ual.cli.main import cli, main
+
+__all__ = ["cli", "main"]

@@ -1,0 +1,55 @@
+"""Commands for frames."""
+
+from __future__ import annotations
+
+import click
+
+from ual.cli import values
+from ual.cli.app import Session, UalCommand, UalGroup, pass_session
+from ual.cli.output import vector_text
+from ual.cli.tables import print_table
+from ual.geometry import Quaternion, Transform, Vector3
+
+
+@click.group("frames", cls=UalGroup, invoke_without_command=True)
+@click.pass_context
+def frames(context: click.Context) -> None:
+    """List the frames, or add one."""
+    if context.invoked_subcommand is None:
+        context.invoke(list_frames)
+
+
+@pass_session
+def list_frames(session: Session) -> None:
+    """Prints every frame with its parent."""
+    with session.connect() as uav:
+        found = uav.frames()
+    if session.as_json:
+        for frame in found:
+            session.emit(frame)
+        return
+    rows = []
+    for frame in found:
+        transform = frame.transform
+        where = "" if transform is None else vector_text(transform.translation)
+        turn = "" if transform is None else f"{transform.rotation.yaw_rad:.3f}"
+        rows.append((frame.frame_id, frame.parent_frame_id, where, turn, "fixed" if frame.is_static else "moves"))
+    print_table(("frame", "parent", "x y z (m)", "yaw (rad)", ""), rows)
+
+
+@frames.command("add", cls=UalCommand)
+@click.argument("name")
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("z", type=float)
+@click.option("--yaw", type=values.angle, default="0", help="How it is turned: 90deg, 1.57rad or 1.57.")
+@click.option("--parent", default="", help="Its parent; map when not given.")
+@pass_session
+def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:
+    """Add the frame NAME at X Y Z in its parent, or move it there."""
+    with session.connect() as uav:
+        uav.add_frame(Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw), parent, name))
+    session.emit({"done": "frames add", "frame_id": name}, f"frame {name} is there")
+
+
+COMMANDS = (frames,)

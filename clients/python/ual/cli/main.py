@@ -1,0 +1,35 @@
+"""The ``ual`` command with all its commands."""
+
+from __future__ import annotations
+
+import click
+
+from ual.cli import check, completion, flight, frames, simulation, status, waypoints
+from ual.cli.app import UalGroup
+
+
+@click.group(cls=UalGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="ual-client", prog_name="ual")
+def cli() -> None:
+    """Fly a UAV through its daemon.
+
+    Without --ns and --address it is the only UAV of this computer. Exit status: 0 done, 1 refused or failed (the reason
+    is on stderr), 2 wrong usage, 130 interrupted.
+    """
+
+
+for command in (
+    *status.COMMANDS,
+    *flight.COMMANDS,
+    *frames.COMMANDS,
+    *waypoints.COMMANDS,
+    *simulation.COMMANDS,
+    *check.COMMANDS,
+    *completion.COMMANDS,
+):
+    cli.add_command(command)
+
+
+def main() -> None:
+    """The entry point."""
+    cli(prog_name="ual")

@@ -1,0 +1,223 @@
+"""``ual sim``: the safety pilot, faults, time, noise and wind of a simulated UAV."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import click
+
+from ual.cli import values
+from ual.cli.app import Session, UalCommand, UalGroup, pass_session
+from ual.cli.tables import print_table
+from ual.geometry import Vector3
+from ual.simulation import (
+    AckLate,
+    AckLost,
+    BatteryLow,
+    Command,
+    CommandRefused,
+    EstimatorJumps,
+    Fault,
+    LinkLost,
+    MotorsWeak,
+    PositionLost,
+)
+
+
+@click.group("sim", cls=UalGroup)
+def sim() -> None:
+    """The world around a simulated UAV: its safety pilot, faults, time, noise and wind."""
+
+
+def _pilot(name: str, help_text: str, done: str, act: str) -> None:
+    def run(session: Session) -> None:
+        with session.connect() as uav:
+            getattr(uav.simulation, act)()
+        session.emit({"done": f"sim {name}"}, done)
+
+    sim.add_command(UalCommand(name, callback=pass_session(run), help=help_text))
+
+
+_pilot("arm", "The safety pilot arms.", "armed by the pilot", "pilot_arm")
+_pilot("disarm", "The safety pilot disarms.", "disarmed by the pilot", "pilot_disarm")
+_pilot("take-over", "The safety pilot takes over and flies by hand.", "the pilot flies", "pilot_take_over")
+_pilot("give-back", "The safety pilot switches back to the daemon.", "given back by the pilot", "pilot_give_back")
+
+
+@sim.command("sticks", cls=UalCommand)
+@click.option("--forward", type=float, default=0.0)
+@click.option("--left", type=float, default=0.0)
+@click.option("--up", type=float, default=0.0)
+@click.option("--turn", type=float, default=0.0, help="To the left.")
+@pass_session
+def sticks(session: Session, forward: float, left: float, up: float, turn: float) -> None:
+    """The safety pilot holds the sticks so: -1 to 1 each; 0 lets go."""
+    with session.connect() as uav:
+        uav.simulation.pilot_move_sticks(forward=forward, left=left, up=up, turn=turn)
+    session.emit({"done": "sim sticks"}, "sticks moved")
+
+
+@sim.command("speed", cls=UalCommand)
+@click.argument("factor", type=float)
+@pass_session
+def speed(session: Session, factor: float) -> None:
+    """Let time run FACTOR times as fast: 1 is real time, 0 stands still, inf is as fast as it can."""
+    with session.connect() as uav:
+        uav.simulation.set_speed_factor(factor)
+    session.emit({"done": "sim speed", "speed_factor": factor if math.isfinite(factor) else "inf"}, "speed set")
+
+
+@sim.command("step", cls=UalCommand)
+@click.argument("duration_s", type=float, metavar="SECONDS")
+@pass_session
+def step(session: Session, duration_s: float) -> None:
+    """Run standing time on by SECONDS."""
+    with session.connect() as uav:
+        uav.simulation.step(duration_s)
+    session.emit({"done": "sim step"}, f"{duration_s:g} s passed")
+
+
+@sim.command("noise", cls=UalCommand)
+@click.argument("position_m", type=float, metavar="POSITION")
+@click.argument("velocity_m_s", type=float, metavar="VELOCITY")
+@pass_session
+def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
+    """Noise of the estimates: one standard deviation of POSITION (m) and VELOCITY (m/s)."""
+    with session.connect() as uav:
+        uav.simulation.set_noise(position_m=position_m, velocity_m_s=velocity_m_s)
+    session.emit({"done": "sim noise"}, "noise set")
+
+
+@sim.command("wind", cls=UalCommand)
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("z", type=float, default=0.0)
+@pass_session
+def wind(session: Session, x: float, y: float, z: float) -> None:
+    """Steady wind that blows to X Y Z (m/s, map axes)."""
+    with session.connect() as uav:
+        uav.simulation.set_wind(Vector3(x, y, z))
+    session.emit({"done": "sim wind"}, "wind set")
+
+
+@sim.group("fault", cls=UalGroup)
+def fault() -> None:
+    """Faults below the interface: begin, end and list them."""
+
+
+@fault.group("begin", cls=UalGroup)
+def begin() -> None:
+    """Begin a fault; prints its id."""
+
+
+_duration = click.option(
+    "--for", "duration_s", type=float, default=0.0, help="End by itself after so many (simulated) seconds."
+)
+_command = click.option(
+    "--command",
+    "command",
+    type=click.Choice([each.name.lower() for each in Command]),
+    default=Command.ANY.name.lower(),
+    show_default=True,
+)
+
+
+def _begin(session: Session, new: Fault, duration_s: float) -> None:
+    with session.connect() as uav:
+        fault_id = uav.simulation.begin_fault(new, duration_s)
+    session.emit({"fault_id": fault_id}, fault_id)
+
+
+def _simple(name: str, help_text: str, make: Callable[[], Fault]) -> None:
+    def run(session: Session, duration_s: float) -> None:
+        _begin(session, make(), duration_s)
+
+    begin.command(name, cls=UalCommand, help=help_text)(_duration(pass_session(run)))
+
+
+_simple("link-lost", "Nothing comes from the autopilot and nothing reaches it.", LinkLost)
+_simple("position-lost", "The autopilot loses its position.", PositionLost)
+
+
+@begin.command("estimator-jumps", cls=UalCommand)
+@click.option("--offset", type=values.vector, default="1,0,0", show_default=True, help="By how much (m).")
+@click.option("--period", "period_s", type=float, default=5.0, show_default=True, help="Between two jumps.")
+@_duration
+@pass_session
+def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration_s: float) -> None:
+    """The position estimate jumps, there and back."""
+    _begin(session, EstimatorJumps(offset, period_s), duration_s)
+
+
+@begin.command("motors-weak", cls=UalCommand)
+@click.option("--power", "power_ratio", type=float, default=0.5, show_default=True, help="0 to 1.")
+@_duration
+@pass_session
+def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None:
+    """The motors give a part of their power."""
+    _begin(session, MotorsWeak(power_ratio), duration_s)
+
+
+@begin.command("battery-low", cls=UalCommand)
+@click.option("--percent", type=float, default=10.0, show_default=True, help="0 to 100.")
+@_duration
+@pass_session
+def battery_low(session: Session, percent: float, duration_s: float) -> None:
+    """The battery falls to a charge."""
+    _begin(session, BatteryLow(percent), duration_s)
+
+
+@begin.command("command-refused", cls=UalCommand)
+@_command
+@click.option("--text", default="refused by a simulated fault", show_default=True)
+@_duration
+@pass_session
+def command_refused(session: Session, command: str, text: str, duration_s: float) -> None:
+    """The autopilot refuses a command, in these words."""
+    _begin(session, CommandRefused(Command[command.upper()], text), duration_s)
+
+
+@begin.command("ack-lost", cls=UalCommand)
+@_command
+@_duration
+@pass_session
+def ack_lost(session: Session, command: str, duration_s: float) -> None:
+    """The autopilot obeys, but its acknowledgement never arrives."""
+    _begin(session, AckLost(Command[command.upper()]), duration_s)
+
+
+@begin.command("ack-late", cls=UalCommand)
+@_command
+@click.option("--delay", "delay_s", type=float, default=1.0, show_default=True, help="Seconds.")
+@_duration
+@pass_session
+def ack_late(session: Session, command: str, delay_s: float, duration_s: float) -> None:
+    """The acknowledgement of a command arrives late."""
+    _begin(session, AckLate(Command[command.upper()], delay_s), duration_s)
+
+
+@fault.command("end", cls=UalCommand)
+@click.argument("fault_id", default="", metavar="[ID]")
+@pass_session
+def end(session: Session, fault_id: str) -> None:
+    """End the fault ID, or all of them."""
+    with session.connect() as uav:
+        uav.simulation.end_fault(fault_id)
+    session.emit({"done": "sim fault end"}, "fault ended" if fault_id else "faults ended")
+
+
+@fault.command("list", cls=UalCommand)
+@pass_session
+def list_faults(session: Session) -> None:
+    """List the faults that are under way."""
+    with session.connect() as uav:
+        found = uav.simulation.faults()
+    if session.as_json:
+        for fault_id, active in found.items():
+            session.emit({"fault_id": fault_id, "kind": type(active).__name__, "fault": active})
+        return
+    print_table(("id", "fault"), [(fault_id, str(active)) for fault_id, active in found.items()])
+
+
+COMMANDS = (sim,)

@@ -1,0 +1,112 @@
+"""Commands that look: which UAVs there are, and how they are."""
+
+from __future__ import annotations
+
+import math
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import click
+
+from ual import discovery
+from ual.cli.app import REFUSED, Session, command, pass_session
+from ual.cli.tables import print_table
+from ual.cli.watch import watch
+from ual.discovery import Registration
+from ual.errors import UalError
+from ual.types import State, Telemetry
+
+_PARALLEL = 16
+
+
+@command("list")
+@pass_session
+def list_uavs(session: Session) -> None:
+    """List the UAVs whose daemons run on this computer."""
+    daemons = discovery.list_daemons()
+    with ThreadPoolExecutor(_PARALLEL) as pool:
+        states = list(pool.map(_state, daemons))
+    rows = []
+    for daemon, (state, reason) in zip(daemons, states, strict=True):
+        session.emit(
+            {
+                "ns": daemon.ns,
+                "state": state,
+                "reason": reason,
+                "backend": daemon.backend,
+                "address": daemon.address,
+                "pid": daemon.pid,
+                "started_s": daemon.started_s,
+            }
+        )
+        rows.append(
+            (daemon.ns, reason if state is None else state.name, daemon.backend, daemon.address, str(daemon.pid))
+        )
+    if not session.as_json:
+        print_table(("uav", "state", "backend", "address", "pid"), rows)
+        if not rows and sys.stdout.isatty():
+            click.echo("no daemon runs on this computer: start one with `ual-daemon`")
+
+
+def _state(daemon: Registration) -> tuple[State | None, str]:
+    from ual.client import Uav
+
+    with Uav(daemon.ns, address=daemon.address) as uav:
+        try:
+            telemetry = uav.telemetry()
+        except UalError as error:
+            return None, error.reason
+    return telemetry.state, telemetry.state_reason
+
+
+@command("info")
+@pass_session
+def info(session: Session) -> None:
+    """Say who the UAV is and what it can do."""
+    with session.connect() as uav:
+        found = uav.info()
+    if session.as_json:
+        session.emit(found)
+        return
+    limits = found.limits
+    rows = (
+        ("namespace", found.namespace),
+        ("backend", found.backend + (" (simulation)" if found.is_simulation else "")),
+        ("autopilot", f"{found.autopilot or 'not known yet'} {found.autopilot_version}".strip()),
+        ("url", found.url),
+        ("daemon", found.ual_version),
+        ("can", ", ".join(sorted(capability.name for capability in found.capabilities))),
+        ("arming", "permitted" if found.is_arming_allowed else "by the safety pilot only"),
+        ("horizontal speed", f"{limits.horizontal_speed_m_s:g} m/s"),
+        ("horizontal acceleration", f"{limits.horizontal_acceleration_m_s2:g} m/s²"),
+        (
+            "vertical speed",
+            f"{limits.climb_speed_m_s:g} m/s up, {limits.descent_speed_m_s:g} m/s down",
+        ),
+        ("vertical acceleration", f"{limits.vertical_acceleration_m_s2:g} m/s²"),
+        ("turn rate", f"{math.degrees(limits.yaw_rate_rad_s):.0f} °/s"),
+    )
+    print_table(("", ""), rows)
+
+
+@command("state")
+@pass_session
+def state(session: Session) -> None:
+    """Print the state of the UAV."""
+    with session.connect() as uav:
+        telemetry = uav.telemetry()
+        ns = uav.ns
+    session.emit(
+        {"ns": ns, "state": telemetry.state, "reason": telemetry.state_reason, "flight_mode": telemetry.flight_mode},
+        _state_text(telemetry),
+    )
+    if telemetry.state is State.UNINITIALIZED:
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _state_text(telemetry: Telemetry) -> str:
+    # A pipe gets the name alone, for scripts to compare.
+    return f"{telemetry.state.name}: {telemetry.state_reason}" if sys.stdout.isatty() else telemetry.state.name
+
+
+COMMANDS = (list_uavs, info, state, watch)
