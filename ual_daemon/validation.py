@@ -17,6 +17,7 @@ from ual_daemon.settings import FRAME_ID_PATTERN
 MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
 MAX_TURN_RATE_RAD_S = 1000.0
+MAX_ANGLE_RAD = 1e6
 
 _NORM_TOLERANCE = 0.05
 """How far from 1 the norm of a quaternion may be to count as a rotation slightly off."""
@@ -129,6 +130,8 @@ def frame_id(value: str, field: str) -> str:
 
 def transform(value: Transform, field: str) -> Transform:
     """A transform between named frames; an empty parent is left empty."""
+    if not isinstance(value, Transform):
+        raise refuse(field, f"{value!r} is no Transform")
     return Transform(
         position(value.translation, f"{field}.translation"),
         rotation(value.rotation, f"{field}.rotation"),

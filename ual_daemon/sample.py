@@ -1,0 +1,69 @@
+"""Telemetry: one sample of everything known, made from a snapshot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ual.errors import WrongStateError
+from ual.geometry import Pose, Transform, Twist
+from ual.types import Odometry, Telemetry
+
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.estimator import Estimate
+from ual_daemon.flight import Flight
+from ual_daemon.frames import MAP
+from ual_daemon.places import Places
+
+
+def make_sample(
+    snapshot: Snapshot, found: Estimate, places: Places, flight: Flight, pose_frame_id: str | None, sequence: int
+) -> Telemetry:
+    """A sample; poses in `pose_frame_id` (None: ``<ns>/odom``, which also stands in until that one is known)."""
+    odom = places.tree.odom
+    body = places.body(snapshot)
+    twist = None if snapshot.velocity is None else snapshot.velocity.value
+    local_reference = flight.reference_pose()
+    reference = None if local_reference is None else places.to_odom(local_reference)
+    pose, velocity, frame_id = body, twist, odom
+    to_frame = _lookup(places, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
+    if to_frame is not None:
+        frame_id = to_frame.frame_id
+        pose = None if body is None else to_frame.apply_pose(body)
+        velocity = None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular)
+        reference = None if reference is None else to_frame.apply_pose(reference)
+    in_map = _lookup(places, MAP, places.tree.body, body)
+    return Telemetry(
+        state=found.state,
+        state_reason=found.why,
+        stamp_s=snapshot.stamp_s,
+        frame_id=frame_id,
+        pose=pose,
+        velocity=velocity,
+        odometry=_odometry(snapshot, places, body, twist),
+        transform=None if in_map is None else replace(in_map, stamp_s=snapshot.stamp_s),
+        reference_pose=reference,
+        position_geo=snapshot.position_geo,
+        battery=snapshot.battery,
+        gps=snapshot.gps,
+        flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
+        armed=snapshot.armed is not None and snapshot.armed.value,
+        task=flight.task_info(),
+        sequence=sequence,
+        status_text=snapshot.status_text,
+    )
+
+
+def _lookup(places: Places, target: str | None, source: str, body: Pose | None) -> Transform | None:
+    if target is None:
+        return None
+    try:
+        return places.tree.lookup(target, source, body)
+    except WrongStateError:  # not known yet where it is
+        return None
+
+
+def _odometry(snapshot: Snapshot, places: Places, body: Pose | None, twist: Twist | None) -> Odometry | None:
+    if body is None or twist is None:
+        return None
+    in_body = Twist(body.orientation.inverse().rotate(twist.linear), twist.angular)
+    return Odometry(body, in_body, places.tree.odom, places.tree.body, snapshot.stamp_s)
