@@ -139,6 +139,8 @@ class MavlinkBackend(Backend):
             self._converse(link, conversation, on_update)
         finally:
             link.close()
+            if conversation.corrupt_count:
+                _log.warning("%d bytes or frames from %s were no messages", conversation.corrupt_count, self.url)
 
     def _converse(self, link: UdpLink, conversation: Conversation, on_update: UpdateCallback) -> None:
         next_tick_s = next_open_s = updated_s = self.clock.now_s()

@@ -1,0 +1,111 @@
+"""An autopilot's side of a conversation, scripted, without sockets."""
+
+from collections.abc import Callable
+from typing import Any
+
+from ual_daemon.backends.mavlink.conversation import Conversation
+from ual_daemon.backends.mavlink.frames import split
+from ual_daemon.backends.mavlink.link import Address
+from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+
+UTC_S = 1.8e9
+"""UTC when the fake clock is at 0."""
+ADDRESS = ("127.0.0.1", 14580)
+BOOT_MS = 5000
+"""Time since boot when the fake clock is at 0."""
+
+
+def packer(system_id: int = 1, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> Callable[[Message], bytes]:
+    """What turns messages into the bytes that a component of a system sends."""
+    codec = Codec(component_id)
+    codec.join(system_id)
+    return codec.encode
+
+
+def heartbeat(
+    custom_mode: int = 0x03040000,
+    *,
+    armed: bool = False,
+    autopilot: int = mavlink.MAV_AUTOPILOT_PX4,
+    kind: int = mavlink.MAV_TYPE_QUADROTOR,
+) -> Message:
+    base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    return mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, 3, 3)
+
+
+def attitude(yaw_ned_rad: float = 0.0) -> Message:
+    import math
+
+    return mavlink.MAVLink_attitude_quaternion_message(
+        BOOT_MS, math.cos(yaw_ned_rad / 2), 0.0, 0.0, math.sin(yaw_ned_rad / 2), 0.1, 0.2, 0.3
+    )
+
+
+def position(now_s: float, north: float = 1.0, east: float = 2.0, down: float = -3.0) -> Message:
+    return mavlink.MAVLink_local_position_ned_message(BOOT_MS + int(now_s * 1000), north, east, down, 0.5, 0.25, -0.125)
+
+
+def ack(command: int, result: int, target: tuple[int, int] = (1, 191)) -> Message:
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *target)
+
+
+class FakeLink:
+    """Keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self._peer: Address | None = None
+
+    @property
+    def peer(self) -> Address | None:
+        return self._peer
+
+    def answer_to(self, address: Address) -> None:
+        self._peer = address
+
+    def send(self, data: bytes) -> bool:
+        self.sent.append(data)
+        return True
+
+    def take(self, kind: str) -> list[Any]:
+        """The messages of a kind sent since the last `take`."""
+        codec = Codec(1)
+        frames = [frame for data in self.sent for frame in split(data)[0]]
+        self.sent.clear()
+        return [message for frame in frames if (message := codec.decode(frame)).get_type() == kind]
+
+
+class Talk:
+    """A conversation with a scripted PX4 of system 1, on a clock that is moved by hand."""
+
+    def __init__(self, settings: MavlinkSettings | None = None) -> None:
+        self.now_s = 0.0
+        self.setpoints_s = 0.0
+        self.link = FakeLink()
+        self.conversation = Conversation(settings or MavlinkSettings(), self.link, lambda _: self.setpoints_s)
+        self.pack = packer()
+
+    def hear(self, *messages: Message, data: bytes = b"", address: Address = ADDRESS) -> None:
+        """The autopilot sends messages (or bytes)."""
+        for datagram in (*map(self.pack, messages), *([data] if data else [])):
+            self.conversation.receive(datagram, address, self.now_s, UTC_S + self.now_s)
+
+    def run(self, duration_s: float, step_s: float = 0.05) -> None:
+        """Time passes."""
+        for _ in range(round(duration_s / step_s)):
+            self.now_s += step_s
+            self.conversation.tick(self.now_s)
+
+    def commands(self, command: int) -> list[Any]:
+        """The commands of an id sent since the last look."""
+        return [message for message in self.link.take("COMMAND_LONG") if message.command == command]
+
+    @property
+    def vehicle(self):
+        vehicle = self.conversation.vehicle
+        assert vehicle is not None
+        return vehicle
+
+    def snapshot(self):
+        return self.vehicle.snapshot(self.now_s)

@@ -1,0 +1,294 @@
+"""The backend as a whole, over real UDP sockets on loopback."""
+
+import contextlib
+import logging
+import socket
+import threading
+import time
+from concurrent.futures import Future
+
+import pytest
+from ual.errors import LinkLostError, NotSupportedError
+from ual.geometry import Vector3
+from ual.types import State
+
+from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
+from tests.ual_daemon.backends.mavlink.traces import load, replay
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.mavlink import MavlinkBackend
+from ual_daemon.backends.mavlink.frames import split
+from ual_daemon.backends.mavlink.messages import Codec, mavlink
+from ual_daemon.backends.values import PositionSetpoint, Snapshot, VelocitySetpoint
+from ual_daemon.estimator import estimate
+
+PATIENCE_S = 20.0
+SETPOINT = VelocitySetpoint(Vector3(1.0, 0.0, 0.0))
+
+
+def wait_for(condition, what: str):
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s, f"{what} did not come"
+        time.sleep(0.005)
+    return found
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Autopilot:
+    """The other end of the link: sends what it is told, and what it got can be looked at."""
+
+    def __init__(self, port: int | None = None) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE_S)
+        self.peer = None if port is None else ("127.0.0.1", port)
+        self.pack = packer()
+
+    @property
+    def port(self) -> int:
+        return self.socket.getsockname()[1]
+
+    def say(self, *messages) -> None:
+        for message in messages:
+            self.socket.sendto(self.pack(message), self.peer)
+
+    def hear(self, kind: str, **fields):
+        """The next message of a kind with such fields."""
+        while True:
+            data, self.peer = self.socket.recvfrom(4096)
+            for frame in split(data)[0]:
+                message = Codec(1).decode(frame)
+                if message.get_type() == kind and all(getattr(message, n) == v for n, v in fields.items()):
+                    return message
+
+    def hears_nothing_of(self, kind: str, for_s: float) -> bool:
+        deadline_s = time.monotonic() + for_s
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            self.socket.settimeout(left_s)
+            with contextlib.suppress(TimeoutError):
+                data, _ = self.socket.recvfrom(4096)
+                if any(Codec(1).decode(frame).get_type() == kind for frame in split(data)[0]):
+                    return False
+        self.socket.settimeout(PATIENCE_S)
+        return True
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+@contextlib.contextmanager
+def opened(url: str, on_update=lambda _: None, **settings):
+    backend = MavlinkBackend(BackendOptions("uav_1", url, settings))
+    backend.open(on_update)
+    try:
+        yield backend
+    finally:
+        backend.close()
+
+
+@pytest.fixture
+def pair():
+    """A backend and an autopilot that have met."""
+    port = free_port()
+    with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}") as backend:
+
+        def meets() -> bool:
+            autopilot.say(heartbeat())
+            return backend.info().autopilot == "PX4"
+
+        wait_for(meets, "the autopilot")
+        yield backend, autopilot
+
+
+def test_a_recorded_take_off_replayed_over_udp_shows_its_states():
+    port = free_port()
+    states: list[State] = []
+
+    def on_update(snapshot: Snapshot) -> None:
+        found = estimate(snapshot, MavlinkBackend.freshness).state
+        if states[-1:] != [found]:
+            states.append(found)
+
+    expected = [
+        State.UNINITIALIZED,
+        State.LANDED_DISARMED,
+        State.LANDED_ARMED,
+        State.TAKING_OFF,
+        State.FLYING_MANUAL,
+    ]
+    with opened(f"udpin://127.0.0.1:{port}", on_update) as backend:
+        wait_for(lambda: states, "the first update")
+        replay(load("px4_auto_takeoff_loiter_rtl"), port, speed_factor=6.0, until_s=14.0)
+        wait_for(lambda: states[-1] is expected[-1], "the last state")
+        assert states == expected
+        pose = backend.snapshot().pose
+        assert pose is not None
+        assert pose.value.position.z > 2.0
+
+
+def test_updates_come_at_each_pose_and_without_any():
+    seen: list[Snapshot] = []
+    port = free_port()
+    with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", seen.append):
+        wait_for(lambda: len(seen) > 5, "updates of silence")
+        assert seen[-1].heard_s is None
+        autopilot.say(heartbeat(), attitude(), position(0.0))
+        first = wait_for(lambda: [s for s in seen if s.pose is not None], "the first pose")[0]
+        autopilot.say(attitude(), position(0.02, north=5.0))
+        second = wait_for(lambda: [s for s in seen if s.pose and s.pose.value.position.y == 5.0], "the next")[0]
+        assert first.pose.time_s < second.pose.time_s <= second.time_s
+
+
+def test_an_update_that_fails_does_not_end_the_conversation(caplog):
+    count = 0
+
+    def fail(_: Snapshot) -> None:
+        nonlocal count
+        count += 1
+        raise ValueError("a defect above")
+
+    with caplog.at_level(logging.CRITICAL), opened(f"udpin://127.0.0.1:{free_port()}", fail):
+        wait_for(lambda: count > 3, "more updates")
+
+
+def test_a_setpoint_has_left_when_send_returns(pair):
+    backend, autopilot = pair
+    backend.send(SETPOINT)
+    sent = autopilot.hear("SET_POSITION_TARGET_LOCAL_NED")
+    assert (sent.vx, sent.vy, sent.target_system) == (0.0, 1.0, 1)
+    backend.send(PositionSetpoint(Vector3(1.0, 2.0, 3.0), 0.0))
+    assert autopilot.hear("SET_POSITION_TARGET_LOCAL_NED").z == -3.0
+
+
+def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard():
+    with opened(f"udpin://127.0.0.1:{free_port()}") as backend:
+        backend.send(SETPOINT)
+        for command in (backend.arm, backend.land, backend.hold, backend.take_control, backend.disarm):
+            assert isinstance(command().exception(PATIENCE_S), LinkLostError)
+        error = backend.take_off(3.0).exception(PATIENCE_S)
+        assert str(error) == f"cannot take off: no autopilot is heard at {backend.url}"
+
+
+def test_no_setpoint_goes_out_while_the_link_is_down(pair, monkeypatch):
+    backend, autopilot = pair
+    heard_s = backend.snapshot().heard_s
+    monkeypatch.setattr(backend.clock, "now_s", lambda: heard_s + backend.freshness.link_s + 0.1)
+    backend.send(SETPOINT)
+    assert autopilot.hears_nothing_of("SET_POSITION_TARGET_LOCAL_NED", 0.2)
+    assert isinstance(backend.arm().exception(PATIENCE_S), LinkLostError)
+
+
+def test_a_command_ends_with_the_autopilots_acknowledgement(pair):
+    backend, autopilot = pair
+    future = backend.arm()
+    autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    autopilot.say(ack(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_RESULT_ACCEPTED))
+    assert future.result(PATIENCE_S) is None
+    # and a heartbeat is asked for, so that the state follows at once
+    autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_REQUEST_MESSAGE, param1=0.0)
+
+
+def test_a_stream_of_setpoints_opens_the_way_to_take_control(pair):
+    backend, autopilot = pair
+    future = backend.take_control()
+    stop = threading.Event()
+
+    def stream() -> None:
+        while not stop.wait(0.02):
+            backend.send(SETPOINT)
+            autopilot.say(heartbeat())  # the link stays up
+
+    sender = threading.Thread(target=stream)
+    sender.start()
+    try:
+        asked = autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_DO_SET_MODE)
+        assert (asked.param2, asked.param3) == (6.0, 0.0)
+        for _ in range(2):
+            autopilot.say(ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED))
+        assert future.result(PATIENCE_S) is None
+    finally:
+        stop.set()
+        sender.join()
+
+
+def test_flying_an_unknown_autopilot_is_not_supported():
+    port = free_port()
+    with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}") as backend:
+
+        def meets() -> bool:
+            autopilot.say(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA))
+            return backend.snapshot().armed is not None
+
+        wait_for(meets, "the autopilot")
+        assert isinstance(backend.arm().exception(PATIENCE_S), NotSupportedError)
+        with pytest.raises(NotSupportedError):
+            backend.send(SETPOINT)
+
+
+def test_udpout_calls_the_autopilot():
+    with contextlib.closing(Autopilot()) as autopilot, opened(f"udpout://127.0.0.1:{autopilot.port}") as backend:
+        autopilot.hear("HEARTBEAT", type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
+        autopilot.say(heartbeat())
+        wait_for(lambda: backend.snapshot().armed, "the autopilot's answer")
+
+
+def test_a_taken_port_is_told_and_tried_again(monkeypatch):
+    monkeypatch.setattr("ual_daemon.backends.mavlink.backend.REOPEN_S", 0.02)
+    port = free_port()
+    with contextlib.ExitStack() as stack:
+        other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        other.bind(("127.0.0.1", port))
+        backend = stack.enter_context(opened(f"udpin://127.0.0.1:{port}"))
+        text = wait_for(lambda: backend.snapshot().status_text, "the trouble")
+        assert text == (
+            f"cannot listen at UDP 127.0.0.1:{port}: Address already in use; "
+            "trying again (does another program use this port?)"
+        )
+        other.close()
+        autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
+
+        def meets() -> bool:
+            autopilot.say(heartbeat())
+            return backend.snapshot().armed is not None
+
+        wait_for(meets, "the autopilot")
+        assert backend.snapshot().status_text == ""
+
+
+def test_closing_ends_the_updates_the_thread_and_the_socket():
+    port = free_port()
+    seen: list[Snapshot] = []
+    before = threading.active_count()
+    for _ in range(3):
+        with opened(f"udpin://127.0.0.1:{port}", seen.append):
+            wait_for(lambda: len(seen) > 2, "updates")
+        assert threading.active_count() == before
+        seen.clear()
+
+
+def test_closing_from_an_update_does_not_wait_for_itself():
+    closed: Future[None] = Future()
+    backend = MavlinkBackend(BackendOptions("uav_1", f"udpin://127.0.0.1:{free_port()}"))
+
+    def close(_: Snapshot) -> None:
+        backend.close()
+        if not closed.done():
+            closed.set_result(None)
+
+    backend.open(close)
+    closed.result(PATIENCE_S)
+    backend.close()
+
+
+def test_a_backend_never_opened_can_be_asked_and_closed():
+    backend = MavlinkBackend(BackendOptions("uav_1"))
+    assert backend.snapshot().pose is None
+    assert backend.info().autopilot == ""
+    assert isinstance(backend.land().exception(PATIENCE_S), LinkLostError)
+    backend.send(SETPOINT)
+    backend.close()

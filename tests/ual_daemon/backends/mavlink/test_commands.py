@@ -1,0 +1,189 @@
+import pytest
+from ual.errors import RejectedByAutopilotError
+
+from tests.ual_daemon.backends.mavlink.fakes import Talk as AnyTalk
+from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
+from ual_daemon.backends.mavlink.commands import Command, request_message
+from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.px4 import Px4
+
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
+LAND = mavlink.MAV_CMD_NAV_LAND
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+IN_PROGRESS = mavlink.MAV_RESULT_IN_PROGRESS
+PX4 = Px4()
+
+
+class Talk(AnyTalk):
+    """A conversation that is already under way, its link up."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.hear(heartbeat())
+
+    def submit(self, command: Command):
+        return self.vehicle.submit(command, self.now_s)
+
+
+def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement():
+    talk = Talk()
+    future = talk.submit(PX4.arm(is_arming=True))
+    (sent,) = talk.commands(ARM)
+    assert (sent.target_system, sent.target_component, sent.confirmation) == (1, 1, 0)
+    assert (sent.param1, sent.param2) == (1.0, 0.0)
+    assert not future.done()
+    talk.hear(ack(ARM, ACCEPTED))
+    assert future.result(0) is None
+
+
+def test_disarming_is_never_forced():
+    talk = Talk()
+    talk.submit(PX4.arm(is_arming=False))
+    (sent,) = talk.commands(ARM)
+    assert [getattr(sent, f"param{i}") for i in range(1, 8)] == [0.0] * 7
+
+
+def test_an_unanswered_command_is_sent_again_counting_and_then_left_open():
+    talk = Talk()
+    future = talk.submit(PX4.arm(is_arming=True))
+    talk.run(10.0)
+    assert [sent.confirmation for sent in talk.commands(ARM)] == [0, 1, 2, 3]
+    assert not future.done()
+
+
+def test_a_late_acknowledgement_still_counts():
+    talk = Talk()
+    future = talk.submit(PX4.arm(is_arming=True))
+    talk.run(1.2)
+    talk.hear(ack(ARM, ACCEPTED))
+    talk.link.sent.clear()
+    talk.run(3.0)
+    assert future.done()
+    assert talk.commands(ARM) == []
+
+
+@pytest.mark.parametrize("answer", [ack(LAND, ACCEPTED), ack(ARM, ACCEPTED, (1, 190)), ack(ARM, ACCEPTED, (255, 191))])
+def test_an_acknowledgement_of_another_command_or_to_somebody_else_is_not_ours(answer):
+    talk = Talk()
+    future = talk.submit(PX4.arm(is_arming=True))
+    talk.hear(answer)
+    assert not future.done()
+
+
+def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it():
+    talk = Talk()
+    future = talk.submit(PX4.arm(is_arming=True))
+    talk.hear(mavlink.MAVLink_statustext_message(2, b"Arming denied: no battery", 0, 0))
+    talk.hear(ack(ARM, REJECTED))
+    assert not future.done()
+    talk.hear(mavlink.MAVLink_statustext_message(2, b"Resolve failures first", 0, 0))
+    talk.run(0.15)
+    error = future.exception(0)
+    assert isinstance(error, RejectedByAutopilotError)
+    assert str(error) == (
+        "PX4 refused to arm: TEMPORARILY_REJECTED; it said: Arming denied: no battery; it said: Resolve failures first"
+    )
+    assert error.metadata == {"result": "TEMPORARILY_REJECTED", "command": "MAV_CMD_COMPONENT_ARM_DISARM"}
+
+
+def test_work_in_progress_is_waited_for_without_sending_again():
+    talk = Talk()
+    future = talk.submit(PX4.land())
+    talk.hear(ack(LAND, IN_PROGRESS))
+    talk.run(5.0)
+    assert len(talk.commands(LAND)) == 1
+    talk.hear(ack(LAND, ACCEPTED))
+    assert future.done()
+
+
+def test_a_mode_change_is_believed_at_its_second_acknowledgement():
+    talk = Talk()
+    future = talk.submit(PX4.hold())
+    talk.hear(ack(SET_MODE, ACCEPTED))
+    assert not future.done()
+    talk.hear(ack(SET_MODE, REJECTED))
+    talk.run(0.15)
+    assert isinstance(future.exception(0), RejectedByAutopilotError)
+
+
+def test_a_mode_change_acknowledged_twice_or_only_once_is_done():
+    for count in (1, 2):
+        talk = Talk()
+        future = talk.submit(PX4.hold())
+        for _ in range(count):
+            talk.hear(ack(SET_MODE, ACCEPTED))
+        assert future.done() is (count == 2)
+        talk.run(0.35)
+        assert future.result(0) is None
+
+
+def test_control_is_taken_only_once_setpoints_have_flowed():
+    talk = Talk()
+    talk.submit(PX4.take_control())
+    talk.run(0.2)
+    assert talk.commands(SET_MODE) == []
+    talk.setpoints_s = 0.45
+    talk.run(0.05)
+    (sent,) = talk.commands(SET_MODE)
+    assert (sent.param1, sent.param2, sent.param3) == (1.0, 6.0, 0.0)
+
+
+def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong():
+    talk = Talk()
+    talk.submit(PX4.take_off(3.0))
+    talk.run(3.1)
+    assert len(talk.commands(SET_MODE)) == 1
+
+
+def test_a_newer_mode_replaces_the_one_before_at_once():
+    talk = Talk()
+    waiting = talk.submit(PX4.take_control())
+    holding = talk.submit(PX4.hold())
+    assert [(sent.param2, sent.param3) for sent in talk.commands(SET_MODE)] == [(4.0, 3.0)]
+    landing = talk.submit(PX4.land())
+    talk.setpoints_s = 1.0
+    talk.hear(ack(LAND, ACCEPTED))
+    talk.run(5.0)
+    assert talk.commands(SET_MODE) == []
+    assert landing.done()
+    assert not waiting.done()
+    assert not holding.done()
+
+
+def test_of_one_kind_of_request_one_is_under_way_at_a_time():
+    talk = Talk()
+    first, second = (talk.submit(request_message(message_id)) for message_id in (49, 242))
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    assert [sent.param1 for sent in talk.commands(request)] == [49.0]
+    talk.hear(ack(request, ACCEPTED))
+    assert [sent.param1 for sent in talk.commands(request)] == [242.0]
+    assert (first.done(), second.done()) == (True, False)
+
+
+def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event():
+    talk = Talk()
+    talk.hear(*ANSWERS)
+    talk.run(2.0)
+    talk.link.sent.clear()
+    talk.submit(PX4.arm(is_arming=True))
+    talk.hear(ack(ARM, ACCEPTED))
+    talk.run(0.05)
+    assert _heartbeats_asked(talk) == 1
+    for _ in range(5):
+        talk.hear(data=EVENT)
+    talk.run(0.2)
+    assert _heartbeats_asked(talk) == 1
+
+
+EVENT = b"\xfd\x01\x00\x00\x00\x01\x01" + (410).to_bytes(3, "little") + b"\x00\x00\x00"
+ANSWERS = [
+    mavlink.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0),
+    mavlink.MAVLink_gps_global_origin_message(1, 1, 1),
+    mavlink.MAVLink_home_position_message(1, 1, 1, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0),
+]
+
+
+def _heartbeats_asked(talk: Talk) -> int:
+    return len([sent for sent in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if sent.param1 == 0.0])

@@ -1,0 +1,308 @@
+import math
+
+import pytest
+from ual.geometry import Vector3
+from ual.types import GpsFix, State
+
+from tests.ual_daemon.backends.mavlink.fakes import (
+    ADDRESS,
+    BOOT_MS,
+    UTC_S,
+    Talk,
+    ack,
+    attitude,
+    heartbeat,
+    packer,
+    position,
+)
+from ual_daemon.backends.mavlink.backend import MavlinkBackend
+from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.values import Control, LandedState
+from ual_daemon.estimator import estimate
+from ual_daemon.geodesy import SphereProjection
+
+GOOD = 0x37F
+
+
+def estimator_status(flags=GOOD):
+    return mavlink.MAVLink_estimator_status_message(0, flags, 0, 0, 0, 0, 0, 0, 0, 0)
+
+
+def on_ground():
+    return mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+
+def state(talk: Talk) -> State:
+    return estimate(talk.snapshot(), MavlinkBackend.freshness).state
+
+
+# --- Whom it hears ----------------------------------------------------------------------------------------------------
+
+
+def test_the_first_autopilot_heard_is_the_only_one():
+    talk = Talk()
+    talk.hear(data=packer(7)(heartbeat()))
+    talk.hear(data=packer(8)(heartbeat(armed=True)))
+    talk.hear(data=packer(8)(attitude()) + packer(8)(position(0.0)))
+    assert talk.vehicle.system_id == 7
+    assert talk.snapshot().armed.value is False
+    assert talk.snapshot().pose is None
+
+
+def test_with_a_system_id_set_any_other_is_passed_over():
+    talk = Talk(MavlinkSettings(system_id=8))
+    talk.hear(data=packer(7)(heartbeat()))
+    assert talk.conversation.vehicle is None
+    talk.hear(data=packer(8)(heartbeat()))
+    assert talk.vehicle.system_id == 8
+
+
+def test_heartbeats_of_other_components_change_nothing():
+    talk = Talk()
+    gcs = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink.MAV_TYPE_GCS)
+    talk.hear(data=packer(255, 190)(gcs))
+    talk.hear(data=packer(9, 1)(gcs))  # some ground stations call themselves component 1
+    assert talk.conversation.vehicle is None
+    talk.hear(heartbeat(0x00060000, armed=True))
+    talk.hear(data=packer(1, 154)(heartbeat(0)))  # a gimbal of the same system
+    talk.hear(data=packer(255, 190)(gcs))
+    snapshot = talk.snapshot()
+    assert (snapshot.armed.value, snapshot.mode.value.name) == (True, "OFFBOARD")
+
+
+def test_nothing_is_sent_until_somebody_is_known_and_then_to_where_he_sends_from():
+    talk = Talk()
+    talk.run(3.0)
+    assert talk.link.sent == []
+    talk.hear(heartbeat(), address=("10.0.0.7", 1234))
+    assert talk.link.peer == ("10.0.0.7", 1234)
+    talk.hear(attitude(), address=("10.0.0.7", 5678))
+    assert talk.link.peer == ("10.0.0.7", 5678)
+
+
+def test_who_sends_no_valid_frame_is_not_answered():
+    talk = Talk()
+    talk.hear(heartbeat())
+    damaged = bytearray(talk.pack(attitude()))
+    damaged[-1] ^= 1
+    talk.hear(data=bytes(damaged), address=("6.6.6.6", 6))
+    talk.hear(data=packer(2)(attitude()), address=("6.6.6.6", 6))
+    assert talk.link.peer == ADDRESS
+
+
+def test_a_known_peer_is_called_once_a_second_until_the_autopilot_answers():
+    talk = Talk()
+    talk.link.answer_to(ADDRESS)
+    talk.run(2.5)
+    assert len(talk.link.take("HEARTBEAT")) == 3
+
+
+def test_our_heartbeat_is_an_onboard_computers_of_the_same_system_at_1_hz():
+    talk = Talk()
+    talk.hear(data=packer(7)(heartbeat()))
+    talk.run(5.0)
+    beats = talk.link.take("HEARTBEAT")
+    assert len(beats) == 5
+    assert {(b.get_srcSystem(), b.get_srcComponent(), b.type, b.autopilot) for b in beats} == {
+        (7, 191, mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID)
+    }
+
+
+# --- What it makes of it ----------------------------------------------------------------------------------------------
+
+
+def test_pose_and_velocity_are_in_our_axes():
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(0.0), position(0.0, north=1.0, east=2.0, down=-3.0))
+    snapshot = talk.snapshot()
+    assert snapshot.pose.value.position == Vector3(2.0, 1.0, 3.0)
+    assert snapshot.pose.value.yaw_rad == pytest.approx(math.pi / 2)
+    assert snapshot.velocity.value.linear == Vector3(0.25, 0.5, 0.125)
+    assert tuple(snapshot.velocity.value.angular) == pytest.approx((0.1, -0.2, -0.3))
+
+
+def test_a_position_without_a_fresh_attitude_is_no_pose():
+    talk = Talk()
+    talk.hear(heartbeat(), position(0.0))
+    assert talk.snapshot().pose is None
+    talk.hear(attitude(), position(0.0))
+    assert talk.snapshot().pose.time_s == 0.0
+    talk.now_s = 0.6
+    talk.hear(position(0.6))
+    assert talk.snapshot().pose.time_s == 0.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_position_that_is_no_number_is_no_pose(bad):
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(), position(0.0, north=bad))
+    assert talk.snapshot().pose is None
+
+
+def test_the_stamp_is_when_the_autopilot_measured():
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(), position(0.0))
+    talk.now_s = 0.3  # comes 0.1 s late
+    talk.hear(attitude(), position(0.2))
+    assert talk.snapshot().stamp_s == pytest.approx(UTC_S + 0.2)
+
+
+def test_an_autopilot_that_says_everything_is_ready():
+    talk = Talk()
+    talk.hear(heartbeat())
+    assert state(talk) is State.UNINITIALIZED
+    talk.hear(attitude(), position(0.0), on_ground(), estimator_status())
+    assert state(talk) is State.LANDED_DISARMED
+
+
+@pytest.mark.parametrize(
+    ("flags", "why"),
+    [
+        (0x3FF, ""),
+        (0x33F, ""),
+        (0x37F, ""),
+        (0x365, "no horizontal velocity, horizontal position"),
+        (0x25, "no horizontal velocity, horizontal position"),
+        (0, "no attitude, horizontal velocity, vertical velocity, horizontal position, height"),
+    ],
+)
+def test_the_estimator_is_good_by_its_flags(flags, why):
+    talk = Talk()
+    talk.hear(heartbeat(), estimator_status(flags))
+    estimator = talk.snapshot().estimator.value
+    assert (estimator.is_good, estimator.why) == (not why, why)
+
+
+def test_a_mode_is_taken_from_whichever_message_says_it_first():
+    talk = Talk()
+    talk.hear(heartbeat(0x00060000))
+    assert talk.snapshot().mode.value.control is Control.REFERENCES
+    talk.hear(mavlink.MAVLink_current_mode_message(0, 0x00030000, 0))
+    assert talk.snapshot().mode.value.name == "POSCTL"
+
+
+def test_battery_gps_and_places_are_told_in_our_units():
+    talk = Talk()
+    talk.hear(
+        heartbeat(),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 16200, 1234, 87, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_gps_raw_int_message(
+            0, 6, 473977000, 85455000, 489000, 70, 110, 3, 0, 14, 536500, 25, 40, 400, 0
+        ),
+        mavlink.MAVLink_global_position_int_message(0, 473977427, 85455967, 492000, 3000, 0, 0, 0, 0),
+        mavlink.MAVLink_gps_global_origin_message(473977428, 85455967, 489052),
+        mavlink.MAVLink_home_position_message(
+            473977427, 85455967, 489454, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0
+        ),
+    )
+    snapshot = talk.snapshot()
+    battery, gps, geo = snapshot.battery, snapshot.gps, snapshot.position_geo
+    assert (battery.voltage_v, battery.current_a, battery.remaining_percent) == (16.2, 12.34, 87.0)
+    assert (gps.fix, gps.satellites_count) == (GpsFix.RTK_FIXED, 14)
+    assert (gps.horizontal_accuracy_m, gps.vertical_accuracy_m) == (0.025, 0.04)
+    assert snapshot.geoid_separation_m == pytest.approx(47.5)
+    assert (geo.latitude_deg, geo.longitude_deg) == pytest.approx((47.3977427, 8.5455967))
+    assert (geo.altitude_amsl_m, geo.altitude_home_m) == (492.0, 3.0)
+    assert geo.altitude_ellipsoid_m == pytest.approx(539.5)
+    assert snapshot.home_altitude_amsl_m == 489.454
+    assert isinstance(snapshot.projection, SphereProjection)
+    assert snapshot.projection.altitude_amsl_m == 489.052
+
+
+def test_what_is_not_known_is_none():
+    talk = Talk()
+    talk.hear(heartbeat(), mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0xFFFF, -100, -1, 0, 0, 0, 0, 0, 0))
+    assert talk.snapshot().battery is None
+    talk.hear(mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 0, 0, 0, 0, 255))
+    gps = talk.snapshot().gps
+    assert (gps.fix, gps.satellites_count, gps.horizontal_accuracy_m) == (GpsFix.NONE, 0, None)
+    assert talk.snapshot().geoid_separation_m is None
+
+
+def test_a_long_status_text_is_put_together():
+    talk = Talk()
+    talk.hear(heartbeat(), mavlink.MAVLink_statustext_message(6, b"a" * 50, 3, 0))
+    talk.hear(mavlink.MAVLink_statustext_message(6, b"bc", 3, 1))
+    assert talk.snapshot().status_text == "a" * 50 + "bc"
+    talk.hear(mavlink.MAVLink_statustext_message(6, b"new", 4, 0))
+    assert talk.snapshot().status_text == "new"
+
+
+def test_a_landed_state_that_is_not_known_is_unknown():
+    talk = Talk()
+    talk.hear(heartbeat(), mavlink.MAVLink_extended_sys_state_message(0, 77))
+    assert talk.snapshot().landed.value is LandedState.UNKNOWN
+
+
+# --- What it asks -----------------------------------------------------------------------------------------------------
+
+INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
+STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 200_000.0, 31: 20_000.0, 32: 20_000.0}
+
+
+def _asked_streams(talk: Talk, *, until_s: float) -> dict[int, float]:
+    """What it asks to be streamed while every request is accepted."""
+    asked = {}
+    while talk.now_s < until_s:
+        talk.run(0.05)
+        for sent in talk.commands(INTERVAL):
+            asked[int(sent.param1)] = sent.param2
+            talk.hear(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
+    return asked
+
+
+def test_streams_are_asked_for_until_each_is_acknowledged():
+    talk = Talk()
+    talk.hear(heartbeat())
+    talk.run(30.0)  # nobody answers
+    talk.link.sent.clear()
+    assert _asked_streams(talk, until_s=45.0) == STREAMS
+    talk.run(30.0)
+    assert talk.commands(INTERVAL) == []
+
+
+def test_what_is_sent_only_on_request_is_requested_until_it_comes():
+    talk = Talk()
+    talk.hear(heartbeat())
+    talk.run(20.0)
+    assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 49.0, 242.0}
+    talk.hear(mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    talk.run(5.0)  # those that were under way
+    talk.link.sent.clear()
+    talk.run(60.0)
+    assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 242.0}
+
+
+def test_limits_come_from_parameters_that_are_read_until_they_are_known():
+    talk = Talk()
+    talk.hear(heartbeat())
+    talk.run(0.1)
+    asked = {message.param_id for message in talk.link.take("PARAM_REQUEST_READ")}
+    assert "MPC_XY_VEL_MAX" in asked
+    talk.hear(mavlink.MAVLink_param_value_message(b"MPC_XY_VEL_MAX", 12.0, 9, 900, 1))
+    talk.hear(mavlink.MAVLink_param_value_message(b"MPC_YAWRAUTO_MAX", 90.0, 9, 900, 1))
+    talk.run(1.0)
+    again = {message.param_id for message in talk.link.take("PARAM_REQUEST_READ")}
+    assert again == asked - {"MPC_XY_VEL_MAX", "MPC_YAWRAUTO_MAX"}
+    limits = talk.vehicle.info().limits
+    assert limits.horizontal_speed_m_s == 12.0
+    assert limits.yaw_rate_rad_s == pytest.approx(math.pi / 2)
+
+
+def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten():
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    assert _asked_streams(talk, until_s=10.0) == STREAMS
+    talk.hear(mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0))
+    assert talk.snapshot().projection is None
+    assert _asked_streams(talk, until_s=20.0) == STREAMS
+
+
+def test_after_a_silence_everything_is_asked_anew():
+    talk = Talk()
+    talk.hear(heartbeat())
+    assert _asked_streams(talk, until_s=2.0) == STREAMS
+    talk.run(10.0)
+    talk.hear(heartbeat())
+    assert _asked_streams(talk, until_s=20.0) == STREAMS

@@ -1,0 +1,143 @@
+"""Recorded flights of a real PX4, frame by frame: the states come when the flights' events say."""
+
+import itertools
+from dataclasses import dataclass
+
+import pytest
+from ual.types import Limits, State
+
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Talk
+from tests.ual_daemon.backends.mavlink.traces import Trace, load
+from ual_daemon.backends.mavlink.backend import MavlinkBackend
+from ual_daemon.estimator import estimate
+from ual_daemon.geodesy import SphereProjection
+
+TICK_S = 0.02
+HEARTBEAT_S = 1.1
+"""How late armed and mode may be: nobody was there to ask the recorded PX4 for more than a heartbeat a second."""
+
+
+@dataclass(frozen=True)
+class Change:
+    time_s: float
+    state: State
+    why: str
+
+
+def fly(trace: Trace) -> tuple[list[Change], Talk]:
+    """The changes of the state during a recorded flight, as seen every `TICK_S`."""
+    talk = Talk()
+    changes = [Change(0.0, State.UNINITIALIZED, "")]
+    frames = iter(trace.frames)
+    frame = next(frames, None)
+    while frame is not None:
+        talk.now_s += TICK_S
+        while frame is not None and frame[0] <= talk.now_s:
+            talk.conversation.receive(frame[1], ADDRESS, frame[0], UTC_S + frame[0])
+            frame = next(frames, None)
+        talk.conversation.tick(talk.now_s)
+        if talk.conversation.vehicle is None:
+            continue
+        found = estimate(talk.snapshot(), MavlinkBackend.freshness)
+        if found.state is not changes[-1].state:
+            changes.append(Change(talk.now_s, found.state, found.why))
+    assert talk.conversation.corrupt_count == 0
+    return changes, talk
+
+
+def assert_changes(changes: list[Change], expected: list[tuple[State, float, float]]) -> None:
+    """The states come in this order, each not before and not much after a time."""
+    assert [change.state for change in changes] == [state for state, _, _ in expected]
+    for change, (_, earliest_s, latest_s) in zip(changes, expected, strict=True):
+        assert earliest_s - 0.05 <= change.time_s <= latest_s, change
+
+
+def test_an_automatic_flight_that_ends_in_a_return():
+    trace = load("px4_auto_takeoff_loiter_rtl")
+    changes, talk = fly(trace)
+    at = trace.time_s
+    armed_s, lift_off_s, touch_down_s = at("pilot_arms"), at("truth_lift_off"), at("truth_touch_down")
+    landing_s, disarmed_s = at("autopilot_begins_landing"), at("autopilot_disarmed")
+    assert_changes(
+        changes,
+        [
+            (State.UNINITIALIZED, 0.0, 0.0),
+            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
+            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.TAKING_OFF, armed_s + 1.0, lift_off_s),
+            # the recorder saw it in a heartbeat, CURRENT_MODE says it before
+            (State.FLYING_MANUAL, at("autopilot_loiters") - HEARTBEAT_S, at("autopilot_loiters") + 0.1),
+            (State.LANDING, landing_s, landing_s + 0.1),
+            (State.LANDED_ARMED, touch_down_s, touch_down_s + 4.1),
+            (State.LANDED_DISARMED, disarmed_s - HEARTBEAT_S, disarmed_s + 0.1),
+        ],
+    )
+    assert changes[4].why == "in the air, mode AUTO.LOITER does not take our references"
+    info = talk.vehicle.info()
+    assert (info.autopilot, info.autopilot_version, info.is_simulation) == ("PX4", "1.17.0", True)
+    assert info.limits == Limits()  # nobody asked the recorded PX4 for its parameters
+    assert isinstance(talk.snapshot().projection, SphereProjection)
+
+
+def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered():
+    trace = load("px4_offboard_manual_recover")
+    changes, talk = fly(trace)
+    at = trace.time_s
+    armed_s, disarmed_s = at("pilot_arms"), at("autopilot_disarmed")
+    taken, recovered = "pilot_sets_mode", "companion_recovers_from_manual"
+    mode_s = 0.2  # CURRENT_MODE tells a change at once, the heartbeat later
+    assert_changes(
+        changes,
+        [
+            (State.UNINITIALIZED, 0.0, 0.0),
+            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
+            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            # PX4 says that it is in the air before it has left the ground
+            (State.FLYING_AUTO, armed_s + 1.0, at("truth_lift_off")),
+            (State.FLYING_MANUAL, at(taken), at(taken) + mode_s),
+            (State.FLYING_AUTO, at(recovered), at(recovered) + mode_s),
+            (State.FLYING_MANUAL, at(taken, 1), at(taken, 1) + mode_s),
+            (State.FLYING_AUTO, at(recovered, 1), at(recovered, 1) + mode_s),
+            (State.LANDING, at("companion_begins_landing"), at("companion_begins_landing") + 0.1),
+            (State.LANDED_ARMED, at("truth_touch_down"), at("truth_touch_down") + 4.5),
+            (State.LANDED_DISARMED, disarmed_s - HEARTBEAT_S, disarmed_s + 0.1),
+        ],
+    )
+    assert "POSCTL" in changes[4].why
+    assert "ALTCTL" in changes[6].why
+    assert talk.snapshot().battery is not None
+
+
+def test_a_lost_position_is_told_though_positions_keep_coming():
+    trace = load("px4_gps_loss_in_offboard")
+    changes, talk = fly(trace)
+    at = trace.time_s
+    armed_s, lost_s = at("pilot_arms"), at("gps_lost")
+    assert_changes(
+        changes,
+        [
+            (State.UNINITIALIZED, 0.0, 0.0),
+            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
+            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.FLYING_AUTO, armed_s + 1.0, at("companion_ends_takeoff")),
+            (State.FLYING_MANUAL, lost_s, lost_s + 6.0),  # the failsafe's mode comes before the estimator's word
+            (State.UNINITIALIZED, lost_s, lost_s + 6.0),
+        ],
+    )
+    assert changes[-1].why == "the autopilot has no good position: no horizontal velocity, horizontal position"
+    snapshot = talk.snapshot()
+    assert snapshot.time_s - snapshot.pose.time_s < 0.1
+    assert snapshot.armed.value is False
+
+
+@pytest.mark.parametrize("name", ["px4_auto_takeoff_loiter_rtl", "px4_offboard_manual_recover"])
+def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was_received(name):
+    talk = Talk()
+    stamps = []
+    for time_s, frame in load(name).frames:
+        talk.conversation.receive(frame, ADDRESS, time_s, UTC_S + time_s)
+        if talk.conversation.vehicle is not None and talk.vehicle.telemetry.pose_time_s == time_s:
+            stamps.append((time_s, talk.vehicle.snapshot(time_s).stamp_s - UTC_S))
+    assert len(stamps) > 1000
+    assert all(0.0 <= received_s - stamp_s < 0.1 for received_s, stamp_s in stamps)
+    assert all(later > earlier for (_, earlier), (_, later) in itertools.pairwise(stamps))
