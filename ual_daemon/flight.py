@@ -219,7 +219,7 @@ class Flight:
             return False
         try:
             step = manoeuvre.step(snapshot, raw)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  told loudly, and to the caller
             # The UAV must not be left without references: the manoeuvre ends, and it stops.
             _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
             step = Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))

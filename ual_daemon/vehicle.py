@@ -408,7 +408,7 @@ class Vehicle:
         """One update, on the backend's update thread. An error here must not end the thread that flies the UAV."""
         try:
             self._update(snapshot)
-        except Exception:
+        except Exception:  # noqa: BLE001  told loudly; the next update goes on
             _log.exception("an update failed; this is a defect of UAL, please report it")
 
     def _update(self, snapshot: Snapshot) -> None:
