@@ -36,6 +36,7 @@ _COMMAND_HEADROOM = 1.25
 _LIFT_OFF_M = 0.05
 _LANDED_AFTER_S = 0.5
 _LATEST_STEPS = 10
+_TINY = 1e-9
 _MAX_STEP_S = 3600.0
 
 Floats = NDArray[np.float64]
@@ -229,9 +230,9 @@ class Fleet:
 
 def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
     """The vectors (N, 3), shortened where needed, their directions kept."""
-    excess = np.maximum(
-        np.hypot(vectors[:, 0], vectors[:, 1]) / horizontal,
-        np.abs(vectors[:, 2]) / vertical,
+    excess = np.maximum(  # a limit of 0 (motors without power) is a very small one
+        np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, _TINY),
+        np.abs(vectors[:, 2]) / np.maximum(vertical, _TINY),
     )
     return vectors / np.maximum(1.0, excess)[:, None]
 

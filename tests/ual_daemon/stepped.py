@@ -1,0 +1,108 @@
+"""A light UAV whose time stands still until a test steps it: every run is the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import Any
+
+from ual.geometry import Pose, PoseStamped
+from ual.types import State, Telemetry
+
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.light import LightBackend
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.vehicle import Vehicle
+
+STEP_S = 0.02
+
+
+class Stepped:
+    """A vehicle with its time in the test's hand, and the samples that it gave."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self.sim = vehicle.simulation()
+        self.samples: list[Telemetry] = []
+        vehicle.subscribe(self.samples.append)
+
+    def run(self, duration_s: float) -> None:
+        """Lets time pass."""
+        self.sim.step(duration_s)
+
+    def until(self, condition: Callable[[], bool], limit_s: float = 120.0) -> None:
+        """Lets time pass until a condition holds."""
+        for _ in range(round(limit_s / STEP_S)):
+            if condition():
+                return
+            self.sim.step(STEP_S)
+        raise AssertionError(f"not within {limit_s} simulated seconds")
+
+    def end(self, future: Future[None], limit_s: float = 120.0) -> None:
+        """Lets time pass until a future has ended, and raises its error."""
+        self.until(future.done, limit_s)
+        future.result()
+
+    def arm(self) -> None:
+        """The safety pilot arms."""
+        self.sim.pilot_arm()
+        self.run(STEP_S)
+        assert self.state is State.LANDED_ARMED
+
+    def fly(self, height_m: float = 3.0) -> None:
+        """Into the air."""
+        self.arm()
+        self.end(self.vehicle.take_off(height_m).future)
+        assert self.state is State.FLYING_AUTO
+        self.samples.clear()
+
+    def is_in(self, state: State) -> bool:
+        """Whether that is the state now."""
+        return self.state is state
+
+    @property
+    def state(self) -> State:
+        return self.vehicle.state()
+
+    @property
+    def pose(self) -> Pose:
+        pose = self.vehicle.telemetry().pose
+        assert pose is not None
+        return pose
+
+    @property
+    def speed(self) -> float:
+        velocity = self.vehicle.telemetry().velocity
+        assert velocity is not None
+        return velocity.linear.norm()
+
+    @property
+    def states(self) -> list[State]:
+        """The states that were told, repetitions left out."""
+        result: list[State] = []
+        for sample in self.samples:
+            if not result or result[-1] is not sample.state:
+                result.append(sample.state)
+        return result
+
+
+@contextmanager
+def stepped(
+    settings: VehicleSettings | None = None, ns: str = "uav_1", light: Mapping[str, Any] | None = None
+) -> Iterator[Stepped]:
+    """A stepped light UAV, ready."""
+    backend = LightBackend(BackendOptions(ns, settings={**(light or {}), "speed_factor": 0}))
+    vehicle = Vehicle(backend, settings)
+    vehicle.open()
+    try:
+        uav = Stepped(vehicle)
+        uav.run(STEP_S)
+        yield uav
+    finally:
+        vehicle.close()
+
+
+def at(x: float, y: float, z: float, yaw_rad: float | None = None, frame_id: str = "") -> PoseStamped:
+    """A goal."""
+    return PoseStamped(Pose.at(x, y, z, yaw_rad), frame_id)
