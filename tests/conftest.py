@@ -15,11 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import grpc
+import hypothesis
 import pytest
 from ual import discovery
 
 LIMIT_S = 30.0
 """How long anything may take on a busy machine before a test gives up."""
+
+# The same examples each time, however busy the machine.
+hypothesis.settings.register_profile("deterministic", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("deterministic")
 
 
 class DaemonProcess:
