@@ -1,0 +1,35 @@
+"""What every UAV must do, whatever its autopilot: one list of checks over `ual.interface.Uav`.
+
+``ual check`` and the tests run the same list, over the class in the process and over the client.
+"""
+
+from __future__ import annotations
+
+from ual.conformance import flying, grounded, piloted, refusals, reports, tasks, velocities
+from ual.conformance.check import Check, Need, Outcome, Result
+from ual.conformance.flight import CheckFailedError, Flight, Tolerances
+from ual.conformance.runner import run, run_check
+
+CHECKS: tuple[Check, ...] = (
+    *reports.CHECKS,
+    *grounded.CHECKS,
+    *flying.CHECKS,
+    *velocities.CHECKS,
+    *tasks.CHECKS,
+    *refusals.CHECKS,
+    *piloted.CHECKS,
+)
+"""In the order in which they disturb the UAV least: on the ground first."""
+
+__all__ = [
+    "CHECKS",
+    "Check",
+    "CheckFailedError",
+    "Flight",
+    "Need",
+    "Outcome",
+    "Result",
+    "Tolerances",
+    "run",
+    "run_check",
+]

@@ -1,0 +1,76 @@
+"""What a check is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from ual.conformance.flight import Flight
+from ual.types import Capability, State
+
+
+class Need(Enum):
+    """What a check needs beyond a UAV that answers."""
+
+    MOTION = "that the UAV may move"
+    PILOT = "a simulated safety pilot"
+    ARMING = "the permission to arm"
+    NO_ARMING = "a daemon that may not arm"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check. `starts` are the states that it can start in, the first of them brought about if it is in none."""
+
+    name: str
+    description: str
+    run: Callable[[Flight], None]
+    starts: tuple[State, ...]
+    moves: str
+    needs: frozenset[Need]
+    capabilities: frozenset[Capability]
+
+
+class Outcome(Enum):
+    """How a check ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a check ended, why if it did not pass, and how long it took by the wall's clock."""
+
+    check: Check
+    outcome: Outcome
+    why: str = ""
+    duration_s: float = 0.0
+
+
+LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
+READY = (State.LANDED_DISARMED, State.LANDED_ARMED, State.FLYING_AUTO)
+_IN_FLIGHT = (State.FLYING_AUTO, State.FLYING_MANUAL)
+
+
+def check(
+    *starts: State,
+    moves: str = "",
+    needs: tuple[Need, ...] = (),
+    capabilities: tuple[Capability, ...] = (),
+) -> Callable[[Callable[[Flight], None]], Check]:
+    """Makes a check of a function; its name and the first line of its docstring name and describe it."""
+
+    def make(run: Callable[[Flight], None]) -> Check:
+        needed = set(needs)
+        must_fly = starts and all(state in _IN_FLIGHT for state in starts)
+        if moves or must_fly:
+            needed.add(Need.MOTION)
+        description = (run.__doc__ or "").partition("\n\n")[0].strip()
+        return Check(
+            run.__name__, " ".join(description.split()), run, starts, moves, frozenset(needed), frozenset(capabilities)
+        )
+
+    return make

@@ -1,0 +1,367 @@
+"""What the checks fly with: waiting in the vehicle's time, bringing it to a state, and judging what it did.
+
+Positions are in ``<ns>/odom``, as the odometry has them. Flights stay within a few metres of where the UAV took off
+(`Flight.place`), at most `CEILING_M` above it.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from ual.errors import NotSupportedError, UalError
+from ual.geometry import Pose, Twist, Vector3, wrap_angle
+from ual.interface import Uav
+from ual.types import State, Telemetry
+
+E = TypeVar("E", bound=UalError)
+
+HEIGHT_M = 2.0
+CEILING_M = 5.0
+_NO_SAMPLE_S = 30.0
+_OPERATOR_S = 120.0
+_FLYING = (State.FLYING_AUTO, State.FLYING_MANUAL)
+
+
+class CheckFailedError(AssertionError):
+    """The UAV did not do what it must."""
+
+
+class CannotRunError(Exception):
+    """A check cannot run here; the message says why."""
+
+
+def require(condition: bool, otherwise: str) -> None:
+    """Fails the check unless the condition holds."""
+    if not condition:
+        raise CheckFailedError(otherwise)
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How exact a UAV must be. The defaults suit a real one outside; `of_simulation` is for the light one.
+
+    Ratios are of the length of a leg. `patience` is how many times longer than expected something may take.
+    """
+
+    position_m: float = 0.6
+    heading_rad: float = 0.2
+    speed_m_s: float = 0.4
+    line_ratio: float = 0.15
+    overshoot_ratio: float = 0.1
+    patience: float = 3.0
+
+    @classmethod
+    def of_simulation(cls) -> Tolerances:
+        """For a simulated UAV without noise and wind."""
+        return cls(position_m=0.3, heading_rad=0.12, speed_m_s=0.3, line_ratio=0.02, overshoot_ratio=0.02)
+
+
+@dataclass
+class Observer:
+    """Keeps every sample that a UAV sends, in order, while it is open."""
+
+    uav: Uav
+    samples: list[Telemetry] = field(default_factory=list)
+    _changed: threading.Condition = field(default_factory=threading.Condition)
+
+    @contextmanager
+    def open(self) -> Iterator[Observer]:
+        """Subscribes for as long as the block runs."""
+        with self.uav.subscribe(self._take):
+            yield self
+
+    def following(self, first: int) -> Iterator[Telemetry]:
+        """The samples from number `first` on, as they come."""
+        for number in range(first, first + 10**9):
+            with self._changed:
+                there = self._changed.wait_for(lambda n=number: len(self.samples) > n, _NO_SAMPLE_S)  # type: ignore[misc]
+            require(there, f"no telemetry came for {_NO_SAMPLE_S:g} s")
+            yield self.samples[number]
+
+    def _take(self, telemetry: Telemetry) -> None:
+        with self._changed:
+            self.samples.append(telemetry)
+            self._changed.notify_all()
+
+
+class Flight:
+    """One UAV under test. Made once for a run; `observing` wraps each check."""
+
+    def __init__(
+        self,
+        uav: Uav,
+        tolerances: Tolerances | None = None,
+        ask_operator: Callable[[str], None] | None = None,
+    ) -> None:
+        self.uav = uav
+        self.info = uav.info()
+        self.has_pilot = _has_pilot(uav)
+        self.tolerances = tolerances or (Tolerances.of_simulation() if self.has_pilot else Tolerances())
+        self._ask_operator = ask_operator
+        self._observer: Observer | None = None
+        self._place = Vector3()
+        self._yaw_rad = 0.0
+
+    @contextmanager
+    def observing(self) -> Iterator[None]:
+        """Keeps every sample while the block runs."""
+        with Observer(self.uav).open() as self._observer:
+            yield
+        self._observer = None
+
+    # What the UAV does
+
+    def wait(self, condition: Callable[[Telemetry], bool], what: str, limit_s: float = 30.0) -> Telemetry:
+        """The first sample from now on that fulfils a condition. Fails after `limit_s` of the vehicle's time."""
+        assert self._observer is not None
+        limit_s *= self.tolerances.patience
+        start_s: float | None = None
+        for sample in self._observer.following(max(0, len(self._observer.samples) - 1)):
+            if condition(sample):
+                return sample
+            start_s = sample.stamp_s if start_s is None else start_s
+            if sample.stamp_s - start_s > limit_s:
+                raise CheckFailedError(f"{what}: not within {limit_s:.0f} s; {describe(sample)}")
+        raise AssertionError("samples never end")
+
+    def wait_for_state(self, *states: State, limit_s: float = 30.0) -> Telemetry:
+        """The first sample from now on in one of the states."""
+        names = " or ".join(state.name for state in states)
+        return self.wait(lambda sample: sample.state in states, f"state {names}", limit_s)
+
+    def let_pass(self, duration_s: float) -> list[Telemetry]:
+        """The samples of the next `duration_s` of the vehicle's time."""
+        now_s = self.now_s()
+        with self.recording() as samples:
+            self.wait(lambda sample: sample.stamp_s >= now_s + duration_s, "time passing", duration_s + 10.0)
+        return samples()
+
+    def now_s(self) -> float:
+        """The vehicle's time."""
+        return self.uav.telemetry().stamp_s
+
+    @contextmanager
+    def recording(self) -> Iterator[Callable[[], list[Telemetry]]]:
+        """Gives what returns the samples that came since the block began."""
+        assert self._observer is not None
+        samples = self._observer.samples
+        first = len(samples)
+        yield lambda: samples[first:]
+
+    def position(self) -> Vector3:
+        """Where it is."""
+        return position(self.uav.telemetry())
+
+    def is_slow(self, sample: Telemetry) -> bool:
+        """Whether it hardly moves."""
+        return speed(sample) < self.tolerances.speed_m_s
+
+    # Bringing it to where a check starts
+
+    @property
+    def place(self) -> Vector3:
+        """The ground where it took off."""
+        return self._place
+
+    @property
+    def start(self) -> Pose:
+        """Where checks in the air start: above where it took off."""
+        return self.goal(0.0, 0.0)
+
+    def goal(self, dx: float, dy: float, dz: float = 0.0, turn_rad: float = 0.0) -> Pose:
+        """A pose beside `start`, in ``<ns>/odom``."""
+        p = self._place
+        return Pose.at(p.x + dx, p.y + dy, p.z + HEIGHT_M + dz, self._yaw_rad + turn_rad)
+
+    def bring_to(self, states: Sequence[State]) -> None:
+        """Brings the UAV to one of these states, if it is in none of them, and in the air to `start`, at rest."""
+        if not states:
+            return
+        state = self.wait(lambda sample: sample.state is not State.UNINITIALIZED, "ready").state
+        if state in (State.TAKING_OFF, State.LANDING):
+            state = self.wait_for_state(*READY_STATES, limit_s=60.0).state
+        if state not in states:
+            steps = {
+                State.LANDED_DISARMED: self._be_disarmed,
+                State.LANDED_ARMED: self._be_armed,
+                State.FLYING_AUTO: self._be_flying,
+            }
+            steps[states[0]]()
+        if self.uav.state() is State.FLYING_AUTO:
+            self.return_to_start()
+
+    def return_to_start(self) -> None:
+        """Flies to `start` and waits until it rests there."""
+        self.uav.go_to_waypoint(self.start)
+        self.wait(self.is_slow, "rest at the start")
+
+    def land(self) -> None:
+        """Lands, from whatever state in the air."""
+        if self.uav.state() in _FLYING:
+            self._take_control()
+            self.uav.land()
+        self.wait_for_state(State.LANDED_ARMED, State.LANDED_DISARMED, limit_s=60.0)
+
+    def _take_control(self) -> None:
+        if self.uav.state() is State.FLYING_MANUAL:
+            self.uav.recover_from_manual()
+
+    def _be_disarmed(self) -> None:
+        self.land()
+        if self.uav.state() is State.LANDED_ARMED:
+            if self.has_pilot:
+                self.uav.simulation.pilot_disarm()
+            elif self.info.is_arming_allowed:
+                self.uav.disarm()
+            else:
+                self._ask("disarm the UAV")
+        self.wait_for_state(State.LANDED_DISARMED, limit_s=_OPERATOR_S)
+
+    def _be_armed(self) -> None:
+        self.land()
+        if self.uav.state() is State.LANDED_DISARMED:
+            if self.has_pilot:
+                self.uav.simulation.pilot_arm()
+            elif self.info.is_arming_allowed:
+                self.uav.arm()
+            else:
+                self._ask("arm the UAV")
+        self.wait_for_state(State.LANDED_ARMED, limit_s=_OPERATOR_S)
+
+    def _be_flying(self) -> None:
+        state = self.uav.state()
+        if state is State.FLYING_MANUAL:
+            self._take_control()
+        elif state is not State.FLYING_AUTO:
+            self._be_armed()
+            self.take_off()
+        self.wait_for_state(State.FLYING_AUTO)
+
+    def take_off(self) -> None:
+        """Takes off to where checks in the air start, and remembers the place."""
+        self.remember_place()
+        self.uav.take_off(HEIGHT_M)
+
+    def remember_place(self) -> None:
+        """Takes the present position as the place that flights stay close to."""
+        odometry = self.uav.odometry()
+        self._place, self._yaw_rad = odometry.pose.position, odometry.pose.yaw_rad
+
+    def _ask(self, what: str) -> None:
+        if self._ask_operator is None:
+            raise CannotRunError(f"nobody is there to {what}")
+        self._ask_operator(what)
+
+    # What must hold
+
+    def refuses(self, kind: type[E], action: Callable[[], object], what: str) -> E:
+        """The error that an action must raise."""
+        try:
+            action()
+        except UalError as error:
+            if isinstance(error, kind):
+                require(bool(error.message) and "\n" not in error.message, f"{what}: the message is not one line")
+                return error
+            raise CheckFailedError(f"{what}: expected {kind.__name__}, got {error.reason}: {error.message}") from error
+        raise CheckFailedError(f"{what}: expected {kind.__name__}, but it was accepted")
+
+    def require_at(self, goal: Pose, what: str) -> None:
+        """It must be at a pose, in position and heading."""
+        sample = self.uav.telemetry()
+        off_m = (position(sample) - goal.position).norm()
+        require(off_m <= self.tolerances.position_m, f"{what}: {off_m:.2f} m from the goal")
+        if goal.orientation.norm() > 0.0:
+            off_rad = abs(wrap_angle(yaw_rad(sample) - goal.yaw_rad))
+            require(off_rad <= self.tolerances.heading_rad, f"{what}: {math.degrees(off_rad):.0f}° off the heading")
+
+    def require_holds(self, where: Vector3, what: str, duration_s: float = 1.0) -> None:
+        """It must stay at a position for a while."""
+        off_m = max((position(sample) - where).norm() for sample in self.let_pass(duration_s))
+        require(off_m <= self.tolerances.position_m, f"{what}: it left its position by {off_m:.2f} m")
+
+    def require_straight(self, samples: Iterable[Telemetry], start: Vector3, goal: Vector3) -> None:
+        """It must have kept to the line from start to goal, and not gone beyond."""
+        along = goal - start
+        length_m = along.norm()
+        direction = along / length_m
+        widest_m = farthest_m = 0.0
+        for sample in samples:
+            offset = position(sample) - start
+            done_m = offset.dot(direction)
+            widest_m = max(widest_m, (offset - direction * done_m).norm())
+            farthest_m = max(farthest_m, done_m - length_m)
+        t = self.tolerances
+        allowed_m = max(0.05, t.line_ratio * length_m)
+        require(widest_m <= allowed_m, f"{widest_m:.2f} m beside the line, more than {allowed_m:.2f} m")
+        allowed_m = max(0.05, t.overshoot_ratio * length_m)
+        require(farthest_m <= allowed_m, f"{farthest_m:.2f} m beyond the goal, more than {allowed_m:.2f} m")
+
+    def fly_velocity(self, send: Callable[[], None], until: Callable[[Telemetry], bool], what: str) -> Telemetry:
+        """Repeats a velocity, as programs do, until a condition is fulfilled."""
+        assert self._observer is not None
+        start_s: float | None = None
+        limit_s = 10.0 * self.tolerances.patience
+        for sample in self._observer.following(max(0, len(self._observer.samples) - 1)):
+            if until(sample):
+                return sample
+            start_s = sample.stamp_s if start_s is None else start_s
+            require(sample.stamp_s - start_s <= limit_s, f"{what}: not within {limit_s:.0f} s; {describe(sample)}")
+            send()
+        raise AssertionError("samples never end")
+
+    def stop(self) -> None:
+        """Ends whatever reference is flown, and waits for rest."""
+        self.uav.set_velocity(Twist())
+        self.wait(self.is_slow, "rest")
+
+
+READY_STATES = (State.LANDED_DISARMED, State.LANDED_ARMED, State.FLYING_AUTO, State.FLYING_MANUAL)
+
+
+def position(sample: Telemetry) -> Vector3:
+    """Where it is in ``<ns>/odom``."""
+    require(sample.odometry is not None, "the telemetry has no odometry")
+    assert sample.odometry is not None
+    return sample.odometry.pose.position
+
+
+def yaw_rad(sample: Telemetry) -> float:
+    """Its heading in ``<ns>/odom``."""
+    require(sample.odometry is not None, "the telemetry has no odometry")
+    assert sample.odometry is not None
+    return sample.odometry.pose.yaw_rad
+
+
+def velocity(sample: Telemetry) -> Vector3:
+    """How it moves along the axes of ``<ns>/odom``."""
+    require(sample.odometry is not None, "the telemetry has no odometry")
+    assert sample.odometry is not None
+    return sample.odometry.pose.orientation.rotate(sample.odometry.twist.linear)
+
+
+def speed(sample: Telemetry) -> float:
+    """How fast it is."""
+    return velocity(sample).norm()
+
+
+def describe(sample: Telemetry) -> str:
+    """A sample in a few words, for people."""
+    if sample.odometry is None:
+        return f"state {sample.state.name} ({sample.state_reason})"
+    p = position(sample)
+    return (
+        f"state {sample.state.name} ({sample.state_reason}), at {p.x:.2f} {p.y:.2f} {p.z:.2f}, {speed(sample):.2f} m/s"
+    )
+
+
+def _has_pilot(uav: Uav) -> bool:
+    try:
+        uav.simulation.faults()
+    except NotSupportedError:
+        return False
+    return True

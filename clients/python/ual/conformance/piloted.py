@@ -1,0 +1,89 @@
+"""Checks of the safety pilot, and of the way down."""
+
+from __future__ import annotations
+
+from ual.conformance.check import Need, check
+from ual.conformance.flight import Flight, position, require
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.geometry import Twist
+from ual.types import Capability, State, TaskStatus
+
+_LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
+
+
+@check(
+    State.FLYING_AUTO,
+    needs=(Need.PILOT,),
+    capabilities=(Capability.POSITION, Capability.RECOVER),
+    moves="2 m ahead",
+)
+def the_pilot_takes_over(flight: Flight) -> None:
+    """The pilot ends a task at once; commands are refused until control is recovered, which holds the pose."""
+    uav = flight.uav
+    goal = flight.goal(3.0, 0.0)
+    task = uav.go_to_waypoint(goal, blocking=False)
+    flight.wait(lambda sample: (position(sample) - flight.start.position).norm() >= 0.3, "motion")
+    uav.simulation.pilot_take_over()
+    flight.refuses(TaskAbortedError, task.wait, "waiting for the task that the pilot ended")
+    flight.wait_for_state(State.FLYING_MANUAL)
+    require(uav.is_idle(), "a task still runs")
+    for action, what in (
+        (lambda: uav.go_to_waypoint(goal), "a waypoint"),
+        (lambda: uav.set_velocity(Twist()), "a velocity"),
+        (uav.land, "landing"),
+        (uav.abort, "aborting"),
+    ):
+        error = flight.refuses(WrongStateError, action, f"{what} while the pilot flies")
+        require(error.state == State.FLYING_MANUAL.name, f"{what}: metadata says {error.state}")
+    uav.recover_from_manual()
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.wait(flight.is_slow, "rest")
+    flight.let_pass(0.5)
+    flight.require_holds(flight.position(), "after the recovery")
+    uav.go_to_waypoint(flight.start)
+    flight.require_at(flight.start, "at a waypoint after the recovery")
+
+
+@check(State.FLYING_AUTO, needs=(Need.PILOT,), moves="1 m aside, by the pilot's sticks")
+def the_pilot_flies_and_gives_back(flight: Flight) -> None:
+    """What the pilot flies is seen, and when he gives back the UAV holds."""
+    pilot = flight.uav.simulation
+    start = flight.position()
+    pilot.pilot_take_over()
+    flight.wait_for_state(State.FLYING_MANUAL)
+    pilot.pilot_move_sticks(forward=0.5)
+    flight.wait(lambda sample: (position(sample) - start).norm() >= 1.0, "1 m by the sticks")
+    pilot.pilot_move_sticks()
+    flight.wait(flight.is_slow, "rest")
+    pilot.pilot_give_back()
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.let_pass(0.5)
+    flight.require_holds(flight.position(), "after the pilot gave back")
+
+
+@check(State.FLYING_AUTO, capabilities=(Capability.LAND,), moves="straight down")
+def lands(flight: Flight) -> None:
+    """A landing shows as LANDING, is not aborted by other commands, and ends on the ground."""
+    uav = flight.uav
+    with flight.recording() as recorded:
+        task = uav.land(blocking=False)
+        flight.wait_for_state(State.LANDING)
+        for action, what in (
+            (task.cancel, "cancelling"),
+            (uav.abort, "aborting"),
+            (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
+        ):
+            if task.done():
+                break
+            flight.refuses(WrongStateError, action, f"{what} in a landing")
+        require(task.wait().status is TaskStatus.SUCCEEDED, "it did not go on")
+        flight.wait_for_state(*_LANDED)
+        samples = recorded()
+    require(any(sample.state is State.LANDING for sample in samples), "LANDING was not seen")
+    aside_m = (flight.position() - flight.place).horizontal_norm()
+    require(aside_m <= 3 * flight.tolerances.position_m, f"it landed {aside_m:.2f} m aside")
+    height_m = abs(flight.position().z - flight.place.z)
+    require(height_m <= 2 * flight.tolerances.position_m, f"it stands at {height_m:.2f} m")
+
+
+CHECKS = (the_pilot_takes_over, the_pilot_flies_and_gives_back, lands)

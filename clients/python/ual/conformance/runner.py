@@ -1,0 +1,73 @@
+"""Runs checks one after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+
+from ual.conformance.check import Check, Need, Outcome, Result
+from ual.conformance.flight import CannotRunError, CheckFailedError, Flight
+from ual.errors import UalError
+from ual.types import State
+
+_FLYING = (State.TAKING_OFF, State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
+
+
+def why_not(flight: Flight, check: Check, may_move: bool = True) -> str:
+    """Why a check cannot run over this UAV; empty if it can."""
+    has = {
+        Need.MOTION: may_move,
+        Need.PILOT: flight.has_pilot,
+        Need.ARMING: flight.info.is_arming_allowed,
+        Need.NO_ARMING: not flight.info.is_arming_allowed,
+    }
+    for need in sorted(check.needs, key=lambda each: each.name):
+        if not has[need]:
+            return f"needs {need.value}"
+    missing = check.capabilities - flight.info.capabilities
+    return f"this UAV cannot {', '.join(sorted(each.name for each in missing))}" if missing else ""
+
+
+def run_check(flight: Flight, check: Check, may_move: bool = True) -> None:
+    """Brings the UAV to where a check starts, and runs it.
+
+    Raises `CheckFailedError`, a `UalError` that the UAV raised, or `CannotRunError`.
+    """
+    why = why_not(flight, check, may_move)
+    if why:
+        raise CannotRunError(why)
+    with flight.observing():
+        if not may_move and check.starts and flight.uav.state() not in check.starts:
+            raise CannotRunError(f"needs the state {' or '.join(state.name for state in check.starts)}")
+        flight.bring_to(check.starts)
+        check.run(flight)
+
+
+def run(
+    flight: Flight,
+    checks: Iterable[Check],
+    *,
+    may_move: bool = True,
+    on_start: Callable[[Check], None] = lambda _: None,
+) -> Iterator[Result]:
+    """Runs checks and yields how each ended; in the end the UAV lands if they made it fly."""
+    for check in checks:
+        on_start(check)
+        yield _result(flight, check, may_move)
+    if may_move and flight.uav.state() in _FLYING:
+        with flight.observing():
+            flight.land()
+
+
+def _result(flight: Flight, check: Check, may_move: bool) -> Result:
+    started_s = time.monotonic()
+    outcome, why = Outcome.PASSED, ""
+    try:
+        run_check(flight, check, may_move)
+    except CannotRunError as error:
+        outcome, why = Outcome.SKIPPED, str(error)
+    except CheckFailedError as error:
+        outcome, why = Outcome.FAILED, str(error)
+    except UalError as error:
+        outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
+    return Result(check, outcome, why, time.monotonic() - started_s)
