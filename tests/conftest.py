@@ -17,6 +17,7 @@ from typing import Any
 import grpc
 import hypothesis
 import pytest
+
 from ual import discovery
 
 LIMIT_S = 30.0

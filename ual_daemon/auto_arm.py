@@ -7,7 +7,6 @@ import logging
 
 from ual.errors import UalError
 from ual.types import State
-
 from ual_daemon import logs
 from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle import Vehicle

@@ -17,8 +17,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 import yaml
 from msgspec import Meta
-from ual import discovery
 
+from ual import discovery
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, Settings, VehicleSettings, convert
 
 

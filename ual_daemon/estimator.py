@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ual.types import State
-
 from ual_daemon.backends.values import Control, Freshness, LandedState, Sample, Snapshot
 
 

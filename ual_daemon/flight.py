@@ -16,7 +16,6 @@ from contextlib import suppress
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
 from ual.types import Limits, State, TaskInfo
-
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
@@ -306,7 +305,7 @@ def _not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:
     if manoeuvre.declares is not None:
         metadata["state"] = manoeuvre.declares.name
     return WrongStateError(
-        f"{command}: {manoeuvre.name} is under way and can be aborted by the safety pilot only", metadata
+        f"{command}: {manoeuvre.name} is under way; only the safety pilot can abort it, else wait for its end", metadata
     )
 
 

@@ -4,63 +4,71 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
 from ual.types import Frame
-
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 MAP = "map"
+
+
+@dataclass(frozen=True, slots=True)
+class _Link:
+    """Where a frame hangs; `transform` takes it to its parent, None where that is not known yet (or the body's)."""
+
+    parent: str
+    transform: Transform | None
+
+
+_Links = Mapping[str, _Link]
 
 
 class FrameTree:
     """All frames of one UAV. Every member may be called from any thread.
 
     The body moves, so its pose in ``<ns>/odom`` is handed in by the caller where a chain may pass it; None where it is
-    not known. Links are replaced as a whole (copy on write): readers take no lock.
+    not known. The links are replaced as a whole (copy on write): readers take no lock, and look at one picture of the
+    tree from beginning to end.
     """
 
     def __init__(self, ns: str, settings: VehicleSettings) -> None:
         self.odom = f"{ns}/odom"
         self.body = f"{ns}/base_link"
         self._lock = threading.Lock()
-        # Child -> transform to its parent; None where it is not known yet.
-        self._links: Mapping[str, Transform | None] = MappingProxyType({})
-        self._parents: Mapping[str, str] = MappingProxyType({self.body: self.odom})
         self._fixed = {MAP, self.odom, self.body, *(frame.frame_id for frame in settings.frames)}
-        self._build(settings)
+        self._links = self._build(settings)
 
-    def _build(self, settings: VehicleSettings) -> None:
+    def _build(self, settings: VehicleSettings) -> _Links:
         home: Transform | None = Transform(
             Vector3(*settings.home_pose), IDENTITY, settings.home_pose_parent_frame, self.odom
         )
         if settings.map_origin_geo is not None:
             home = None  # follows from the autopilot's position: set_home
-        links: dict[str, Transform | None] = {self.odom: home}
-        parents = {self.odom: settings.home_pose_parent_frame, self.body: self.odom}
+        links = {self.odom: _Link(settings.home_pose_parent_frame, home), self.body: _Link(self.odom, None)}
         for index, frame in enumerate(settings.frames):
-            if frame.frame_id in parents or frame.frame_id == MAP:
+            if frame.frame_id in links or frame.frame_id == MAP:
                 raise ConfigError(f"the frame {frame.frame_id} is there already", f"frames[{index}].frame_id")
             turn = Quaternion.from_euler(frame.roll_rad, frame.pitch_rad, frame.yaw_rad)
-            links[frame.frame_id] = Transform(Vector3(*frame.translation), turn, frame.parent_frame_id, frame.frame_id)
-            parents[frame.frame_id] = frame.parent_frame_id
+            transform = Transform(Vector3(*frame.translation), turn, frame.parent_frame_id, frame.frame_id)
+            links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
         for index, frame in enumerate(settings.frames):
-            if not _leads_to_map(frame.frame_id, parents):
+            if not _leads_to_map(frame.frame_id, links):
                 raise ConfigError(
                     f"the frame {frame.frame_id} does not lead to {MAP}: its parent {frame.parent_frame_id} is not "
                     "known, or they make a loop",
                     f"frames[{index}].parent_frame_id",
                 )
-        if not _leads_to_map(self.odom, parents):
+        if not _leads_to_map(self.odom, links):
             raise ConfigError(
                 f"the frame {settings.home_pose_parent_frame} is not known, or lies below {self.odom}",
                 "home_pose_parent_frame",
             )
-        if settings.pose_frame_id is not None and settings.pose_frame_id not in {MAP, *parents}:
+        if settings.pose_frame_id is not None and settings.pose_frame_id not in {MAP, *links}:
             raise ConfigError(f"the frame {settings.pose_frame_id} is not known", "pose_frame_id")
-        self._links, self._parents = MappingProxyType(links), MappingProxyType(parents)
+        return MappingProxyType(links)
 
     def set_home(self, position_in_map: Vector3) -> None:
         """Puts ``<ns>/odom`` at a position in ``map``."""
@@ -69,7 +77,7 @@ class FrameTree:
 
     def has_home(self) -> bool:
         """Whether it is known where ``<ns>/odom`` lies."""
-        return self._links[self.odom] is not None
+        return self._links[self.odom].transform is not None
 
     def add(self, transform: Transform) -> None:
         """Adds a frame, or moves one that was added before; an empty parent means ``map``.
@@ -86,7 +94,7 @@ class FrameTree:
                     f"transform.child_frame_id: the frame {child} is built in or configured and stays where it is",
                     {"field": "transform.child_frame_id"},
                 )
-            if child in self._chain(parent):
+            if child in _chain(parent, self._links):
                 raise InvalidArgumentError(
                     f"transform.header.frame_id: {child} cannot hang below itself ({parent} lies below it)",
                     {"field": "transform.header.frame_id"},
@@ -94,20 +102,18 @@ class FrameTree:
             self._replace(Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s))
 
     def _replace(self, link: Transform) -> None:
-        self._parents = MappingProxyType({**self._parents, link.child_frame_id: link.frame_id})
-        self._links = MappingProxyType({**self._links, link.child_frame_id: link})
+        self._links = MappingProxyType({**self._links, link.child_frame_id: _Link(link.frame_id, link)})
 
     def names(self) -> list[str]:
         """All frames, the root first."""
-        return [MAP, *self._parents]
+        return [MAP, *self._links]
 
     def frames(self, body: Pose | None) -> list[Frame]:
         """All frames with their parents."""
-        links = self._links
         result = [Frame(MAP, "", None, True)]
-        for child, parent in self._parents.items():
-            link = self._body_link(body) if child == self.body else links.get(child)
-            result.append(Frame(child, parent, link, child != self.body))
+        for name, link in self._links.items():
+            transform = self._body_transform(body) if name == self.body else link.transform
+            result.append(Frame(name, link.parent, transform, name != self.body))
         return result
 
     def lookup(self, target: str, source: str, body: Pose | None) -> Transform:
@@ -115,51 +121,58 @@ class FrameTree:
 
         Raises `UnknownFrameError`, and `WrongStateError` where a link of the chain is not known (yet).
         """
-        self.require(target)
-        self.require(source)
+        links = self._links
+        _require(target, links)
+        _require(source, links)
         if target == source:
             return Transform(Vector3(), IDENTITY, target, source)
-        up_from_target = self._chain(target)
-        common = next(name for name in self._chain(source) if name in up_from_target)
-        to_common = self._climb(source, common, body)
-        return self._climb(target, common, body).inverse().compose(to_common)
+        up_from_target = _chain(target, links)
+        common = next(name for name in _chain(source, links) if name in up_from_target)
+        to_common = self._climb(source, common, links, body)
+        return self._climb(target, common, links, body).inverse().compose(to_common)
 
-    def _climb(self, name: str, ancestor: str, body: Pose | None) -> Transform:
+    def _climb(self, name: str, ancestor: str, links: _Links, body: Pose | None) -> Transform:
         result = Transform(Vector3(), IDENTITY, name, name)
         while result.frame_id != ancestor:
             child = result.frame_id
-            link = self._body_link(body) if child == self.body else self._links[child]
-            if link is None:
-                raise WrongStateError(f"it is not known yet where the frame {child} is in {self._parents[child]}")
-            result = link.compose(result)
+            transform = self._body_transform(body) if child == self.body else links[child].transform
+            if transform is None:
+                raise WrongStateError(f"it is not known yet where the frame {child} is in {links[child].parent}")
+            result = transform.compose(result)
         return result
 
-    def _body_link(self, body: Pose | None) -> Transform | None:
+    def _body_transform(self, body: Pose | None) -> Transform | None:
         if body is None:
             return None
         return Transform(body.position, body.orientation, self.odom, self.body)
 
-    def _chain(self, name: str) -> list[str]:
-        chain = [name]
-        while name != MAP:
-            name = self._parents[name]
-            chain.append(name)
-        return chain
-
     def require(self, name: str) -> None:
         """Raises `UnknownFrameError` unless there is such a frame."""
-        if name != MAP and name not in self._parents:
-            known = ", ".join(self.names())
-            raise UnknownFrameError(f"there is no frame {name}; known are {known}", {"frame_id": name, "known": known})
+        _require(name, self._links)
 
 
-def _leads_to_map(name: str, parents: Mapping[str, str]) -> bool:
+def _require(name: str, links: _Links) -> None:
+    if name != MAP and name not in links:
+        known = ", ".join([MAP, *links])
+        raise UnknownFrameError(f"there is no frame {name}; known are {known}", {"frame_id": name, "known": known})
+
+
+def _chain(name: str, links: _Links) -> list[str]:
+    """A frame and all above it, up to ``map``."""
+    chain = [name]
+    while name != MAP:
+        name = links[name].parent
+        chain.append(name)
+    return chain
+
+
+def _leads_to_map(name: str, links: _Links) -> bool:
     seen: set[str] = set()
     while name != MAP:
-        if name in seen or name not in parents:
+        if name in seen or name not in links:
             return False
         seen.add(name)
-        name = parents[name]
+        name = links[name].parent
     return True
 
 

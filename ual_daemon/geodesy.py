@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from geographiclib.geodesic import Geodesic
+
 from ual.geometry import Vector3
 from ual.types import GeoPoint
 

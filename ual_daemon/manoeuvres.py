@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, State
-
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.estimator import Estimate
 from ual_daemon.references import Follow, Hold, Reference, brake, measured_motion

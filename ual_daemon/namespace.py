@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from typing_extensions import Self
+
 from ual import discovery
 from ual.discovery import Registration
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from ual.errors import NotSupportedError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference
-
 from ual_daemon import logs, validation
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames import MAP, FrameTree, horizontal

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 

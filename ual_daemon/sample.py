@@ -7,7 +7,6 @@ from dataclasses import replace
 from ual.errors import WrongStateError
 from ual.geometry import Pose, Transform, Twist
 from ual.types import Odometry, Telemetry
-
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.estimator import Estimate
 from ual_daemon.flight import Flight

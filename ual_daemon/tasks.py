@@ -8,7 +8,6 @@ from concurrent.futures import Future
 
 from ual.errors import TaskAbortedError, UalError
 from ual.types import TaskInfo, TaskKind, TaskStatus
-
 from ual_daemon.backends.base import Clock
 
 

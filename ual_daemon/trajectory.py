@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import ruckig
+
 from ual.errors import UalError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits

@@ -11,11 +11,11 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from typing_extensions import Self
+
 from ual.errors import UalTimeoutError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import Simulation
 from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
-
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make

@@ -11,7 +11,6 @@ from typing import SupportsFloat
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Quaternion, Transform, Twist, Vector3
-
 from ual_daemon.settings import FRAME_ID_PATTERN
 
 MAX_DISTANCE_M = 1e7

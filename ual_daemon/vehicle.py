@@ -22,7 +22,6 @@ from ual.errors import (
 from ual.geometry import PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.interface import Simulation
 from ual.types import AltitudeReference, Capability, Frame, Info, Limits, State, TaskKind, Telemetry
-
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot

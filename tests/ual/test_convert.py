@@ -6,6 +6,8 @@ import pytest
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
+
+from tests.ual import values
 from ual import convert
 from ual.errors import InvalidArgumentError, UalError
 from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
@@ -13,8 +15,6 @@ from ual.simulation import Fault
 from ual.types import AltitudeReference, Capability, Frame, GpsFix, Info, TaskInfo, TaskKind, TaskStatus, Telemetry
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
-
-from tests.ual import values
 
 M = TypeVar("M", bound=Message)
 

@@ -8,6 +8,7 @@ from typing import NoReturn
 
 import grpc
 import pytest
+
 from ual import errors, rpc_errors
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc as pb_grpc

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hypothesis import strategies as st
+
 from ual import errors, types
 from ual.geometry import Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import (

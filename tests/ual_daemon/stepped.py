@@ -9,7 +9,6 @@ from typing import Any
 
 from ual.geometry import Pose, PoseStamped
 from ual.types import State, Telemetry
-
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.settings import VehicleSettings

@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from ual import discovery
 
+from ual import discovery
 from ual_daemon import config
 from ual_daemon.config import Configuration, ConfigurationError, FlagSource, Source
 from ual_daemon.settings import ConfigError

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from ual.geometry import Pose
 from ual.types import State
-
 from ual_daemon.backends.values import Control, Estimator, Freshness, LandedState, Mode, Sample, Snapshot
 from ual_daemon.estimator import Estimate, estimate
 

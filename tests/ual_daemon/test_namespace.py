@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from ual import discovery
 
+from ual import discovery
 from ual_daemon.namespace import Namespace, NamespaceError
 
 HOLD = """

@@ -8,6 +8,8 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
+
+from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
@@ -30,8 +32,6 @@ from ual.simulation import (
     PositionLost,
 )
 from ual.types import AltitudeReference, State, TaskKind, TaskStatus
-
-from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual_daemon.settings import FrameSettings, LimitSettings, VehicleSettings
 from ual_daemon.tasks import VehicleTask
 

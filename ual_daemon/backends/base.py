@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from ual.interface import Simulation
-
 from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
 
 

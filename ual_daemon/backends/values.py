@@ -12,7 +12,6 @@ from typing import Generic, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Capability, GeoPoint, GpsInfo, Limits
-
 from ual_daemon.geodesy import Projection
 
 T_co = TypeVar("T_co", covariant=True)

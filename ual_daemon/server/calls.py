@@ -9,9 +9,9 @@ from contextlib import aclosing, asynccontextmanager
 from typing import Any, TypeAlias, TypeVar
 
 import grpc
+
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
-
 from ual_daemon import logs
 
 _Request = TypeVar("_Request")

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
+
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
 from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
-
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer

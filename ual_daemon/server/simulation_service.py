@@ -6,6 +6,7 @@ import asyncio
 from typing import Any, TypeAlias
 
 import grpc
+
 from ual import convert
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb

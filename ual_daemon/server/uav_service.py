@@ -9,12 +9,12 @@ from collections.abc import AsyncIterator
 from typing import Any, TypeAlias
 
 import grpc
+
 from ual import convert
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-
 from ual_daemon import logs
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended

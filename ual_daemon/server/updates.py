@@ -14,7 +14,6 @@ from functools import cached_property
 from ual import convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
-
 from ual_daemon.vehicle import Vehicle
 
 

@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import grpc
 import pytest
+
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-
 from ual_daemon import logs
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.uav_service import UalServicer
@@ -76,7 +76,7 @@ async def served() -> AsyncIterator[Served]:
     await server.start()
     try:
         async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            stub = cast("ual_pb2_grpc.UalServiceAsyncStub", ual_pb2_grpc.UalServiceStub(channel))
+            stub = ual_pb2_grpc.UalServiceStub(channel)
             yield Served(vehicle, calls, stub)
     finally:
         await server.stop(None)

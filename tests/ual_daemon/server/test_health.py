@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 import grpc
 import pytest
@@ -14,11 +15,9 @@ SERVING = health_pb2.HealthCheckResponse.SERVING
 NOT_SERVING = health_pb2.HealthCheckResponse.NOT_SERVING
 SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
 
-Test = Callable[[HealthServicer, health_pb2_grpc.HealthStub], Awaitable[None]]
-
 
 @asynccontextmanager
-async def served() -> AsyncIterator[tuple[HealthServicer, health_pb2_grpc.HealthStub]]:
+async def served() -> AsyncIterator[tuple[HealthServicer, Any]]:
     servicer = HealthServicer(["ual.v1.UalService"])
     server = grpc.aio.server()
     health_pb2_grpc.add_HealthServicer_to_server(servicer, server)
@@ -26,7 +25,7 @@ async def served() -> AsyncIterator[tuple[HealthServicer, health_pb2_grpc.Health
     await server.start()
     try:
         async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            yield servicer, health_pb2_grpc.HealthStub(channel)  # type: ignore[no-untyped-call]
+            yield servicer, health_pb2_grpc.HealthStub(channel)
     finally:
         await server.stop(None)
 

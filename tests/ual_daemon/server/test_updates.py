@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import cast
 
 from ual.types import State, Telemetry
-
 from ual_daemon.server.updates import Reader, Sample, Updates
 from ual_daemon.vehicle import Vehicle
 

@@ -4,8 +4,8 @@ import asyncio
 from concurrent.futures import Future
 
 import pytest
-from ual.errors import TaskAbortedError
 
+from ual.errors import TaskAbortedError
 from ual_daemon.server.waiting import completion, ended
 
 

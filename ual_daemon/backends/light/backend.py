@@ -8,12 +8,12 @@ from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
+
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GeoPoint, GpsFix, GpsInfo, Limits
-
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.settings import LightSettings

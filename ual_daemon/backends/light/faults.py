@@ -21,7 +21,6 @@ from ual.simulation import (
     MotorsWeak,
     PositionLost,
 )
-
 from ual_daemon import validation
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.light.world import Fleet

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.simulation import Fault
-
 from ual_daemon import validation
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.world import Fleet, FlightMode, World

@@ -15,9 +15,9 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
-
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 

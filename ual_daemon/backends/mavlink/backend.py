@@ -11,7 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from ual.errors import LinkLostError, UalError
-
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink.commands import Command
 from ual_daemon.backends.mavlink.conversation import Conversation

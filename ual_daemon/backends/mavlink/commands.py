@@ -9,7 +9,6 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ual.errors import RejectedByAutopilotError
-
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 
 _log = logging.getLogger(__name__)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 from ual.errors import NotSupportedError
 from ual.types import Capability, Limits
-
 from ual_daemon.backends.mavlink.commands import Command, set_interval
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode, Setpoint

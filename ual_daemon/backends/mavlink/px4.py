@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 
 from ual.types import Capability, Limits
-
 from ual_daemon.backends.mavlink.axes import swap_local, swap_yaw
 from ual_daemon.backends.mavlink.commands import Command, set_interval
 from ual_daemon.backends.mavlink.dialect import Dialect, version_text
@@ -51,7 +50,7 @@ _IGNORE_POSITION = 0b111
 _IGNORE_ACCELERATION = 0b111 << 6
 _IGNORE_YAW = 1 << 10
 _IGNORE_YAW_RATE = 1 << 11
-POSITION_MASK = _IGNORE_YAW_RATE
+POSITION_MASK = 0
 VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
@@ -131,7 +130,7 @@ class Px4(Dialect):
         if isinstance(setpoint, PositionSetpoint):
             mask = POSITION_MASK
             position, acceleration = swap_local(*setpoint.position), swap_local(*setpoint.acceleration)
-            yaw_rad, yaw_rate_rad_s = swap_yaw(setpoint.yaw_rad), 0.0
+            yaw_rad, yaw_rate_rad_s = swap_yaw(setpoint.yaw_rad), -setpoint.yaw_rate_rad_s
         else:
             mask = VELOCITY_MASK
             position = acceleration = swap_local(0.0, 0.0, 0.0)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
-
 from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap_local
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.messages import Message, mavlink

@@ -3,8 +3,8 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ual.geometry import IDENTITY, Quaternion, Vector3
 
+from ual.geometry import IDENTITY, Quaternion, Vector3
 from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap_local, swap_yaw
 
 NUMBERS = st.floats(-1e4, 1e4)

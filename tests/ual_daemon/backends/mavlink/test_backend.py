@@ -8,12 +8,12 @@ import time
 from concurrent.futures import Future
 
 import pytest
-from ual.errors import LinkLostError, NotSupportedError
-from ual.geometry import Vector3
-from ual.types import State
 
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay
+from ual.errors import LinkLostError, NotSupportedError
+from ual.geometry import Vector3
+from ual.types import State
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.frames import split

@@ -1,8 +1,8 @@
 import pytest
-from ual.errors import RejectedByAutopilotError
 
 from tests.ual_daemon.backends.mavlink.fakes import Talk as AnyTalk
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
+from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.mavlink.commands import Command, request_message
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.px4 import Px4

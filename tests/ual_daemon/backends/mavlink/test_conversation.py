@@ -1,8 +1,6 @@
 import math
 
 import pytest
-from ual.geometry import Vector3
-from ual.types import GpsFix, State
 
 from tests.ual_daemon.backends.mavlink.fakes import (
     ADDRESS,
@@ -15,6 +13,8 @@ from tests.ual_daemon.backends.mavlink.fakes import (
     packer,
     position,
 )
+from ual.geometry import Vector3
+from ual.types import GpsFix, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.settings import MavlinkSettings

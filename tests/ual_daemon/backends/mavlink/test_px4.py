@@ -1,11 +1,11 @@
 import math
 
 import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
-
-from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
 from ual_daemon.backends.mavlink.dialect import Unknown, version_text
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.px4 import Px4

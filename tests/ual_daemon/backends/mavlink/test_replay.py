@@ -4,10 +4,10 @@ import itertools
 from dataclasses import dataclass
 
 import pytest
-from ual.types import Limits, State
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Talk
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
+from ual.types import Limits, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.estimator import estimate
 from ual_daemon.geodesy import SphereProjection
