@@ -195,6 +195,7 @@ class Flight:
         if manoeuvre is not None:
             self._end(manoeuvre, error)
         for watch in watches:
+            watch.command.withdraw()
             watch.future.set_exception(error)
         with suppress(InvalidStateError):
             closing.set_result(None)
@@ -271,6 +272,7 @@ class Flight:
             if watch not in self._watches:
                 return
             self._watches = tuple(other for other in self._watches if other is not watch)
+        watch.command.withdraw()
         if error is None:
             watch.future.set_result(None)
         else:

@@ -64,24 +64,31 @@ class Command:
             self._ack = Future()
             self._ack.set_exception(error)
 
+    def withdraw(self) -> None:
+        """Takes it back as far as it was not sent: it must not be sent again once nobody wants its effect any more (an
+        OFFBOARD that is repeated for want of an answer would take the UAV from the safety pilot).
+        """
+        if self._ack is not None:
+            self._ack.cancel()
+
     @property
     def is_answered(self) -> bool:
         """Whether the autopilot has said yes or no."""
-        return self._ack is not None and self._ack.done()
+        return self._ack is not None and self._ack.done() and not self._ack.cancelled()
 
     @property
     def is_accepted(self) -> bool:
         """Whether the autopilot has said yes."""
-        return self._ack is not None and self._ack.done() and self._ack.exception() is None
+        return self.is_answered and self._error() is None
+
+    def _error(self) -> BaseException | None:
+        return None if self._ack is None or not self.is_answered else self._ack.exception()
 
     def failure(self, snapshot: Snapshot) -> UalError | None:
         """Why it has failed, if it has: it was refused, or shows no effect in time."""
-        if self._ack is not None and self._ack.done():
-            error = self._ack.exception()
-            if isinstance(error, UalError):
-                return error
-            if error is not None:
-                return UalError(f"{self._what}: {error}")
+        error = self._error()
+        if error is not None:
+            return error if isinstance(error, UalError) else UalError(f"{self._what}: {error}")
         if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
             return None
         words = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
@@ -105,6 +112,7 @@ class Manoeuvre(ABC):
     def __init__(self, name: str, task: VehicleTask | None) -> None:
         self.name = name
         self.task = task
+        self.command: Command | None = None
         self.future: Future[None] = Future() if task is None else task.future
         if task is None:
             self.future.set_running_or_notify_cancel()  # nobody but `end` ends it
@@ -118,7 +126,9 @@ class Manoeuvre(ABC):
         return None
 
     def end(self, error: UalError | None) -> None:
-        """Tells those who wait. No lock may be held."""
+        """Withdraws its command, and tells those who wait. No lock may be held."""
+        if self.command is not None:
+            self.command.withdraw()
         if self.task is not None:
             self.task.end(error)
         elif error is None:
@@ -259,7 +269,7 @@ class TakeOff(Manoeuvre):
     ) -> None:
         super().__init__("take_off", task)
         self._task = task
-        self._command = command
+        self._command = self.command = command
         self._height_m = height_m
         self._limits = limits
         self._on_setpoints = on_setpoints
@@ -345,7 +355,7 @@ class Land(Manoeuvre):
     def __init__(self, task: VehicleTask, command: Command, reference: Reference, start: Snapshot) -> None:
         super().__init__("land", task)
         self._task = task
-        self._command = command
+        self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False
         self._begin_z = measured_motion(start).position.z
@@ -386,7 +396,7 @@ class Recover(Manoeuvre):
 
     def __init__(self, command: Command, limits: Limits) -> None:
         super().__init__("recover_from_manual", None)
-        self._command = command
+        self._command = self.command = command
         self._limits = limits
 
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -42,6 +42,7 @@ class Backend(ABC):
     Methods may be called from any thread and never block on the autopilot: commands return a future that ends with
     the autopilot's acknowledgement, or with `RejectedByAutopilotError` in its own words. What the vehicle then really
     does is judged above, from snapshots, never from the acknowledgement; one that is lost just leaves its future open.
+    Cancelling the future withdraws the command: what was not sent yet, or would be sent again, is not sent any more.
     """
 
     name: str

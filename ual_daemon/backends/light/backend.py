@@ -208,7 +208,8 @@ class LightBackend(Backend):
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))
-                ack.set_result(None)
+                if ack.set_running_or_notify_cancel():
+                    ack.set_result(None)
         self._snapshot = self._look()
         if self._on_update is not None:
             self._on_update(self._snapshot)

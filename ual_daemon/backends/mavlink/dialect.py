@@ -67,6 +67,10 @@ class Dialect(ABC):
     @abstractmethod
     def hold(self) -> Command: ...
 
+    def after_flight(self) -> Command | None:
+        """What to send when it was disarmed after we flew it, still in the mode in which it takes our references."""
+        return None
+
 
 class Unknown(Dialect):
     """An autopilot that we do not know: heard by the common messages, never flown."""

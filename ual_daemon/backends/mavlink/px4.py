@@ -167,6 +167,11 @@ class Px4(Dialect):
     def hold(self) -> Command:
         return self._set_mode(_AUTO, _SUB_LOITER, "hold")
 
+    def after_flight(self) -> Command:
+        # Disarmed after our landing, PX4 goes back to the mode before it: OFFBOARD, in which nobody can arm it without
+        # a stream of setpoints.
+        return self.hold()
+
     @staticmethod
     def _set_mode(main: int, sub: int, what: str, *, needs_setpoints_s: float = 0.0) -> Command:
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub))

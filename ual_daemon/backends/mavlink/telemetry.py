@@ -11,7 +11,7 @@ from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.stamps import REBOOT_S, StampFilter
-from ual_daemon.backends.values import Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import Control, Estimator, LandedState, Mode, Sample, Snapshot
 from ual_daemon.geodesy import Projection
 
 ATTITUDE_LIMIT_S = 0.5
@@ -129,6 +129,15 @@ class Telemetry:
     def pose_time_s(self) -> float | None:
         """When the newest pose came."""
         return None if self._pose is None else self._pose.time_s
+
+    @property
+    def is_armed(self) -> bool:
+        return self._armed is not None and self._armed.value
+
+    @property
+    def takes_references(self) -> bool:
+        """Whether its mode follows ours."""
+        return self._mode is not None and self._mode.value.control is Control.REFERENCES
 
     @property
     def status_text(self) -> str:

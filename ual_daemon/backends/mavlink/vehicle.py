@@ -40,12 +40,14 @@ class MavlinkVehicle:
         self._pose_rate_hz = pose_rate_hz
         self._own_ids = own_ids
         self._transmit = transmit
+        self._setpoints_s = setpoints_s
         self._commands = Commands(dialect.name, self._send_command, setpoints_s)
         self._interview = self._new_interview()
         self._boots_count = 0
         self._next_heartbeat_s: float | None = None
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
+        self._has_flown = False
 
     def uses(self, message_id: int) -> bool:
         """Whether such a message is worth decoding; of others the arrival is enough."""
@@ -91,6 +93,7 @@ class MavlinkVehicle:
             self._transmit(heartbeat())
         self._interview.tick(now_s)
         self._commands.tick(now_s)
+        self._end_flight(now_s)
         if self._wants_heartbeat and (self._next_ask_s is None or now_s >= self._next_ask_s):
             self._wants_heartbeat = False
             self._next_ask_s = now_s + ASK_HEARTBEAT_S
@@ -111,6 +114,17 @@ class MavlinkVehicle:
             capabilities=dialect.capabilities,
             limits=dialect.limits(telemetry.parameters),
         )
+
+    def _end_flight(self, now_s: float) -> None:
+        """Leaves the autopilot as we found it, ready to be armed, once it is disarmed after a flight of ours."""
+        telemetry = self.telemetry
+        if telemetry.is_armed and telemetry.takes_references:
+            self._has_flown = self._has_flown or self._setpoints_s(now_s) > 0.0
+        elif self._has_flown and not telemetry.is_armed and telemetry.takes_references:
+            self._has_flown = False
+            command = self.dialect.after_flight()
+            if command is not None:
+                self.submit(command, now_s)
 
     def _on_done(self, _: Future[None]) -> None:
         self._wants_heartbeat = True

@@ -18,7 +18,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.frames import split
 from ual_daemon.backends.mavlink.messages import Codec, mavlink
-from ual_daemon.backends.values import PositionSetpoint, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
 from ual_daemon.estimator import estimate
 
 PATIENCE_S = 20.0
@@ -176,8 +176,7 @@ def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard():
 
 def test_no_setpoint_goes_out_while_the_link_is_down(pair, monkeypatch):
     backend, autopilot = pair
-    heard_s = backend.snapshot().heard_s
-    monkeypatch.setattr(backend.clock, "now_s", lambda: heard_s + backend.freshness.link_s + 0.1)
+    monkeypatch.setattr(backend, "freshness", Freshness(link_s=-1.0))
     backend.send(SETPOINT)
     assert autopilot.hears_nothing_of("SET_POSITION_TARGET_LOCAL_NED", 0.2)
     assert isinstance(backend.arm().exception(PATIENCE_S), LinkLostError)

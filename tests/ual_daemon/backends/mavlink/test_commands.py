@@ -177,6 +177,34 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event():
     assert _heartbeats_asked(talk) == 1
 
 
+def test_after_a_flight_of_ours_px4_is_left_in_a_mode_in_which_it_can_be_armed():
+    talk = Talk()
+    offboard, landing = 6 << 16, 4 << 16 | 6 << 24
+    talk.hear(heartbeat(offboard, armed=True))
+    talk.setpoints_s = 1.0
+    talk.run(1.0)
+    talk.setpoints_s = 0.0
+    talk.hear(heartbeat(landing, armed=True))
+    talk.run(1.0)
+    assert talk.commands(SET_MODE) == []
+    talk.hear(heartbeat(offboard))
+    talk.run(0.05)
+    assert [(sent.param2, sent.param3) for sent in talk.commands(SET_MODE)] == [(4.0, 3.0)]
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED), heartbeat(offboard))
+    talk.run(10.0)  # once only
+    assert talk.commands(SET_MODE) == []
+
+
+def test_the_mode_in_which_somebody_else_leaves_px4_is_not_ours_to_change():
+    talk = Talk()
+    offboard = 6 << 16
+    talk.hear(heartbeat(offboard, armed=True))
+    talk.run(1.0)
+    talk.hear(heartbeat(offboard))
+    talk.run(5.0)
+    assert talk.commands(SET_MODE) == []
+
+
 EVENT = b"\xfd\x01\x00\x00\x00\x01\x01" + (410).to_bytes(3, "little") + b"\x00\x00\x00"
 ANSWERS = [
     mavlink.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0),

@@ -48,11 +48,11 @@ def test_a_position_setpoint_carries_motion_and_heading_in_local_ned():
     sent = PX4.setpoint(setpoint, 7, 1234)
     assert (sent.target_system, sent.target_component, sent.time_boot_ms) == (7, 1, 1234)
     assert sent.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
-    assert sent.type_mask == mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+    assert sent.type_mask == 0
     assert (sent.x, sent.y, sent.z) == (2, 1, -3)
     assert (sent.vx, sent.vy, sent.vz) == (5, 4, -6)
     assert (sent.afx, sent.afy, sent.afz) == (8, 7, -9)
-    assert sent.yaw == pytest.approx(math.pi / 2)
+    assert (sent.yaw, sent.yaw_rate) == pytest.approx((math.pi / 2, -0.5))
 
 
 def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only():
