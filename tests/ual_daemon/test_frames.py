@@ -1,0 +1,283 @@
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.strategies import POSES, ROTATIONS, TRANSFORMS, vectors
+from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
+from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
+from ual_daemon.frames import MAP, FrameTree, horizontal
+from ual_daemon.settings import ConfigError, FrameSettings, VehicleSettings
+
+ODOM, BODY = "uav_1/odom", "uav_1/base_link"
+ORIGIN = Pose()
+
+
+def tree(settings: VehicleSettings | None = None) -> FrameTree:
+    return FrameTree("uav_1", settings or VehicleSettings())
+
+
+def at(x: float, y: float, z: float, parent: str, child: str, yaw_rad: float = 0.0) -> Transform:
+    return Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw_rad), parent, child)
+
+
+def assert_same_place(found: Transform, expected: Transform, size_m: float = 1e3) -> None:
+    assert (found.frame_id, found.child_frame_id) == (expected.frame_id, expected.child_frame_id)
+    assert (found.translation - expected.translation).norm() <= 1e-12 * size_m
+    # A quaternion and its negative are the same rotation.
+    cosine = sum(a * b for a, b in zip(found.rotation, expected.rotation, strict=True))
+    assert abs(abs(cosine) - 1.0) <= 1e-12
+
+
+# --- The mathematics --------------------------------------------------------------------------------------------------
+
+
+@given(TRANSFORMS, vectors(1e3))
+def test_a_transform_and_its_inverse_take_a_point_there_and_back(transform: Transform, point: Vector3) -> None:
+    assert (transform.inverse().apply(transform.apply(point)) - point).norm() <= 1e-9
+    assert_same_place(transform.inverse().inverse(), transform)
+
+
+@given(TRANSFORMS, TRANSFORMS, POSES)
+def test_composing_is_applying_one_after_the_other(outer: Transform, inner: Transform, pose: Pose) -> None:
+    together = outer.compose(inner).apply_pose(pose)
+    in_turn = outer.apply_pose(inner.apply_pose(pose))
+    assert (together.position - in_turn.position).norm() <= 1e-9
+    assert (together.orientation * in_turn.orientation.inverse()).norm() == pytest.approx(1.0)
+
+
+@given(ROTATIONS, vectors(1e3))
+def test_a_rotation_keeps_lengths_and_turns_back(rotation: Quaternion, vector: Vector3) -> None:
+    turned = rotation.rotate(vector)
+    assert turned.norm() == pytest.approx(vector.norm(), abs=1e-9)
+    assert (rotation.inverse().rotate(turned) - vector).norm() <= 1e-9
+
+
+@given(ROTATIONS)
+def test_euler_angles_make_the_same_rotation_again(rotation: Quaternion) -> None:
+    again = Quaternion.from_euler(*rotation.to_euler())
+    for axis in (Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1)):
+        # Near straight up or down roll and yaw are hard to tell apart; their sum is not.
+        assert (again.rotate(axis) - rotation.rotate(axis)).norm() <= 1e-6
+
+
+@given(POSES)
+def test_a_levelled_pose_has_the_same_heading_and_no_tilt(pose: Pose) -> None:
+    level = horizontal(pose)
+    roll, pitch, yaw = level.orientation.to_euler()
+    assert level.position == pose.position
+    assert (roll, pitch) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert math.remainder(yaw - pose.yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+# --- The tree ---------------------------------------------------------------------------------------------------------
+
+
+def test_it_begins_with_map_odom_and_the_body() -> None:
+    found = tree().frames(Pose(Vector3(1, 2, 3)))
+    assert [(frame.frame_id, frame.parent_frame_id, frame.is_static) for frame in found] == [
+        (MAP, "", True),
+        (ODOM, MAP, True),
+        (BODY, ODOM, False),
+    ]
+    assert found[2].transform == Transform(Vector3(1, 2, 3), IDENTITY, ODOM, BODY)
+
+
+def test_home_pose_places_odom_in_its_parent() -> None:
+    field = FrameSettings(frame_id="field", translation=(10.0, 0.0, 0.0), yaw_rad=math.pi / 2)
+    settings = VehicleSettings(home_pose=(1.0, 2.0, 3.0), home_pose_parent_frame="field", frames=(field,))
+    found = tree(settings).lookup(MAP, ODOM, None)
+    # One ahead of the field's origin is one to the north; two to its left are two to the west.
+    assert_same_place(found, at(8.0, 1.0, 3.0, MAP, ODOM, math.pi / 2))
+
+
+def test_a_frame_seen_from_itself_is_where_it_is() -> None:
+    assert tree().lookup(BODY, BODY, None) == Transform(Vector3(), IDENTITY, BODY, BODY)
+
+
+def test_what_hangs_on_the_body_moves_with_it() -> None:
+    frames = tree()
+    frames.add(at(0.2, 0.0, -0.1, BODY, "uav_1/camera"))
+    body = Pose(Vector3(5, 5, 5), Quaternion.from_yaw(math.pi / 2))
+    assert_same_place(frames.lookup(MAP, "uav_1/camera", body), at(5.0, 5.2, 4.9, MAP, "uav_1/camera", math.pi / 2))
+
+
+@st.composite
+def random_trees(draw: st.DrawFn) -> tuple[list[Transform], Pose]:
+    """Frames f0, f1, ..., each in one that is there before; and where the body is."""
+    names = [MAP, ODOM, BODY]
+    frames = []
+    for index in range(draw(st.integers(1, 8))):
+        frame = draw(TRANSFORMS)
+        frames.append(replace(frame, frame_id=draw(st.sampled_from(names)), child_frame_id=f"f{index}"))
+        names.append(f"f{index}")
+    return frames, draw(POSES)
+
+
+@given(random_trees(), st.data())
+def test_a_lookup_is_the_product_of_the_chain(drawn: tuple[list[Transform], Pose], data: st.DataObject) -> None:
+    added, body = drawn
+    frames = tree(VehicleSettings(home_pose=(7.0, -8.0, 9.0)))
+    for each in added:
+        frames.add(each)
+    links = {each.child_frame_id: each for each in added}
+    links[ODOM] = at(7.0, -8.0, 9.0, MAP, ODOM)
+    links[BODY] = Transform(body.position, body.orientation, ODOM, BODY)
+
+    def to_map(name: str) -> Transform:
+        result = Transform(Vector3(), IDENTITY, name, name)
+        while result.frame_id != MAP:
+            result = links[result.frame_id].compose(result)
+        return result
+
+    names = [MAP, *links]
+    source, target = data.draw(st.sampled_from(names)), data.draw(st.sampled_from(names))
+    assert_same_place(frames.lookup(target, source, body), to_map(target).inverse().compose(to_map(source)), 1e5)
+    assert_same_place(frames.lookup(target, source, body), frames.lookup(source, target, body).inverse(), 1e5)
+
+
+def test_an_added_frame_can_be_moved_and_hung_elsewhere() -> None:
+    frames = tree()
+    frames.add(at(1, 0, 0, "", "box"))
+    frames.add(at(0, 0, 2, "box", "lid"))
+    frames.add(at(0, 5, 0, ODOM, "box"))
+    assert_same_place(frames.lookup(MAP, "lid", None), at(0, 5, 2, MAP, "lid"))
+    assert frames.names() == [MAP, ODOM, BODY, "box", "lid"]
+
+
+def test_an_unknown_frame_is_refused_and_the_known_are_listed() -> None:
+    frames = tree()
+    for ask in (
+        lambda: frames.lookup("nowhere", ODOM, ORIGIN),
+        lambda: frames.lookup(ODOM, "nowhere", ORIGIN),
+        lambda: frames.add(at(0, 0, 0, "nowhere", "box")),
+        lambda: frames.require("nowhere"),
+    ):
+        with pytest.raises(UnknownFrameError, match="there is no frame nowhere") as caught:
+            ask()
+        assert caught.value.metadata == {"frame_id": "nowhere", "known": f"{MAP}, {ODOM}, {BODY}"}
+
+
+@pytest.mark.parametrize("name", [MAP, ODOM, BODY, "field"])
+def test_a_built_in_or_configured_frame_stays_where_it_is(name: str) -> None:
+    frames = tree(VehicleSettings(frames=(FrameSettings(frame_id="field"),)))
+    with pytest.raises(InvalidArgumentError, match=f"the frame {name} is built in or configured") as caught:
+        frames.add(at(1, 1, 1, MAP, name))
+    assert caught.value.metadata["field"] == "transform.child_frame_id"
+    assert frames.names() == [MAP, ODOM, BODY, "field"]
+
+
+@pytest.mark.parametrize("parent", ["a", "b", "c"])
+def test_a_frame_cannot_hang_below_itself(parent: str) -> None:
+    frames = tree()
+    for above, name in ((MAP, "a"), ("a", "b"), ("b", "c")):
+        frames.add(at(1, 0, 0, above, name))
+    with pytest.raises(InvalidArgumentError, match="a cannot hang below itself") as caught:
+        frames.add(at(0, 0, 0, parent, "a"))
+    assert caught.value.metadata["field"] == "transform.header.frame_id"
+    assert_same_place(frames.lookup(MAP, "c", None), at(3, 0, 0, MAP, "c"))
+
+
+def test_where_the_body_is_not_known_only_chains_past_it_fail() -> None:
+    frames = tree()
+    frames.add(at(1, 0, 0, BODY, "arm"))
+    with pytest.raises(WrongStateError, match=f"not known yet where the frame {BODY} is in {ODOM}"):
+        frames.lookup(MAP, "arm", None)
+    assert_same_place(frames.lookup(BODY, "arm", None), at(1, 0, 0, BODY, "arm"))
+    assert {frame.frame_id: frame.transform for frame in frames.frames(None)}[BODY] is None
+
+
+def test_with_a_geographic_origin_odom_is_known_once_it_is_placed() -> None:
+    frames = tree(VehicleSettings(map_origin_geo=(37.0, -6.0, 0.0)))
+    assert not frames.has_home()
+    with pytest.raises(WrongStateError, match=f"where the frame {ODOM} is in map"):
+        frames.lookup(MAP, BODY, ORIGIN)
+    assert_same_place(frames.lookup(ODOM, BODY, ORIGIN), at(0, 0, 0, ODOM, BODY))
+    frames.set_home(Vector3(3, 2, 1))
+    assert frames.has_home()
+    assert_same_place(frames.lookup(MAP, BODY, ORIGIN), at(3, 2, 1, MAP, BODY))
+
+
+def test_a_frame_that_is_moved_meanwhile_is_seen_where_it_was_or_where_it_is() -> None:
+    frames = tree()
+    frames.add(at(1, 0, 0, MAP, "near"))
+    places = (at(1, 0, 0, MAP, "box"), at(2, 0, 0, "near", "box"))
+    frames.add(places[0])
+    is_over = threading.Event()
+
+    def move() -> None:
+        while not is_over.is_set():
+            for place in places:
+                frames.add(place)
+
+    mover = threading.Thread(target=move)
+    mover.start()
+    try:
+        seen = {frames.lookup("near", "box", None).translation.x for _ in range(20_000)}
+    finally:
+        is_over.set()
+        mover.join()
+    assert seen <= {0.0, 2.0}
+
+
+# --- The configuration ------------------------------------------------------------------------------------------------
+
+CONFIGURED = (
+    FrameSettings(frame_id="site", translation=(1.0, 0.0, 0.0)),
+    FrameSettings(frame_id="site/hall", parent_frame_id="site", translation=(1.0, 0.0, 0.0)),
+    FrameSettings(frame_id="site/hall/gate", parent_frame_id="site/hall", translation=(1.0, 0.0, 0.0)),
+    FrameSettings(frame_id="camera", parent_frame_id=BODY, translation=(1.0, 0.0, 0.0)),
+)
+
+
+@given(st.permutations(CONFIGURED))
+def test_configured_frames_may_come_in_any_order(order: list[FrameSettings]) -> None:
+    settings = VehicleSettings(frames=tuple(order), home_pose_parent_frame="site/hall/gate", pose_frame_id="site/hall")
+    assert_same_place(tree(settings).lookup(MAP, "camera", ORIGIN), at(4, 0, 0, MAP, "camera"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "key", "message"),
+    [
+        (
+            VehicleSettings(frames=(FrameSettings(frame_id="a"), FrameSettings(frame_id="a"))),
+            "frames[1].frame_id",
+            "the frame a is there already",
+        ),
+        (VehicleSettings(frames=(FrameSettings(frame_id=MAP),)), "frames[0].frame_id", "map is there already"),
+        (VehicleSettings(frames=(FrameSettings(frame_id=ODOM),)), "frames[0].frame_id", "is there already"),
+        (
+            VehicleSettings(frames=(FrameSettings(frame_id="a"), FrameSettings(frame_id="b", parent_frame_id="c"))),
+            "frames[1].parent_frame_id",
+            "the frame b does not lead to map: its parent c is not known",
+        ),
+        (
+            VehicleSettings(
+                frames=(
+                    FrameSettings(frame_id="a", parent_frame_id="b"),
+                    FrameSettings(frame_id="b", parent_frame_id="a"),
+                )
+            ),
+            "frames[0].parent_frame_id",
+            "or they make a loop",
+        ),
+        (
+            VehicleSettings(frames=(FrameSettings(frame_id="a", parent_frame_id="a"),)),
+            "frames[0].parent_frame_id",
+            "or they make a loop",
+        ),
+        (VehicleSettings(home_pose_parent_frame="a"), "home_pose_parent_frame", "the frame a is not known"),
+        (VehicleSettings(home_pose_parent_frame=BODY), "home_pose_parent_frame", f"or lies below {ODOM}"),
+        (VehicleSettings(pose_frame_id="a"), "pose_frame_id", "the frame a is not known"),
+    ],
+)
+def test_a_tree_that_cannot_be_names_the_setting_at_fault(settings: VehicleSettings, key: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        tree(settings)
+    assert caught.value.key == key
+    assert message in str(caught.value)
