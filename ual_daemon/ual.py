@@ -242,7 +242,7 @@ class _Subscription:
         self._clock = vehicle.backend.clock
         self._callback = callback
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
-        self._next_s = float("-inf")
+        self._next_s = self._clock.now_s()
         self._on_close = on_close
         self._changed = threading.Condition()
         self._newest: Telemetry | None = None

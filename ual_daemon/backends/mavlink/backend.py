@@ -109,7 +109,6 @@ class MavlinkBackend(Backend):
     def _command(self, what: str, make: Callable[[Dialect], Command]) -> Future[None]:
         """Hands a command to the thread that converses; its future ends there."""
         result: Future[None] = Future()
-        result.set_running_or_notify_cancel()
         vehicle, link = self._vehicle_in_reach(self.clock.now_s()), self._link
         if vehicle is None or link is None:
             result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
@@ -121,7 +120,8 @@ class MavlinkBackend(Backend):
             return result
 
         def submit(now_s: float) -> None:
-            vehicle.submit(command, now_s).add_done_callback(lambda done: _pass_on(done, result))
+            acknowledged = vehicle.submit(command, now_s, result.cancelled)
+            acknowledged.add_done_callback(lambda done: _pass_on(done, result))
 
         self._posted.append(submit)
         link.wake()
@@ -155,10 +155,10 @@ class MavlinkBackend(Backend):
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
             vehicle = conversation.vehicle
+            if vehicle is not None and (now_s >= next_tick_s or not self._info.autopilot):
+                self._info = vehicle.info()
             if now_s >= next_tick_s:
                 next_tick_s = now_s + TICK_S
-                if vehicle is not None:
-                    self._info = vehicle.info()
             newest_s = None if vehicle is None else vehicle.telemetry.pose_time_s
             if newest_s != pose_time_s or now_s - updated_s >= TICK_S:
                 pose_time_s, updated_s = newest_s, now_s
@@ -187,6 +187,8 @@ class MavlinkBackend(Backend):
 
 
 def _pass_on(done: Future[None], result: Future[None]) -> None:
+    if not result.set_running_or_notify_cancel():
+        return  # withdrawn
     error = done.exception()
     if error is None:
         result.set_result(None)

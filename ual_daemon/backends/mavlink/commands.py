@@ -58,6 +58,7 @@ def request_message(message_id: int) -> Command:
 class _Pending:
     command: Command
     since_s: float
+    is_withdrawn: Callable[[], bool]
     future: Future[None] = field(default_factory=Future)
     sends_count: int = 0
     acks_count: int = 0
@@ -80,11 +81,15 @@ class Commands:
         self._waiting: deque[_Pending] = deque()
         self._in_flight: dict[int, _Pending] = {}
 
-    def submit(self, command: Command, now_s: float) -> Future[None]:
-        """Sends a command when its turn comes; the future ends with its acknowledgement, or stays open without one."""
+    def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
+        """Sends a command when its turn comes; the future ends with its acknowledgement, or stays open without one.
+
+        Once `is_withdrawn` it is not sent (again): nobody wants its effect any more.
+        """
         if command.group:
-            self._drop(command.group)
-        pending = _Pending(command, now_s)
+            # What the vehicle does is judged by its state, not by the end of the command that a newer one replaces.
+            self._forget(lambda other: other.command.group == command.group)
+        pending = _Pending(command, now_s, is_withdrawn)
         pending.future.set_running_or_notify_cancel()  # it cannot be taken back, so it cannot be cancelled
         self._waiting.append(pending)
         self._send_waiting(now_s)
@@ -117,6 +122,7 @@ class Commands:
 
     def tick(self, now_s: float) -> None:
         """Does what time asks for; to be called often."""
+        self._forget(lambda pending: pending.is_withdrawn())
         for pending in [pending for pending in self._in_flight.values() if now_s >= pending.next_s]:
             if pending.refusal or pending.acks_count:
                 self._finish(pending, now_s)
@@ -144,11 +150,10 @@ class Commands:
         pending.sends_count += 1
         pending.next_s = now_s + RESEND_S
 
-    def _drop(self, group: str) -> None:
-        """Forgets those that a newer one replaces; what the vehicle does is judged by its state, not by their end."""
-        for pending in [pending for pending in self._waiting if pending.command.group == group]:
+    def _forget(self, is_meant: Callable[[_Pending], bool]) -> None:
+        for pending in [pending for pending in self._waiting if is_meant(pending)]:
             self._waiting.remove(pending)
-        for pending in [pending for pending in self._in_flight.values() if pending.command.group == group]:
+        for pending in [pending for pending in self._in_flight.values() if is_meant(pending)]:
             del self._in_flight[pending.command.id]
 
     def _finish(self, pending: _Pending, now_s: float) -> None:

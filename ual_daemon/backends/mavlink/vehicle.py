@@ -48,6 +48,7 @@ class MavlinkVehicle:
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
         self._has_flown = False
+        self._was_armed = False
 
     def uses(self, message_id: int) -> bool:
         """Whether such a message is worth decoding; of others the arrival is enough."""
@@ -76,9 +77,9 @@ class MavlinkVehicle:
             # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._wants_heartbeat = True
 
-    def submit(self, command: Command, now_s: float) -> Future[None]:
+    def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
         """Sends a command; see `Commands.submit`."""
-        future = self._commands.submit(command, now_s)
+        future = self._commands.submit(command, now_s, is_withdrawn)
         future.add_done_callback(self._on_done)  # done by tick or update, so on the thread that this belongs to
         return future
 
@@ -118,13 +119,15 @@ class MavlinkVehicle:
     def _end_flight(self, now_s: float) -> None:
         """Leaves the autopilot as we found it, ready to be armed, once it is disarmed after a flight of ours."""
         telemetry = self.telemetry
-        if telemetry.is_armed and telemetry.takes_references:
-            self._has_flown = self._has_flown or self._setpoints_s(now_s) > 0.0
-        elif self._has_flown and not telemetry.is_armed and telemetry.takes_references:
+        if telemetry.is_armed:
+            is_ours = telemetry.takes_references and self._setpoints_s(now_s) > 0.0
+            self._has_flown = is_ours or (self._has_flown and self._was_armed)
+        elif self._has_flown and telemetry.takes_references:
             self._has_flown = False
             command = self.dialect.after_flight()
             if command is not None:
                 self.submit(command, now_s)
+        self._was_armed = telemetry.is_armed
 
     def _on_done(self, _: Future[None]) -> None:
         self._wants_heartbeat = True

@@ -215,3 +215,22 @@ ANSWERS = [
 
 def _heartbeats_asked(talk: Talk) -> int:
     return len([sent for sent in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if sent.param1 == 0.0])
+
+
+def test_a_withdrawn_command_is_not_sent_again():
+    talk = Talk()
+    is_withdrawn = False
+    future = talk.vehicle.submit(PX4.arm(is_arming=True), talk.now_s, lambda: is_withdrawn)
+    talk.run(0.6)
+    assert len(talk.commands(ARM)) == 2
+    is_withdrawn = True
+    talk.run(5.0)
+    assert talk.commands(ARM) == []
+    assert not future.done()
+
+
+def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent():
+    talk = Talk()
+    talk.vehicle.submit(PX4.take_control(), talk.now_s, lambda: True)
+    talk.run(10.0)
+    assert talk.commands(SET_MODE) == []
