@@ -1,0 +1,54 @@
+"""The conformance checks over the class in the process and over the client to a real daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+import ual
+from tests.conftest import DaemonProcess
+from ual import conformance, discovery
+from ual.conformance import Check, Flight, Tolerances
+from ual.conformance.flight import CannotRunError
+from ual.interface import Uav
+from ual_daemon import UAL
+
+SPEED_FACTOR = 15.0
+
+
+def over_class(stack: ExitStack, directory: Path) -> Uav:
+    assert directory.is_dir()
+    return stack.enter_context(UAL("light", "uav_1", backend_settings={"speed_factor": SPEED_FACTOR}))
+
+
+def over_tcp(stack: ExitStack, directory: Path) -> Uav:
+    return stack.enter_context(ual.Uav("uav_1", address=started(stack, directory, "127.0.0.1:0")))
+
+
+def over_unix_socket(stack: ExitStack, directory: Path) -> Uav:
+    return stack.enter_context(ual.Uav(address=started(stack, directory, f"unix:{directory}/uav.sock")))
+
+
+def started(stack: ExitStack, directory: Path, listen: str) -> str:
+    flags = ("--backend", "light", "--listen", listen, "--set", f"light.speed_factor={SPEED_FACTOR}")
+    daemon = DaemonProcess(flags, "uav_1", {discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    stack.callback(daemon.close)
+    return daemon.address
+
+
+@pytest.fixture(scope="module", params=[over_class, over_tcp, over_unix_socket], ids=lambda make: make.__name__)
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    with ExitStack() as stack:
+        uav: Uav = request.param(stack, tmp_path_factory.mktemp("ual"))
+        yield Flight(uav, Tolerances.of_simulation())
+
+
+@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
+def test_conformance(flight: Flight, check: Check) -> None:
+    try:
+        conformance.run_check(flight, check)
+    except CannotRunError as error:
+        pytest.skip(str(error))
