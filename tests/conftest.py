@@ -57,12 +57,13 @@ class DaemonProcess:
         """Where it listens (the first address), once it does."""
         return str(self.wait_for("listening")["addresses"]).split()[0]
 
-    def wait_for(self, event: str, after: int = 0, **fields: object) -> dict[str, Any]:
-        """The first such event in its log, from index `after` on."""
+    def wait_for(self, event: str, after: dict[str, Any] | None = None, **fields: object) -> dict[str, Any]:
+        """The first such event in its log; the first since the event `after`."""
         deadline_s = time.monotonic() + LIMIT_S
         with self._changed:
             while True:
-                for found in self.events[after:]:
+                since = 0 if after is None else self.events.index(after) + 1
+                for found in self.events[since:]:
                     if found.get("event") == event and fields.items() <= found.items():
                         return found
                 left_s = deadline_s - time.monotonic()

@@ -58,6 +58,8 @@ def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:
 
 def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
     """A vector of finite components, its length not beyond a magnitude."""
+    if type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most:
+        return value  # the usual case, fast: no comparison with NaN is true
     try:
         x, y, z = value
     except (TypeError, ValueError):

@@ -9,7 +9,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from ual.errors import (
     InvalidArgumentError,
@@ -65,6 +65,8 @@ class Vehicle:
         self._subscribers: tuple[Callable[[Telemetry], None], ...] = ()
         self._sequence = 0
         self._last_state: State | None = None
+        self._own_limits: Limits | None = None
+        self._smaller_limits = Limits()
         self._last_refusal = ("", 0.0)
 
     # --- Life ---------------------------------------------------------------------------------------------------------
@@ -391,15 +393,15 @@ class Vehicle:
         return self._allow_arming or self.backend.simulation() is not None
 
     def _limits(self) -> Limits:
-        ours, own = self._settings.limits, self.backend.info().limits
-        return Limits(
-            min(ours.horizontal_speed_m_s, own.horizontal_speed_m_s),
-            min(ours.climb_speed_m_s, own.climb_speed_m_s),
-            min(ours.descent_speed_m_s, own.descent_speed_m_s),
-            min(ours.horizontal_acceleration_m_s2, own.horizontal_acceleration_m_s2),
-            min(ours.vertical_acceleration_m_s2, own.vertical_acceleration_m_s2),
-            min(ours.yaw_rate_rad_s, own.yaw_rate_rad_s),
-        )
+        """The smaller of the autopilot's limits, which it may tell anew, and the user's."""
+        own = self.backend.info().limits
+        if self._own_limits is not own:
+            ours = self._settings.limits
+            self._smaller_limits = Limits(
+                *(min(getattr(ours, field.name), getattr(own, field.name)) for field in fields(Limits))
+            )
+            self._own_limits = own
+        return self._smaller_limits
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 
