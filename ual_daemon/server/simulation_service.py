@@ -14,6 +14,9 @@ from ual.v1 import simulation_pb2_grpc
 
 _Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
+_SLICE_S = 1.0
+_LONGEST_STEP_S = 3600.0
+
 
 class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     """The interface of one simulation. See ``ual/v1/simulation.proto`` for what each method does.
@@ -73,7 +76,13 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         return pb.SetSpeedFactorResponse()
 
     async def Step(self, request: pb.StepRequest, context: _Context) -> pb.StepResponse:
-        await asyncio.to_thread(self._simulation.step, request.duration_s)
+        # A thread cannot be interrupted: in slices, so that a step ends with its caller, or with the daemon. A duration
+        # that is not allowed goes down as it is, to be refused.
+        left_s = request.duration_s
+        while 2.0 * _SLICE_S < left_s <= _LONGEST_STEP_S:
+            await asyncio.to_thread(self._simulation.step, _SLICE_S)
+            left_s -= _SLICE_S
+        await asyncio.to_thread(self._simulation.step, left_s)
         return pb.StepResponse()
 
     async def SetNoise(self, request: pb.SetNoiseRequest, context: _Context) -> pb.SetNoiseResponse:
