@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ual.types import State
-from ual_daemon.backends.values import Control, Freshness, LandedState, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState, Sample, Snapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
 
 
 def _why_stale(what: str, sample: Sample[object] | None, limit_s: float, now_s: float) -> str | None:
-    if sample is None:
+    if sample is None or sample.time_s == NEVER_S:
         return f"the autopilot has not said {what}"
     age_s = now_s - sample.time_s
     return f"the autopilot has not said {what} for {age_s:.1f} s" if age_s > limit_s else None

@@ -56,6 +56,10 @@ class Estimator:
     why: str = ""
 
 
+NEVER_S = float("-inf")
+"""The time of a sample that is sure to come but has not yet, where None would mean that there is none at all."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sample(Generic[T_co]):
     """A value with the time (backend clock) at which it was received."""

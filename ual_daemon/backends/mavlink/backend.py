@@ -26,6 +26,9 @@ _log = logging.getLogger(__name__)
 
 TICK_S = 0.05
 """How often time is looked at, and the longest between two updates."""
+PAUSE_S = 1.0
+"""When this thread had no turn for so long (a stopped process, a starved computer), what it finds waiting is old: PX4
+may have left OFFBOARD meanwhile, and a setpoint sent by what it said before would bring it back there."""
 REOPEN_S = 1.0
 """How often it is tried to take a port that another program has."""
 
@@ -142,10 +145,17 @@ class MavlinkBackend(Backend):
                 _log.warning("%d bytes or frames from %s were no messages", conversation.corrupt_count, self.url)
 
     def _converse(self, link: UdpLink, conversation: Conversation, on_update: UpdateCallback) -> None:
-        next_tick_s = next_open_s = updated_s = self.clock.now_s()
+        next_tick_s = next_open_s = updated_s = turn_s = self.clock.now_s()
         pose_time_s: float | None = None
         while not self._is_closing:
-            for datagram, address in link.receive(next_tick_s - self.clock.now_s()):
+            datagrams = link.receive(next_tick_s - self.clock.now_s())
+            turn_s, last_turn_s = self.clock.now_s(), turn_s
+            if turn_s - last_turn_s > PAUSE_S:
+                _log.warning("this thread had no turn for %.1f s: asking the autopilot anew", turn_s - last_turn_s)
+                link.discard()
+                conversation.forget()
+                datagrams = []
+            for datagram, address in datagrams:
                 conversation.receive(datagram, address, self.clock.now_s(), time.time())
             now_s = self.clock.now_s()
             if not link.is_open and now_s >= next_open_s:

@@ -56,6 +56,11 @@ class Conversation:
             if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1:
                 self._take(frame, address, now_s, utc_now_s)
 
+    def forget(self) -> None:
+        """What was heard says no longer how the vehicle is."""
+        if self.vehicle is not None:
+            self.vehicle.forget()
+
     def tick(self, now_s: float) -> None:
         """Does what time asks for; to be called often."""
         if self.vehicle is not None:

@@ -18,6 +18,8 @@ class Dialect(ABC):
 
     name: str
     capabilities: frozenset[Capability] = frozenset()
+    tells_landed_state = False
+    """Whether EXTENDED_SYS_STATE is sure to come."""
     wanted_messages: tuple[int, ...] = ()
     """Messages that are sent only when asked for, needed once."""
     parameters: tuple[str, ...] = ()

@@ -98,6 +98,11 @@ class UdpLink:
                 datagrams.append(sock.recvfrom(_DATAGRAM_SIZE))
         return datagrams
 
+    def discard(self) -> None:
+        """Throws away all that has come and is not received yet."""
+        while self.receive(0.0):
+            pass
+
     def send(self, data: bytes) -> bool:
         """Sends to the peer; false when there is none (yet) or the system would not take it."""
         sock, peer = self._socket, self._peer

@@ -66,6 +66,7 @@ class Px4(Dialect):
 
     name = "PX4"
     capabilities = frozenset(Capability)
+    tells_landed_state = True
     wanted_messages = (
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,

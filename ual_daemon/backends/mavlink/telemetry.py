@@ -11,7 +11,7 @@ from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.stamps import REBOOT_S, StampFilter
-from ual_daemon.backends.values import Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Control, Estimator, LandedState, Mode, Sample, Snapshot
 from ual_daemon.geodesy import Projection
 
 ATTITUDE_LIMIT_S = 0.5
@@ -63,13 +63,14 @@ class Telemetry:
         self._heard_s: float | None = None
         self._boot_s = -math.inf
         self._stamp_s = 0.0
-        self._armed: Sample[bool] | None = None
-        self._mode: Sample[Mode] | None = None
-        self._landed: Sample[LandedState] | None = None
-        self._estimator: Sample[Estimator] | None = None
-        self._attitude: Sample[tuple[Quaternion, Vector3]] | None = None
-        self._pose: Sample[Pose] | None = None
-        self._velocity: Sample[Twist] | None = None
+        self._armed: Sample[bool] | None
+        self._mode: Sample[Mode] | None
+        self._landed: Sample[LandedState] | None
+        self._estimator: Sample[Estimator] | None
+        self._attitude: Sample[tuple[Quaternion, Vector3]] | None
+        self._pose: Sample[Pose] | None
+        self._velocity: Sample[Twist] | None
+        self.forget()
         self._position_geo: GeoPoint | None = None
         self._projection: Projection | None = None
         self._home_altitude_amsl_m: float | None = None
@@ -102,6 +103,12 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._on_autopilot_version,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_param_value,
         }
+
+    def forget(self) -> None:
+        """What was heard says no longer how the vehicle is; what it is, and where its frame lies, stays known."""
+        self._armed = self._mode = self._estimator = self._attitude = self._pose = self._velocity = None
+        # Where a landed state is to come, none yet must not be taken for in the air.
+        self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.tells_landed_state else None
 
     def uses(self, message_id: int) -> bool:
         """Whether such a message is worth decoding."""

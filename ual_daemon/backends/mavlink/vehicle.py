@@ -77,6 +77,11 @@ class MavlinkVehicle:
             # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._wants_heartbeat = True
 
+    def forget(self) -> None:
+        """See `Telemetry.forget`. A heartbeat is asked for, so that it is known again at once."""
+        self.telemetry.forget()
+        self._wants_heartbeat = True
+
     def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
         """Sends a command; see `Commands.submit`."""
         future = self._commands.submit(command, now_s, is_withdrawn)

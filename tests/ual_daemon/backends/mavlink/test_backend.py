@@ -259,6 +259,33 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch):
         assert backend.snapshot().status_text == ""
 
 
+def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypatch):
+    monkeypatch.setattr("ual_daemon.backends.mavlink.backend.PAUSE_S", 0.3)
+    resume, paused = threading.Event(), threading.Event()
+    seen: list[Snapshot] = []
+
+    def on_update(snapshot: Snapshot) -> None:
+        seen.append(snapshot)
+        if snapshot.armed is not None and not paused.is_set():
+            paused.set()
+            assert resume.wait(PATIENCE_S)
+
+    port = free_port()
+    with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", on_update):
+        wait_for(lambda: seen, "an update")
+        autopilot.say(heartbeat())
+        assert paused.wait(PATIENCE_S)
+        old = len(seen)
+        for _ in range(100):
+            autopilot.say(heartbeat(armed=True))
+        time.sleep(0.4)  # the pause itself
+        resume.set()
+        wait_for(lambda: len(seen) > old + 3, "updates after the pause")
+        assert [snapshot.armed for snapshot in seen[old:]] == [None] * len(seen[old:])
+        autopilot.say(heartbeat())
+        wait_for(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
+
+
 def test_closing_ends_the_updates_the_thread_and_the_socket():
     port = free_port()
     seen: list[Snapshot] = []

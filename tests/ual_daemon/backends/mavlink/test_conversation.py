@@ -156,6 +156,29 @@ def test_an_autopilot_that_says_everything_is_ready():
     assert state(talk) is State.LANDED_DISARMED
 
 
+def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying():
+    talk = Talk()
+    talk.hear(heartbeat(armed=True), attitude(), position(0.0), estimator_status())
+    found = estimate(talk.snapshot(), MavlinkBackend.freshness)
+    assert (found.state, found.why) == (State.UNINITIALIZED, "the autopilot has not said whether it is landed")
+
+
+def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once():
+    talk = Talk()
+    talk.hear(
+        heartbeat(armed=True), attitude(), position(0.0), on_ground(), estimator_status(),
+        mavlink.MAVLink_gps_global_origin_message(1, 1, 1),
+    )  # fmt: skip
+    talk.run(0.5)
+    assert state(talk) is State.LANDED_ARMED
+    talk.link.sent.clear()
+    talk.conversation.forget()
+    assert state(talk) is State.UNINITIALIZED
+    assert talk.snapshot().projection is not None
+    talk.run(0.05)
+    assert 0.0 in {sent.param1 for sent in talk.commands(REQUEST)}
+
+
 @pytest.mark.parametrize(
     ("flags", "why"),
     [
