@@ -1,5 +1,6 @@
 """An autopilot's side of a conversation, scripted, without sockets."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +9,7 @@ from ual_daemon.backends.mavlink.frames import split
 from ual_daemon.backends.mavlink.link import Address
 from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
 
 UTC_S = 1.8e9
 """UTC when the fake clock is at 0."""
@@ -35,8 +37,6 @@ def heartbeat(
 
 
 def attitude(yaw_ned_rad: float = 0.0) -> Message:
-    import math
-
     return mavlink.MAVLink_attitude_quaternion_message(
         BOOT_MS, math.cos(yaw_ned_rad / 2), 0.0, 0.0, math.sin(yaw_ned_rad / 2), 0.1, 0.2, 0.3
     )
@@ -102,10 +102,11 @@ class Talk:
         return [message for message in self.link.take("COMMAND_LONG") if message.command == command]
 
     @property
-    def vehicle(self):
+    def vehicle(self) -> MavlinkVehicle:
         vehicle = self.conversation.vehicle
         assert vehicle is not None
         return vehicle
 
-    def snapshot(self):
+    def snapshot(self) -> Any:
+        """As of now. Not typed: what a test reads from it is there, or the test fails."""
         return self.vehicle.snapshot(self.now_s)

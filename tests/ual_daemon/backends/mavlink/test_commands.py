@@ -1,10 +1,12 @@
+from concurrent.futures import Future
+
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import Talk as AnyTalk
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
 from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.mavlink.commands import Command, request_message
-from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
@@ -23,11 +25,11 @@ class Talk(AnyTalk):
         super().__init__()
         self.hear(heartbeat())
 
-    def submit(self, command: Command):
+    def submit(self, command: Command) -> Future[None]:
         return self.vehicle.submit(command, self.now_s)
 
 
-def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement():
+def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement() -> None:
     talk = Talk()
     future = talk.submit(PX4.arm(is_arming=True))
     (sent,) = talk.commands(ARM)
@@ -38,14 +40,14 @@ def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement():
     assert future.result(0) is None
 
 
-def test_disarming_is_never_forced():
+def test_disarming_is_never_forced() -> None:
     talk = Talk()
     talk.submit(PX4.arm(is_arming=False))
     (sent,) = talk.commands(ARM)
     assert [getattr(sent, f"param{i}") for i in range(1, 8)] == [0.0] * 7
 
 
-def test_an_unanswered_command_is_sent_again_counting_and_then_left_open():
+def test_an_unanswered_command_is_sent_again_counting_and_then_left_open() -> None:
     talk = Talk()
     future = talk.submit(PX4.arm(is_arming=True))
     talk.run(10.0)
@@ -53,7 +55,7 @@ def test_an_unanswered_command_is_sent_again_counting_and_then_left_open():
     assert not future.done()
 
 
-def test_a_late_acknowledgement_still_counts():
+def test_a_late_acknowledgement_still_counts() -> None:
     talk = Talk()
     future = talk.submit(PX4.arm(is_arming=True))
     talk.run(1.2)
@@ -65,14 +67,14 @@ def test_a_late_acknowledgement_still_counts():
 
 
 @pytest.mark.parametrize("answer", [ack(LAND, ACCEPTED), ack(ARM, ACCEPTED, (1, 190)), ack(ARM, ACCEPTED, (255, 191))])
-def test_an_acknowledgement_of_another_command_or_to_somebody_else_is_not_ours(answer):
+def test_an_acknowledgement_of_another_command_or_to_somebody_else_is_not_ours(answer: Message) -> None:
     talk = Talk()
     future = talk.submit(PX4.arm(is_arming=True))
     talk.hear(answer)
     assert not future.done()
 
 
-def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it():
+def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() -> None:
     talk = Talk()
     future = talk.submit(PX4.arm(is_arming=True))
     talk.hear(mavlink.MAVLink_statustext_message(2, b"Arming denied: no battery", 0, 0))
@@ -88,7 +90,7 @@ def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it():
     assert error.metadata == {"result": "TEMPORARILY_REJECTED", "command": "MAV_CMD_COMPONENT_ARM_DISARM"}
 
 
-def test_work_in_progress_is_waited_for_without_sending_again():
+def test_work_in_progress_is_waited_for_without_sending_again() -> None:
     talk = Talk()
     future = talk.submit(PX4.land())
     talk.hear(ack(LAND, IN_PROGRESS))
@@ -98,7 +100,7 @@ def test_work_in_progress_is_waited_for_without_sending_again():
     assert future.done()
 
 
-def test_a_mode_change_is_believed_at_its_second_acknowledgement():
+def test_a_mode_change_is_believed_at_its_second_acknowledgement() -> None:
     talk = Talk()
     future = talk.submit(PX4.hold())
     talk.hear(ack(SET_MODE, ACCEPTED))
@@ -108,7 +110,7 @@ def test_a_mode_change_is_believed_at_its_second_acknowledgement():
     assert isinstance(future.exception(0), RejectedByAutopilotError)
 
 
-def test_a_mode_change_acknowledged_twice_or_only_once_is_done():
+def test_a_mode_change_acknowledged_twice_or_only_once_is_done() -> None:
     for count in (1, 2):
         talk = Talk()
         future = talk.submit(PX4.hold())
@@ -119,7 +121,7 @@ def test_a_mode_change_acknowledged_twice_or_only_once_is_done():
         assert future.result(0) is None
 
 
-def test_control_is_taken_only_once_setpoints_have_flowed():
+def test_control_is_taken_only_once_setpoints_have_flowed() -> None:
     talk = Talk()
     talk.submit(PX4.take_control())
     talk.run(0.2)
@@ -130,14 +132,14 @@ def test_control_is_taken_only_once_setpoints_have_flowed():
     assert (sent.param1, sent.param2, sent.param3) == (1.0, 6.0, 0.0)
 
 
-def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong():
+def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong() -> None:
     talk = Talk()
     talk.submit(PX4.take_off(3.0))
     talk.run(3.1)
     assert len(talk.commands(SET_MODE)) == 1
 
 
-def test_a_newer_mode_replaces_the_one_before_at_once():
+def test_a_newer_mode_replaces_the_one_before_at_once() -> None:
     talk = Talk()
     waiting = talk.submit(PX4.take_control())
     holding = talk.submit(PX4.hold())
@@ -152,7 +154,7 @@ def test_a_newer_mode_replaces_the_one_before_at_once():
     assert not holding.done()
 
 
-def test_of_one_kind_of_request_one_is_under_way_at_a_time():
+def test_of_one_kind_of_request_one_is_under_way_at_a_time() -> None:
     talk = Talk()
     first, second = (talk.submit(request_message(message_id)) for message_id in (49, 242))
     request = mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -162,7 +164,7 @@ def test_of_one_kind_of_request_one_is_under_way_at_a_time():
     assert (first.done(), second.done()) == (True, False)
 
 
-def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event():
+def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() -> None:
     talk = Talk()
     talk.hear(*ANSWERS)
     talk.run(2.0)
@@ -177,7 +179,7 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event():
     assert _heartbeats_asked(talk) == 1
 
 
-def test_after_a_flight_of_ours_px4_is_left_in_a_mode_in_which_it_can_be_armed():
+def test_after_a_flight_of_ours_px4_is_left_in_a_mode_in_which_it_can_be_armed() -> None:
     talk = Talk()
     offboard, landing = 6 << 16, 4 << 16 | 6 << 24
     talk.hear(heartbeat(offboard, armed=True))
@@ -195,7 +197,7 @@ def test_after_a_flight_of_ours_px4_is_left_in_a_mode_in_which_it_can_be_armed()
     assert talk.commands(SET_MODE) == []
 
 
-def test_the_mode_in_which_somebody_else_leaves_px4_is_not_ours_to_change():
+def test_the_mode_in_which_somebody_else_leaves_px4_is_not_ours_to_change() -> None:
     talk = Talk()
     offboard = 6 << 16
     talk.hear(heartbeat(offboard, armed=True))
@@ -217,7 +219,7 @@ def _heartbeats_asked(talk: Talk) -> int:
     return len([sent for sent in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if sent.param1 == 0.0])
 
 
-def test_a_withdrawn_command_is_not_sent_again():
+def test_a_withdrawn_command_is_not_sent_again() -> None:
     talk = Talk()
     is_withdrawn = False
     future = talk.vehicle.submit(PX4.arm(is_arming=True), talk.now_s, lambda: is_withdrawn)
@@ -229,7 +231,7 @@ def test_a_withdrawn_command_is_not_sent_again():
     assert not future.done()
 
 
-def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent():
+def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent() -> None:
     talk = Talk()
     talk.vehicle.submit(PX4.take_control(), talk.now_s, lambda: True)
     talk.run(10.0)

@@ -16,7 +16,7 @@ from tests.ual_daemon.backends.mavlink.fakes import (
 from ual.geometry import Vector3
 from ual.types import GpsFix, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
-from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.values import Control, LandedState
 from ual_daemon.estimator import estimate
@@ -25,11 +25,11 @@ from ual_daemon.geodesy import SphereProjection
 GOOD = 0x37F
 
 
-def estimator_status(flags=GOOD):
+def estimator_status(flags: int = GOOD) -> Message:
     return mavlink.MAVLink_estimator_status_message(0, flags, 0, 0, 0, 0, 0, 0, 0, 0)
 
 
-def on_ground():
+def on_ground() -> Message:
     return mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
 
 
@@ -40,7 +40,7 @@ def state(talk: Talk) -> State:
 # --- Whom it hears ----------------------------------------------------------------------------------------------------
 
 
-def test_the_first_autopilot_heard_is_the_only_one():
+def test_the_first_autopilot_heard_is_the_only_one() -> None:
     talk = Talk()
     talk.hear(data=packer(7)(heartbeat()))
     talk.hear(data=packer(8)(heartbeat(armed=True)))
@@ -50,7 +50,7 @@ def test_the_first_autopilot_heard_is_the_only_one():
     assert talk.snapshot().pose is None
 
 
-def test_with_a_system_id_set_any_other_is_passed_over():
+def test_with_a_system_id_set_any_other_is_passed_over() -> None:
     talk = Talk(MavlinkSettings(system_id=8))
     talk.hear(data=packer(7)(heartbeat()))
     assert talk.conversation.vehicle is None
@@ -58,7 +58,7 @@ def test_with_a_system_id_set_any_other_is_passed_over():
     assert talk.vehicle.system_id == 8
 
 
-def test_heartbeats_of_other_components_change_nothing():
+def test_heartbeats_of_other_components_change_nothing() -> None:
     talk = Talk()
     gcs = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink.MAV_TYPE_GCS)
     talk.hear(data=packer(255, 190)(gcs))
@@ -71,7 +71,7 @@ def test_heartbeats_of_other_components_change_nothing():
     assert (snapshot.armed.value, snapshot.mode.value.name) == (True, "OFFBOARD")
 
 
-def test_nothing_is_sent_until_somebody_is_known_and_then_to_where_he_sends_from():
+def test_nothing_is_sent_until_somebody_is_known_and_then_to_where_he_sends_from() -> None:
     talk = Talk()
     talk.run(3.0)
     assert talk.link.sent == []
@@ -81,7 +81,7 @@ def test_nothing_is_sent_until_somebody_is_known_and_then_to_where_he_sends_from
     assert talk.link.peer == ("10.0.0.7", 5678)
 
 
-def test_who_sends_no_valid_frame_is_not_answered():
+def test_who_sends_no_valid_frame_is_not_answered() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     damaged = bytearray(talk.pack(attitude()))
@@ -91,14 +91,14 @@ def test_who_sends_no_valid_frame_is_not_answered():
     assert talk.link.peer == ADDRESS
 
 
-def test_a_known_peer_is_called_once_a_second_until_the_autopilot_answers():
+def test_a_known_peer_is_called_once_a_second_until_the_autopilot_answers() -> None:
     talk = Talk()
     talk.link.answer_to(ADDRESS)
     talk.run(2.5)
     assert len(talk.link.take("HEARTBEAT")) == 3
 
 
-def test_our_heartbeat_is_an_onboard_computers_of_the_same_system_at_1_hz():
+def test_our_heartbeat_is_an_onboard_computers_of_the_same_system_at_1_hz() -> None:
     talk = Talk()
     talk.hear(data=packer(7)(heartbeat()))
     talk.run(5.0)
@@ -112,7 +112,7 @@ def test_our_heartbeat_is_an_onboard_computers_of_the_same_system_at_1_hz():
 # --- What it makes of it ----------------------------------------------------------------------------------------------
 
 
-def test_pose_and_velocity_are_in_our_axes():
+def test_pose_and_velocity_are_in_our_axes() -> None:
     talk = Talk()
     talk.hear(heartbeat(), attitude(0.0), position(0.0, north=1.0, east=2.0, down=-3.0))
     snapshot = talk.snapshot()
@@ -122,7 +122,7 @@ def test_pose_and_velocity_are_in_our_axes():
     assert tuple(snapshot.velocity.value.angular) == pytest.approx((0.1, -0.2, -0.3))
 
 
-def test_a_position_without_a_fresh_attitude_is_no_pose():
+def test_a_position_without_a_fresh_attitude_is_no_pose() -> None:
     talk = Talk()
     talk.hear(heartbeat(), position(0.0))
     assert talk.snapshot().pose is None
@@ -134,13 +134,13 @@ def test_a_position_without_a_fresh_attitude_is_no_pose():
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_position_that_is_no_number_is_no_pose(bad):
+def test_a_position_that_is_no_number_is_no_pose(bad: float) -> None:
     talk = Talk()
     talk.hear(heartbeat(), attitude(), position(0.0, north=bad))
     assert talk.snapshot().pose is None
 
 
-def test_the_stamp_is_when_the_autopilot_measured():
+def test_the_stamp_is_when_the_autopilot_measured() -> None:
     talk = Talk()
     talk.hear(heartbeat(), attitude(), position(0.0))
     talk.now_s = 0.3  # comes 0.1 s late
@@ -148,7 +148,7 @@ def test_the_stamp_is_when_the_autopilot_measured():
     assert talk.snapshot().stamp_s == pytest.approx(UTC_S + 0.2)
 
 
-def test_an_autopilot_that_says_everything_is_ready():
+def test_an_autopilot_that_says_everything_is_ready() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     assert state(talk) is State.UNINITIALIZED
@@ -156,14 +156,14 @@ def test_an_autopilot_that_says_everything_is_ready():
     assert state(talk) is State.LANDED_DISARMED
 
 
-def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying():
+def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying() -> None:
     talk = Talk()
     talk.hear(heartbeat(armed=True), attitude(), position(0.0), estimator_status())
     found = estimate(talk.snapshot(), MavlinkBackend.freshness)
     assert (found.state, found.why) == (State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
-def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once():
+def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once() -> None:
     talk = Talk()
     talk.hear(
         heartbeat(armed=True), attitude(), position(0.0), on_ground(), estimator_status(),
@@ -190,14 +190,14 @@ def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once():
         (0, "no attitude, horizontal velocity, vertical velocity, horizontal position, height"),
     ],
 )
-def test_the_estimator_is_good_by_its_flags(flags, why):
+def test_the_estimator_is_good_by_its_flags(flags: int, why: str) -> None:
     talk = Talk()
     talk.hear(heartbeat(), estimator_status(flags))
     estimator = talk.snapshot().estimator.value
     assert (estimator.is_good, estimator.why) == (not why, why)
 
 
-def test_a_mode_is_taken_from_whichever_message_says_it_first():
+def test_a_mode_is_taken_from_whichever_message_says_it_first() -> None:
     talk = Talk()
     talk.hear(heartbeat(0x00060000))
     assert talk.snapshot().mode.value.control is Control.REFERENCES
@@ -205,7 +205,7 @@ def test_a_mode_is_taken_from_whichever_message_says_it_first():
     assert talk.snapshot().mode.value.name == "POSCTL"
 
 
-def test_battery_gps_and_places_are_told_in_our_units():
+def test_battery_gps_and_places_are_told_in_our_units() -> None:
     talk = Talk()
     talk.hear(
         heartbeat(),
@@ -233,7 +233,7 @@ def test_battery_gps_and_places_are_told_in_our_units():
     assert snapshot.projection.altitude_amsl_m == 489.052
 
 
-def test_what_is_not_known_is_none():
+def test_what_is_not_known_is_none() -> None:
     talk = Talk()
     talk.hear(heartbeat(), mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0xFFFF, -100, -1, 0, 0, 0, 0, 0, 0))
     assert talk.snapshot().battery is None
@@ -243,7 +243,7 @@ def test_what_is_not_known_is_none():
     assert talk.snapshot().geoid_separation_m is None
 
 
-def test_a_long_status_text_is_put_together():
+def test_a_long_status_text_is_put_together() -> None:
     talk = Talk()
     talk.hear(heartbeat(), mavlink.MAVLink_statustext_message(6, b"a" * 50, 3, 0))
     talk.hear(mavlink.MAVLink_statustext_message(6, b"bc", 3, 1))
@@ -252,7 +252,7 @@ def test_a_long_status_text_is_put_together():
     assert talk.snapshot().status_text == "new"
 
 
-def test_a_landed_state_that_is_not_known_is_unknown():
+def test_a_landed_state_that_is_not_known_is_unknown() -> None:
     talk = Talk()
     talk.hear(heartbeat(), mavlink.MAVLink_extended_sys_state_message(0, 77))
     assert talk.snapshot().landed.value is LandedState.UNKNOWN
@@ -266,7 +266,7 @@ STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 200_000.0, 31: 20_000.0, 32: 20_00
 
 def _asked_streams(talk: Talk, *, until_s: float) -> dict[int, float]:
     """What it asks to be streamed while every request is accepted."""
-    asked = {}
+    asked: dict[int, float] = {}
     while talk.now_s < until_s:
         talk.run(0.05)
         for sent in talk.commands(INTERVAL):
@@ -275,7 +275,7 @@ def _asked_streams(talk: Talk, *, until_s: float) -> dict[int, float]:
     return asked
 
 
-def test_streams_are_asked_for_until_each_is_acknowledged():
+def test_streams_are_asked_for_until_each_is_acknowledged() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     talk.run(30.0)  # nobody answers
@@ -285,7 +285,7 @@ def test_streams_are_asked_for_until_each_is_acknowledged():
     assert talk.commands(INTERVAL) == []
 
 
-def test_what_is_sent_only_on_request_is_requested_until_it_comes():
+def test_what_is_sent_only_on_request_is_requested_until_it_comes() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     talk.run(20.0)
@@ -297,7 +297,7 @@ def test_what_is_sent_only_on_request_is_requested_until_it_comes():
     assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 242.0}
 
 
-def test_limits_come_from_parameters_that_are_read_until_they_are_known():
+def test_limits_come_from_parameters_that_are_read_until_they_are_known() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     talk.run(0.1)
@@ -313,7 +313,7 @@ def test_limits_come_from_parameters_that_are_read_until_they_are_known():
     assert limits.yaw_rate_rad_s == pytest.approx(math.pi / 2)
 
 
-def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten():
+def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten() -> None:
     talk = Talk()
     talk.hear(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
     assert _asked_streams(talk, until_s=10.0) == STREAMS
@@ -322,7 +322,7 @@ def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_fo
     assert _asked_streams(talk, until_s=20.0) == STREAMS
 
 
-def test_after_a_silence_everything_is_asked_anew():
+def test_after_a_silence_everything_is_asked_anew() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     assert _asked_streams(talk, until_s=2.0) == STREAMS

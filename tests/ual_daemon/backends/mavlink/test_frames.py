@@ -10,7 +10,7 @@ from ual_daemon.backends.mavlink.frames import split
 from ual_daemon.backends.mavlink.messages import Codec, CorruptFrameError, mavlink
 
 
-def test_every_frame_of_a_datagram_is_found_with_its_header():
+def test_every_frame_of_a_datagram_is_found_with_its_header() -> None:
     data = packer(3)(heartbeat()) + packer(4, 154)(fakes.attitude())
     frames, garbage = split(data)
     assert [(f.message_id, f.system_id, f.component_id) for f in frames] == [(0, 3, 1), (31, 4, 154)]
@@ -18,14 +18,14 @@ def test_every_frame_of_a_datagram_is_found_with_its_header():
     assert b"".join(frame.data for frame in frames) == data
 
 
-def test_mavlink_1_frames_are_found():
+def test_mavlink_1_frames_are_found() -> None:
     data = heartbeat().pack(mavlink.MAVLink(None, 5, 1), force_mavlink1=True)
     (frame,), garbage = split(data)
     assert (frame.message_id, frame.system_id, frame.component_id, garbage) == (0, 5, 1, 0)
     assert Codec(1).decode(frame).custom_mode == 0x03040000
 
 
-def test_a_signed_frame_is_taken_whole():
+def test_a_signed_frame_is_taken_whole() -> None:
     sender = mavlink.MAVLink(None, 1, 1)
     sender.signing.secret_key = b"x" * 32
     sender.signing.sign_outgoing = True
@@ -34,7 +34,7 @@ def test_a_signed_frame_is_taken_whole():
     assert Codec(1).decode(frames[0]).autopilot == mavlink.MAV_AUTOPILOT_PX4
 
 
-def test_frames_are_found_between_garbage():
+def test_frames_are_found_between_garbage() -> None:
     frame = packer()(heartbeat())
     frames, garbage = split(b"abc" + frame + b"\xfd\x00" + frame[:-1])
     assert [f.data for f in frames] == [frame]
@@ -42,13 +42,13 @@ def test_frames_are_found_between_garbage():
 
 
 @given(st.binary(max_size=600))
-def test_any_bytes_are_split_without_an_error_and_accounted_for(data):
+def test_any_bytes_are_split_without_an_error_and_accounted_for(data: bytes) -> None:
     frames, garbage = split(data)
     assert sum(len(frame.data) for frame in frames) + garbage == len(data)
 
 
 @given(st.data())
-def test_a_damaged_or_truncated_frame_never_decodes_to_another(data):
+def test_a_damaged_or_truncated_frame_never_decodes_to_another(data: st.DataObject) -> None:
     whole = packer()(fakes.position(1.0))
     at = data.draw(st.integers(10, len(whole) - 1))
     damaged = bytearray(whole)
@@ -59,7 +59,7 @@ def test_a_damaged_or_truncated_frame_never_decodes_to_another(data):
     assert split(whole[:at])[0] == []
 
 
-def test_garbage_is_counted_and_harms_nothing():
+def test_garbage_is_counted_and_harms_nothing() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     noise = random.Random(2)
@@ -71,7 +71,7 @@ def test_garbage_is_counted_and_harms_nothing():
     assert talk.snapshot().armed.value is True
 
 
-def test_no_content_of_a_message_is_too_strange():
+def test_no_content_of_a_message_is_too_strange() -> None:
     """Whatever an autopilot puts into the messages that are used, with a right checksum."""
     noise = random.Random(3)
     talk = Talk()
@@ -94,4 +94,4 @@ def test_no_content_of_a_message_is_too_strange():
 def _frame(message_id: int, crc_extra: int, payload: bytes) -> bytes:
     body = bytes((len(payload), 0, 0, 0, 1, 1, *message_id.to_bytes(3, "little"))) + payload
     crc = mavlink.x25crc(body + bytes((crc_extra,))).crc
-    return b"\xfd" + body + crc.to_bytes(2, "little")
+    return b"\xfd" + body + int(crc).to_bytes(2, "little")

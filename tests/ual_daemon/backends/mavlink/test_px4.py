@@ -1,4 +1,5 @@
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -6,8 +7,8 @@ from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.dialect import Unknown, version_text
-from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.dialect import Dialect, Unknown, version_text
+from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
 from ual_daemon.backends.values import Control, PositionSetpoint, VelocitySetpoint
 
@@ -38,12 +39,12 @@ def custom_mode(main: int, sub: int = 0) -> int:
         (200, 0, "MODE200", Control.OTHER),
     ],
 )
-def test_modes(main, sub, name, control):
+def test_modes(main: int, sub: int, name: str, control: Control) -> None:
     mode = PX4.mode(custom_mode(main, sub))
     assert (mode.name, mode.control) == (name, control)
 
 
-def test_a_position_setpoint_carries_motion_and_heading_in_local_ned():
+def test_a_position_setpoint_carries_motion_and_heading_in_local_ned() -> None:
     setpoint = PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), yaw_rate_rad_s=0.5)
     sent = PX4.setpoint(setpoint, 7, 1234)
     assert (sent.target_system, sent.target_component, sent.time_boot_ms) == (7, 1, 1234)
@@ -55,13 +56,13 @@ def test_a_position_setpoint_carries_motion_and_heading_in_local_ned():
     assert (sent.yaw, sent.yaw_rate) == pytest.approx((math.pi / 2, -0.5))
 
 
-def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only():
+def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
     sent = PX4.setpoint(VelocitySetpoint(Vector3(1, 2, 3), yaw_rate_rad_s=0.5), 1, 0)
     assert sent.type_mask == 0b010111000111
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, -0.5)
 
 
-def test_limits_are_the_parameters_and_sensible_until_they_are_read():
+def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
     assert PX4.limits({}) == Limits()
     read = {
         "MPC_XY_VEL_MAX": 12.0,
@@ -73,19 +74,19 @@ def test_limits_are_the_parameters_and_sensible_until_they_are_read():
         "MPC_YAWRAUTO_MAX": 180.0,
     }
     assert set(read) == set(PX4.parameters)
-    assert PX4.limits(read) == Limits(12.0, 3.0, 1.5, 3.0, 2.5, pytest.approx(math.pi))
+    assert PX4.limits(read) == Limits(12.0, 3.0, 1.5, 3.0, 2.5, math.radians(180.0))
 
 
-def test_a_limit_of_zero_or_less_is_none():
+def test_a_limit_of_zero_or_less_is_none() -> None:
     assert PX4.limits(dict.fromkeys(PX4.parameters, 0.0)) == Limits()
     assert PX4.limits(dict.fromkeys(PX4.parameters, -1.0)) == Limits()
 
 
-def version_message(uid: int, version: int = 0x011100FF):
+def version_message(uid: int, version: int = 0x011100FF) -> Message:
     return mavlink.MAVLink_autopilot_version_message(0, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid)
 
 
-def test_px4s_simulator_is_told_by_its_unique_id():
+def test_px4s_simulator_is_told_by_its_unique_id() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     assert talk.vehicle.info().is_simulation is False
@@ -97,7 +98,7 @@ def test_px4s_simulator_is_told_by_its_unique_id():
     assert talk.vehicle.info().is_simulation is False
 
 
-def test_hardware_in_the_loop_is_a_simulation():
+def test_hardware_in_the_loop_is_a_simulation() -> None:
     talk = Talk()
     beat = heartbeat()
     beat.base_mode |= mavlink.MAV_MODE_FLAG_HIL_ENABLED
@@ -109,11 +110,11 @@ def test_hardware_in_the_loop_is_a_simulation():
     ("number", "text"),
     [(0x011100FF, "1.17.0"), (0x010F0380, "1.15.3 beta"), (0x01100000, "1.16.0 dev"), (0x011000C0, "1.16.0 rc")],
 )
-def test_versions_are_told_for_people(number, text):
+def test_versions_are_told_for_people(number: int, text: str) -> None:
     assert version_text(number) == text
 
 
-def test_an_unknown_autopilot_is_heard_but_not_flown():
+def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     talk = Talk()
     talk.hear(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA))
     snapshot, info = talk.snapshot(), talk.vehicle.info()
@@ -135,6 +136,6 @@ def test_an_unknown_autopilot_is_heard_but_not_flown():
         lambda dialect: dialect.setpoint(VelocitySetpoint(Vector3()), 1, 0),
     ],
 )
-def test_flying_an_unknown_autopilot_is_not_supported(fly):
+def test_flying_an_unknown_autopilot_is_not_supported(fly: Callable[[Dialect], object]) -> None:
     with pytest.raises(NotSupportedError, match="only watches an autopilot that is unknown \\(autopilot 99\\)"):
         fly(Unknown(99))

@@ -52,7 +52,7 @@ def assert_changes(changes: list[Change], expected: list[tuple[State, float, flo
         assert earliest_s - 0.05 <= change.time_s <= latest_s, change
 
 
-def test_an_automatic_flight_that_ends_in_a_return():
+def test_an_automatic_flight_that_ends_in_a_return() -> None:
     trace = load("px4_auto_takeoff_loiter_rtl")
     changes, talk = fly(trace)
     at = trace.time_s
@@ -79,7 +79,7 @@ def test_an_automatic_flight_that_ends_in_a_return():
     assert isinstance(talk.snapshot().projection, SphereProjection)
 
 
-def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered():
+def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
     trace = load("px4_offboard_manual_recover")
     changes, talk = fly(trace)
     at = trace.time_s
@@ -108,7 +108,7 @@ def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered():
     assert talk.snapshot().battery is not None
 
 
-def test_a_lost_position_is_told_though_positions_keep_coming():
+def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
     trace = load("px4_gps_loss_in_offboard")
     changes, talk = fly(trace)
     at = trace.time_s
@@ -131,7 +131,7 @@ def test_a_lost_position_is_told_though_positions_keep_coming():
 
 
 @pytest.mark.parametrize("name", ["px4_auto_takeoff_loiter_rtl", "px4_offboard_manual_recover"])
-def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was_received(name):
+def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was_received(name: str) -> None:
     talk = Talk()
     stamps = []
     for time_s, frame in load(name).frames:

@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 
 from ual_daemon.backends.base import BackendOptions
@@ -10,7 +12,7 @@ from ual_daemon.settings import ConfigError
     ("ns", "port"),
     [("uav_1", 14540), ("uav_2", 14541), ("uav_12", 14551), ("drone", 14540), ("a_2_b", 14540), ("uav2", 14540)],
 )
-def test_the_default_is_where_px4s_simulator_sends_the_vehicle_of_the_namespace(ns, port):
+def test_the_default_is_where_px4s_simulator_sends_the_vehicle_of_the_namespace(ns: str, port: int) -> None:
     assert default_url(ns) == f"udpin://127.0.0.1:{port}"
 
 
@@ -25,7 +27,7 @@ def test_the_default_is_where_px4s_simulator_sends_the_vehicle_of_the_namespace(
         ("udpout://drone.local:14580", Endpoint("drone.local", 14580, is_listening=False)),
     ],
 )
-def test_urls_are_understood(url, endpoint):
+def test_urls_are_understood(url: str, endpoint: Endpoint) -> None:
     assert parse_url(url) == endpoint
 
 
@@ -46,7 +48,7 @@ def test_urls_are_understood(url, endpoint):
         ("udp://[::1:14540", ""),
     ],
 )
-def test_a_url_that_cannot_be_used_is_refused_in_one_line_that_says_what_is_supported(url, why):
+def test_a_url_that_cannot_be_used_is_refused_in_one_line_that_says_what_is_supported(url: str, why: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_url(url)
     text = str(caught.value)
@@ -66,13 +68,13 @@ def test_a_url_that_cannot_be_used_is_refused_in_one_line_that_says_what_is_supp
         ({"url": "tcp://x:1"}, "mavlink.url"),
     ],
 )
-def test_bad_settings_are_refused_with_their_key(settings, key):
+def test_bad_settings_are_refused_with_their_key(settings: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigError) as caught:
         MavlinkBackend(BackendOptions("uav_1", settings=settings))
     assert caught.value.key == key
 
 
-def test_the_command_line_wins_over_the_settings_and_they_over_the_default():
+def test_the_command_line_wins_over_the_settings_and_they_over_the_default() -> None:
     configured = {"url": "udp://:2"}
     assert MavlinkBackend(BackendOptions("uav_1", "udp://:1", configured)).options.url == "udp://:1"
     assert MavlinkBackend(BackendOptions("uav_1", None, configured)).options.url == "udp://:2"
