@@ -62,10 +62,12 @@ class Setpoints:
         if is_new:
             stream.open()
 
-    def close(self) -> None:
-        """Sends what waits and ends the stream. A refusal that no call is left to raise is logged."""
+    def settle(self) -> None:
+        """Sends what waits and ends the stream, so that what is called next comes after it. A refusal that no setpoint
+        is left to raise is logged.
+        """
         with self._lock:
-            stream = self._stream
+            stream, self._accepted_s = self._stream, None
         if stream is not None:
             stream.close(_CLOSE_S)
         with self._lock:

@@ -60,7 +60,7 @@ class Uav:
 
     async def close(self) -> None:
         """Ends the setpoints, the subscriptions and the connection. The UAV goes on as the interface says."""
-        await self._setpoints.close()
+        await self._setpoints.settle()
         for subscription in tuple(self._subscriptions):
             await subscription.close()
         await self._connection.close()
@@ -117,21 +117,21 @@ class Uav:
         await self._connection.run(_calls.add_frame(transform))
 
     async def arm(self, *, timeout_s: float | None = None) -> None:
-        await self._connection.run(_calls.arm(), timeout_s)
+        await self._command(_calls.arm(), timeout_s)
 
     async def disarm(self, *, timeout_s: float | None = None) -> None:
-        await self._connection.run(_calls.disarm(), timeout_s)
+        await self._command(_calls.disarm(), timeout_s)
 
     async def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return await self._task(_calls.take_off(height_m, blocking), timeout_s)
+        return await self._command_task(_calls.take_off(height_m, blocking), timeout_s)
 
     async def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return await self._task(_calls.land(blocking), timeout_s)
+        return await self._command_task(_calls.land(blocking), timeout_s)
 
     async def go_to_waypoint(
         self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
     ) -> Task:
-        return await self._task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
+        return await self._command_task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
 
     async def go_to_waypoint_geo(
         self,
@@ -145,7 +145,7 @@ class Uav:
         timeout_s: float | None = None,
     ) -> Task:
         call = _calls.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, blocking)
-        return await self._task(call, timeout_s)
+        return await self._command_task(call, timeout_s)
 
     async def follow_path(
         self,
@@ -155,7 +155,7 @@ class Uav:
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        return await self._task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
+        return await self._command_task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
         await self._setpoints.send(_calls.pose_setpoint(pose))
@@ -164,13 +164,13 @@ class Uav:
         await self._setpoints.send(_calls.velocity_setpoint(velocity))
 
     async def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        await self._connection.run(_calls.recover_from_manual(), timeout_s)
+        await self._command(_calls.recover_from_manual(), timeout_s)
 
     async def set_home(self, set_z: bool = False) -> None:
-        await self._connection.run(_calls.set_home(set_z))
+        await self._command(_calls.set_home(set_z))
 
     async def abort(self, freeze: bool = False) -> None:
-        await self._connection.run(_calls.abort(freeze))
+        await self._command(_calls.abort(freeze))
 
     async def task(self, task_id: str) -> Task:
         """A task, running or ended lately, by its id. `InvalidArgumentError` if there is none."""
@@ -180,6 +180,14 @@ class Uav:
     def simulation(self) -> Simulation:
         """The world around a simulated UAV. Its members raise `NotSupportedError` for a real one."""
         return self._simulation
+
+    async def _command(self, call: Call[T], timeout_s: float | None = None) -> T:
+        """Makes a call that comes after the setpoints given before it: none of them may overtake an abort."""
+        await self._setpoints.settle()
+        return await self._connection.run(call, timeout_s)
+
+    async def _command_task(self, call: Call[TaskInfo], timeout_s: float | None) -> Task:
+        return Task(self._connection, await self._command(call, timeout_s))
 
     async def _task(self, call: Call[TaskInfo], timeout_s: float | None) -> Task:
         return Task(self._connection, await self._connection.run(call, timeout_s))
@@ -491,15 +499,17 @@ class _Setpoints:
         # Lets the writer run, in a program that never waits for anything else.
         await asyncio.sleep(0)
 
-    async def close(self) -> None:
-        """Sends what waits and ends the stream. A refusal that no call is left to raise is logged."""
-        self._is_ending = True
-        self._changed.set()
+    async def settle(self) -> None:
+        """Sends what waits and ends the stream; as `ual._setpoints.Setpoints.settle`."""
+        self._accepted_s = None
         if self._writing is not None:
+            self._is_ending = True
+            self._changed.set()
             _, unfinished = await asyncio.wait((self._writing,), timeout=_CLOSE_S)
             for writing in unfinished:
                 writing.cancel()
                 await asyncio.wait((writing,))
+            self._is_ending = False
         failure, self._failure = self._failure, None
         if failure is not None:
             _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)

@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from typing_extensions import Self
 
@@ -20,6 +21,8 @@ from ual.simulation import Fault
 from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, Telemetry
 
 _log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 class Uav:
@@ -52,7 +55,7 @@ class Uav:
 
     def close(self) -> None:
         """Ends the setpoints, the subscriptions and the connection. The UAV goes on as the interface says."""
-        self._setpoints.close()
+        self._setpoints.settle()
         with self._lock:
             subscriptions = list(self._subscriptions)
         for subscription in subscriptions:
@@ -109,21 +112,21 @@ class Uav:
         self._connection.run(_calls.add_frame(transform))
 
     def arm(self, *, timeout_s: float | None = None) -> None:
-        self._connection.run(_calls.arm(), timeout_s)
+        self._command(_calls.arm(), timeout_s)
 
     def disarm(self, *, timeout_s: float | None = None) -> None:
-        self._connection.run(_calls.disarm(), timeout_s)
+        self._command(_calls.disarm(), timeout_s)
 
     def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return self._task(_calls.take_off(height_m, blocking), timeout_s)
+        return self._command_task(_calls.take_off(height_m, blocking), timeout_s)
 
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return self._task(_calls.land(blocking), timeout_s)
+        return self._command_task(_calls.land(blocking), timeout_s)
 
     def go_to_waypoint(
         self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
     ) -> Task:
-        return self._task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
+        return self._command_task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -137,7 +140,7 @@ class Uav:
         timeout_s: float | None = None,
     ) -> Task:
         call = _calls.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, blocking)
-        return self._task(call, timeout_s)
+        return self._command_task(call, timeout_s)
 
     def follow_path(
         self,
@@ -147,7 +150,7 @@ class Uav:
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        return self._task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
+        return self._command_task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
         self._setpoints.send(_calls.pose_setpoint(pose))
@@ -156,13 +159,13 @@ class Uav:
         self._setpoints.send(_calls.velocity_setpoint(velocity))
 
     def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        self._connection.run(_calls.recover_from_manual(), timeout_s)
+        self._command(_calls.recover_from_manual(), timeout_s)
 
     def set_home(self, set_z: bool = False) -> None:
-        self._connection.run(_calls.set_home(set_z))
+        self._command(_calls.set_home(set_z))
 
     def abort(self, freeze: bool = False) -> None:
-        self._connection.run(_calls.abort(freeze))
+        self._command(_calls.abort(freeze))
 
     def task(self, task_id: str) -> Task:
         return self._task(_calls.get_task(task_id), None)
@@ -174,6 +177,14 @@ class Uav:
             self._simulation.faults()
             self._is_simulation = True
         return self._simulation
+
+    def _command(self, call: _calls.Call[T], timeout_s: float | None = None) -> T:
+        """Makes a call that comes after the setpoints given before it: none of them may overtake an abort."""
+        self._setpoints.settle()
+        return self._connection.run(call, timeout_s)
+
+    def _command_task(self, call: _calls.Call[TaskInfo], timeout_s: float | None) -> Task:
+        return Task(self._connection, self._command(call, timeout_s))
 
     def _task(self, call: _calls.Call[TaskInfo], timeout_s: float | None) -> Task:
         return Task(self._connection, self._connection.run(call, timeout_s))
