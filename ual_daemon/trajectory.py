@@ -25,6 +25,8 @@ MPC_ACC_HOR 3 m/s^2) is 0.75; a multirotor tilts to its limit within 0.3 s."""
 _TURN_RAMP_S = 0.5
 """How long a turn takes to its full rate."""
 _SAME_PLACE_M = 1e-6
+_TURN_SHARE = 0.9
+"""How much of the acceleration a corner may take for the turn: the rest lets it speed up and slow down on arcs, too."""
 _SHARPEST_ROUNDED_CORNER_RAD = math.radians(170.0)
 
 
@@ -178,6 +180,8 @@ class Chain(Trajectory):
             self._length_after.insert(0, self._length_after[0] + part.length_m)
 
     def at(self, time_s: float) -> Motion:
+        if time_s >= self.duration_s:
+            return self._parts[-1][0].end()  # exactly, not by a difference of times
         index = self._index(time_s)
         return self._parts[index][0].at(time_s - self._starts[index])
 
@@ -219,9 +223,9 @@ class _Corner:
 class RoundedRun(Trajectory):
     """Two or more legs whose corners are rounded by arcs, from rest to rest without a stop.
 
-    Each straight and each arc is the fastest that keeps the limits of speed, acceleration (tangential on straights,
-    centripetal on arcs) and yaw rate; a forward and a backward pass join them. The heading turns smoothly (cubic) along
-    each leg.
+    Each straight and each arc keeps the limits of speed, acceleration and yaw rate; on an arc, what the turn leaves of
+    the acceleration is for speeding up and slowing down. A forward and a backward pass join them. The heading turns
+    smoothly (cubic) along each leg.
     """
 
     def __init__(
@@ -248,11 +252,7 @@ class RoundedRun(Trajectory):
 
     def _make_profile(self, limits: Limits) -> None:
         pieces = len(self._bounds) - 1
-        caps = [self._speed_cap(index, limits) for index in range(pieces)]
-        # An arc spends its acceleration on the turn and is passed at one speed.
-        accelerations = [
-            0.0 if index % 2 else acceleration_limit(self._directions[index // 2], limits) for index in range(pieces)
-        ]
+        caps, accelerations = zip(*(self._limits_on(index, limits) for index in range(pieces)), strict=True)
         gains = [2 * a * (e - b) for a, (b, e) in zip(accelerations, itertools.pairwise(self._bounds), strict=True)]
         speeds = [0.0, *(min(pair) for pair in itertools.pairwise(caps)), 0.0]
         for i in range(1, pieces + 1):
@@ -266,21 +266,35 @@ class RoundedRun(Trajectory):
         self._times = [0.0, *itertools.accumulate(piece.duration_s for piece in self._pieces)]
         self.duration_s = self._times[-1]
 
-    def _speed_cap(self, index: int, limits: Limits) -> float:
-        """The largest speed anywhere on a straight (even) or an arc (odd)."""
-        begin, end = self._bounds[index], self._bounds[index + 1]
-        cap = math.inf
-        for s in (begin, (begin + end) / 2, end):
-            _, tangent, normal, curvature = self._place(index, s)
-            cap = min(cap, speed_limit(tangent, limits))
-            if curvature > 0.0:
-                cap = min(cap, math.sqrt(acceleration_limit(normal, limits) / curvature))
+    def _limits_on(self, index: int, limits: Limits) -> tuple[float, float]:
+        """The largest speed anywhere on a straight (even) or an arc (odd), and acceleration along it at that speed."""
+        places = [self._place(index, s) for s in self._steepest(index)]
+        cap = min(speed_limit(tangent, limits) for _, tangent, _, _ in places)
         for leg in {index // 2, (index + 1) // 2}:
             # The steepest part of the cubic turns 1.5 times as fast as its mean.
             turn = abs(wrap_angle(self._yaws[leg + 1] - self._yaws[leg]))
             if turn > 1e-9:
                 cap = min(cap, limits.yaw_rate_rad_s * self._leg_length(leg) / (1.5 * turn))
-        return cap
+        acceleration = min(acceleration_limit(tangent, limits) for _, tangent, _, _ in places)
+        curvature = places[0][3]
+        if curvature > 0.0:
+            centripetal = min(acceleration_limit(normal, limits) for _, _, normal, _ in places)
+            cap = min(cap, math.sqrt(_TURN_SHARE * centripetal / curvature))
+            acceleration *= 1.0 - cap * cap * curvature / centripetal
+        return cap, acceleration
+
+    def _steepest(self, index: int) -> list[float]:
+        """The ways along the path at which limits are tightest on a piece: its ends, and, where tangent and normal turn
+        through the vertical, their highest and lowest places and those where they are level.
+        """
+        begin, end = self._bounds[index], self._bounds[index + 1]
+        if begin == end or index % 2 == 0:
+            return [begin]
+        _, tangent, normal, curvature = self._place(index, begin)
+        highest = begin + math.atan2(normal.z, tangent.z) / curvature
+        quarter = math.pi / 2 / curvature
+        between = (highest + i * quarter for i in range(-2, 5))
+        return [begin, end, *(s for s in between if begin < s < end)]
 
     def _leg_at(self, s: float) -> tuple[int, float]:
         leg = min(bisect.bisect_left(self._leg_ends, s), len(self._leg_ends) - 1)
@@ -346,14 +360,13 @@ class RoundedRun(Trajectory):
 
 
 class _Piece:
-    """A piece of a way: speeds up to `cap`, cruises, slows down; all at one acceleration."""
+    """A piece of a way: speeds up to a cap, cruises, slows down; all at one acceleration."""
 
     def __init__(self, length_m: float, begin_m_s: float, end_m_s: float, cap_m_s: float, acceleration: float) -> None:
         self._v0, self._a = begin_m_s, acceleration
-        if acceleration == 0.0 or length_m == 0.0:
-            self._up_s = self._down_s = 0.0
+        if length_m == 0.0:
+            self._up_s = self._cruise_s = self._down_s = 0.0
             self._peak = begin_m_s
-            self._cruise_s = length_m / begin_m_s if length_m else 0.0
         else:
             self._peak = min(cap_m_s, math.sqrt(acceleration * length_m + (begin_m_s**2 + end_m_s**2) / 2))
             self._up_s = max(0.0, self._peak - begin_m_s) / acceleration
