@@ -67,7 +67,10 @@ class VehicleTask:
     def report(
         self, *, progress: float | None = None, distance_left_m: float | None = None, waypoint_index: int | None = None
     ) -> None:
-        """Says how far it has come (by the update thread)."""
+        """Says how far it has come (by the update thread). What a noisy estimate takes back of the progress is left."""
+        before = self._progress[0]
+        if progress is not None and before is not None:
+            progress = max(progress, before)
         self._progress = (progress, distance_left_m, waypoint_index)
 
     def end(self, error: UalError | None) -> None:
