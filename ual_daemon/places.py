@@ -59,6 +59,7 @@ class Places:
         """Checks a goal, as far as that can be done without knowing where the UAV is."""
         if not isinstance(goal, PoseStamped):
             raise validation.refuse(field, f"{goal!r} is neither a PoseStamped nor a Pose")
+        validation.require_type(goal.pose, Pose, f"{field}.pose")
         self._require_frame(goal.frame_id, field)
         return Goal(
             validation.position(goal.pose.position, f"{field}.pose.position"),

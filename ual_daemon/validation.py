@@ -11,6 +11,7 @@ from typing import SupportsFloat
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Quaternion, Transform, Twist, Vector3
+from ual.types import AltitudeReference
 from ual_daemon.settings import FRAME_ID_PATTERN
 
 MAX_DISTANCE_M = 1e7
@@ -27,12 +28,27 @@ def refuse(field: str, message: str) -> InvalidArgumentError:
     return InvalidArgumentError(f"{field}: {message}", {"field": field})
 
 
+def require_type(value: object, kind: type, field: str) -> None:
+    """Refuses what is of another type."""
+    if not isinstance(value, kind):
+        raise refuse(field, f"{_shown(value)} is no {kind.__name__}")
+
+
+def _shown(value: object) -> str:
+    """A value of any type in one line."""
+    return " ".join(repr(value).split())[:200]
+
+
 def number(value: SupportsFloat, field: str, *, at_most: float) -> float:
     """A finite number, not beyond a magnitude."""
+    if isinstance(value, (str, bytes, bytearray)):  # float() would read them
+        raise refuse(field, f"{_shown(value)} is not a number")
     try:
         result = float(value)
+    except OverflowError:  # an integer
+        result = math.inf
     except (TypeError, ValueError):
-        raise refuse(field, f"{value!r} is not a number") from None
+        raise refuse(field, f"{_shown(value)} is not a number") from None
     if not math.isfinite(result):
         raise refuse(field, f"{result} is not a finite number")
     if abs(result) > at_most:
@@ -63,7 +79,7 @@ def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
     try:
         x, y, z = value
     except (TypeError, ValueError):
-        raise refuse(field, f"{value!r} is not a vector of three components") from None
+        raise refuse(field, f"{_shown(value)} is not a vector of three components") from None
     result = Vector3(
         number(x, f"{field}.x", at_most=at_most),
         number(y, f"{field}.y", at_most=at_most),
@@ -84,7 +100,7 @@ def rotation(value: Quaternion, field: str) -> Quaternion:
     try:
         x, y, z, w = value
     except (TypeError, ValueError):
-        raise refuse(field, f"{value!r} is not a quaternion x, y, z, w") from None
+        raise refuse(field, f"{_shown(value)} is not a quaternion x, y, z, w") from None
     q = Quaternion(
         number(x, f"{field}.x", at_most=math.inf),
         number(y, f"{field}.y", at_most=math.inf),
@@ -106,6 +122,7 @@ def orientation(value: Quaternion, field: str) -> Quaternion | None:
 
 def twist(value: Twist, field: str) -> Twist:
     """A velocity; of its turn, only the part about z is flown."""
+    require_type(value, Twist, field)
     return Twist(
         vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S),
         vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S),
@@ -122,6 +139,14 @@ def longitude(value: SupportsFloat) -> float:
     return number(value, "longitude_deg", at_most=180.0)
 
 
+def altitude_reference(value: AltitudeReference) -> AltitudeReference:
+    """What an altitude is measured from: none is guessed."""
+    if not isinstance(value, AltitudeReference):
+        known = ", ".join(reference.name for reference in AltitudeReference)
+        raise refuse("altitude_reference", f"{_shown(value)} is no AltitudeReference ({known})")
+    return value
+
+
 def frame_id(value: str, field: str) -> str:
     """A name for a frame: words of letters, digits and _, joined by /."""
     if not isinstance(value, str) or len(value) > 200 or not re.fullmatch(FRAME_ID_PATTERN, value):
@@ -131,8 +156,7 @@ def frame_id(value: str, field: str) -> str:
 
 def transform(value: Transform, field: str) -> Transform:
     """A transform between named frames; an empty parent is left empty."""
-    if not isinstance(value, Transform):
-        raise refuse(field, f"{value!r} is no Transform")
+    require_type(value, Transform, field)
     return Transform(
         position(value.translation, f"{field}.translation"),
         rotation(value.rotation, f"{field}.rotation"),

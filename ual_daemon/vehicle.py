@@ -239,6 +239,7 @@ class Vehicle:
             latitude_deg = validation.latitude(latitude_deg)
             longitude_deg = validation.longitude(longitude_deg)
             altitude_m = validation.number(altitude_m, "altitude_m", at_most=validation.MAX_DISTANCE_M)
+            altitude_reference = validation.altitude_reference(altitude_reference)
             if yaw_rad is not None:
                 yaw_rad = validation.number(yaw_rad, "yaw_rad", at_most=validation.MAX_ANGLE_RAD)
             snapshot = self._require_state("go_to_waypoint_geo", State.FLYING_AUTO)
