@@ -92,8 +92,13 @@ class Unknown(Dialect):
 
     def streams(self, pose_rate_hz: float) -> list[Command]:
         return [
-            set_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
+            set_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 2.0),
             set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
+            set_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
+            set_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
         ]
 
     def version(self, message: Message) -> str:
