@@ -12,8 +12,8 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from msgspec import Meta
 
-FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$"
-NAMESPACE_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]{0,63}$"
+FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z"
+NAMESPACE_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]{0,63}\Z"
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -97,7 +97,7 @@ def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
             name = message.split("`")[1]
             key, message = f"{key}.{name}".lstrip("."), "there is no such setting"
         raise ConfigError(message, ".".join(part for part in (section, key) if part)) from None
-    _refuse_not_finite(msgspec.to_builtins(values), section)
+    _refuse_not_finite(values, section)
     return settings
 
 

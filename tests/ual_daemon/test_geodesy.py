@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyproj import Transformer
+
+from tests.strategies import numbers
+from ual.geometry import Vector3
+from ual_daemon.geodesy import EllipsoidProjection, Projection, SphereProjection
+
+SEVILLE = (37.4117, -6.0013, 10.0)
+
+ORIGINS = st.tuples(st.floats(-89.0, 89.0), st.floats(-180.0, 180.0), st.floats(-100.0, 5000.0))
+OFFSETS = st.builds(Vector3, numbers(50_000.0), numbers(50_000.0), numbers(1_000.0))
+
+
+def longitude_gap_deg(a: float, b: float) -> float:
+    return abs(math.remainder(a - b, 360.0))
+
+
+@pytest.mark.parametrize("kind", [EllipsoidProjection, SphereProjection])
+@given(ORIGINS, OFFSETS)
+def test_metres_become_degrees_and_metres_again(
+    kind: type[Projection], origin: tuple[float, float, float], offset: Vector3
+) -> None:
+    projection = kind(*origin)
+    point = projection.to_geo(offset)
+    assert -90.0 <= point.latitude_deg <= 90.0
+    assert -180.0 <= point.longitude_deg <= 180.0
+    assert point.altitude_amsl_m is not None
+    again = projection.to_local(point.latitude_deg, point.longitude_deg, point.altitude_amsl_m)
+    assert (again - offset).norm() <= 1e-6
+
+
+@pytest.mark.parametrize("kind", [EllipsoidProjection, SphereProjection])
+@given(ORIGINS, st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+def test_degrees_become_metres_and_degrees_again(
+    kind: type[Projection], origin: tuple[float, float, float], north_deg: float, east_deg: float
+) -> None:
+    projection = kind(*origin)
+    latitude = max(-90.0, min(90.0, origin[0] + north_deg))
+    longitude = math.remainder(origin[1] + east_deg, 360.0)
+    again = projection.to_geo(projection.to_local(latitude, longitude, 0.0))
+    assert again.latitude_deg == pytest.approx(latitude, abs=1e-10)
+    assert longitude_gap_deg(again.longitude_deg, longitude) * math.cos(math.radians(latitude)) <= 1e-10
+
+
+@pytest.mark.parametrize("kind", [EllipsoidProjection, SphereProjection])
+@given(ORIGINS)
+def test_the_origin_is_at_zero(kind: type[Projection], origin: tuple[float, float, float]) -> None:
+    projection = kind(*origin)
+    assert projection.to_local(*origin).norm() <= 1e-9
+    point = projection.to_geo(Vector3())
+    assert point.latitude_deg == pytest.approx(origin[0], abs=1e-12)
+    assert longitude_gap_deg(point.longitude_deg, origin[1]) <= 1e-12
+    assert point.altitude_amsl_m == origin[2]
+
+
+@pytest.mark.parametrize("kind", [EllipsoidProjection, SphereProjection])
+def test_axes_are_east_north_up(kind: type[Projection]) -> None:
+    projection = kind(*SEVILLE)
+    east = projection.to_local(SEVILLE[0], SEVILLE[1] + 1e-4, SEVILLE[2])
+    north = projection.to_local(SEVILLE[0] + 1e-4, SEVILLE[1], SEVILLE[2])
+    up = projection.to_local(SEVILLE[0], SEVILLE[1], SEVILLE[2] + 7.0)
+    assert east.x == pytest.approx(8.84, abs=0.02)
+    assert north.y == pytest.approx(11.11, abs=0.02)
+    assert (abs(east.y), abs(north.x)) == pytest.approx((0.0, 0.0), abs=1e-4)
+    assert up == Vector3(0.0, 0.0, 7.0)
+
+
+@given(ORIGINS, OFFSETS)
+def test_the_ellipsoid_agrees_with_proj(origin: tuple[float, float, float], offset: Vector3) -> None:
+    latitude, longitude, altitude = origin
+    proj = Transformer.from_pipeline(
+        f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+        f"+step +proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +ellps=WGS84"
+    )
+    point = EllipsoidProjection(*origin).to_geo(offset)
+    x, y = proj.transform(point.longitude_deg, point.latitude_deg)
+    assert (x, y) == pytest.approx((offset.x, offset.y), abs=1e-4)
+    assert point.altitude_amsl_m == pytest.approx(altitude + offset.z)
+
+
+@pytest.mark.parametrize(
+    # What PX4's formulas (src/lib/geo/geo.cpp, MapProjection::project), compiled as C++ with its types, answer.
+    ("origin", "place", "north_m", "east_m"),
+    [
+        ((47.397742, 8.545594), (47.398742, 8.546594), 111.195412, 75.2669678),
+        ((47.397742, 8.545594), (47.3977424, 8.5455945), 0.0444779694, 0.0376341976),
+        ((37.4117, -6.0013), (37.5117, -5.9013), 11124.1729, 8820.30664),
+        ((-33.8568, 151.2153), (-33.9568, 151.1153), -11123.9805, -9223.16602),
+        ((0.0, 0.0), (0.001, -0.001), 111.194923, -111.194923),
+        ((64.1, -179.9999), (64.101, 179.9999), 111.194939, -9.71367931),
+        ((-77.8463, 166.6683), (-77.8, 167.0), 5126.27051, 7794.32715),
+    ],
+)
+def test_the_sphere_agrees_with_px4(
+    origin: tuple[float, float], place: tuple[float, float], north_m: float, east_m: float
+) -> None:
+    found = SphereProjection(*origin, 0.0).to_local(*place, 0.0)
+    assert (found.y, found.x) == pytest.approx((north_m, east_m), rel=1e-7)  # PX4 answers in single precision
+
+
+@given(st.floats(-80.0, 80.0), st.floats(-180.0, 180.0), st.builds(Vector3, numbers(1000.0), numbers(1000.0)))
+def test_sphere_and_ellipsoid_differ_by_less_than_one_percent(
+    latitude: float, longitude: float, offset: Vector3
+) -> None:
+    point = EllipsoidProjection(latitude, longitude, 0.0).to_geo(offset)
+    on_sphere = SphereProjection(latitude, longitude, 0.0).to_local(point.latitude_deg, point.longitude_deg, 0.0)
+    assert (on_sphere - offset).norm() <= 0.01 * offset.norm() + 1e-6

@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ual_daemon.settings import ConfigError, LimitSettings, VehicleSettings, convert
+
+
+def vehicle(values: dict[str, Any]) -> VehicleSettings:
+    return convert(values, VehicleSettings)
+
+
+def refusal(values: dict[str, Any], section: str = "") -> ConfigError:
+    with pytest.raises(ConfigError) as caught:
+        convert(values, VehicleSettings, section)
+    error = caught.value
+    assert str(error) == (f"{error.key}: {error.message}" if error.key else error.message)
+    assert "\n" not in str(error)
+    return error
+
+
+def test_nothing_given_is_the_defaults() -> None:
+    found = vehicle({})
+    assert found == VehicleSettings()
+    assert found.home_pose == (0.0, 0.0, 0.0)
+    assert found.limits == LimitSettings()
+    assert math.isinf(found.limits.climb_speed_m_s)
+
+
+def test_given_values_are_taken_with_their_types() -> None:
+    found = vehicle(
+        {
+            "home_pose": [1, 2.5, -3],
+            "map_origin_geo": (37, -6, 10),
+            "limits": MappingProxyType({"climb_speed_m_s": 2}),
+            "frames": [{"frame_id": "site/hall", "yaw_rad": 1}],
+            "tolerance": {"dwell_s": 0},
+        }
+    )
+    assert found.home_pose == (1.0, 2.5, -3.0)
+    assert found.map_origin_geo == (37.0, -6.0, 10.0)
+    assert found.limits.climb_speed_m_s == 2.0
+    assert (found.frames[0].frame_id, found.frames[0].parent_frame_id, found.frames[0].yaw_rad) == (
+        "site/hall",
+        "map",
+        1,
+    )
+    assert found.tolerance.dwell_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"home": [0, 0, 0]}, "home"),
+        ({"limits": {"speed": 1}}, "limits.speed"),
+        ({"frames": [{"frame_id": "a"}, {"frame_id": "b", "parent": "a"}]}, "frames[1].parent"),
+    ],
+)
+def test_an_unknown_setting_is_refused_by_its_full_name(values: dict[str, Any], key: str) -> None:
+    error = refusal(values)
+    assert (error.key, error.message) == (key, "there is no such setting")
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"home_pose": [1, 2]}, "home_pose"),
+        ({"home_pose": [1, 2, "3"]}, "home_pose[2]"),
+        ({"home_pose": [1, 2, 1.1e7]}, "home_pose[2]"),
+        ({"home_pose": {"x": 1}}, "home_pose"),
+        ({"home_pose_parent_frame": "a b"}, "home_pose_parent_frame"),
+        ({"home_pose_parent_frame": "map\n"}, "home_pose_parent_frame"),
+        ({"home_pose_parent_frame": ""}, "home_pose_parent_frame"),
+        ({"pose_frame_id": "/map"}, "pose_frame_id"),
+        ({"map_origin_geo": [91, 0, 0]}, "map_origin_geo[0]"),
+        ({"map_origin_geo": [0, -181, 0]}, "map_origin_geo[1]"),
+        ({"limits": {"climb_speed_m_s": 0}}, "limits.climb_speed_m_s"),
+        ({"limits": {"climb_speed_m_s": -1}}, "limits.climb_speed_m_s"),
+        ({"limits": {"climb_speed_m_s": True}}, "limits.climb_speed_m_s"),
+        ({"limits": {"climb_speed_m_s": None}}, "limits.climb_speed_m_s"),
+        ({"limits": None}, "limits"),
+        ({"tolerance": {"dwell_s": -0.1}}, "tolerance.dwell_s"),
+        ({"frames": {"frame_id": "a"}}, "frames"),
+        ({"frames": [{}]}, "frames[0]"),
+        ({"frames": [{"frame_id": 7}]}, "frames[0].frame_id"),
+    ],
+)
+def test_a_wrong_value_is_refused_by_the_name_of_its_setting(values: dict[str, Any], key: str) -> None:
+    assert refusal(values).key == key
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda value: {"limits": {"climb_speed_m_s": value}}, "limits.climb_speed_m_s"),
+        (lambda value: {"home_pose": [0, value, 0]}, "home_pose[1]"),
+        (lambda value: {"frames": [{"frame_id": "a", "yaw_rad": value}]}, "frames[0].yaw_rad"),
+        (lambda value: {"map_origin_geo": [value, 0, 0]}, "map_origin_geo[0]"),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused(make: Any, key: str, value: float) -> None:
+    assert refusal(make(value)).key == key
+
+
+def test_a_section_is_part_of_the_key() -> None:
+    assert refusal({"limits": {"speed": 1}}, "uav").key == "uav.limits.speed"
+    assert refusal({"frames": [{"frame_id": "a", "yaw_rad": math.nan}]}, "uav").key == "uav.frames[0].yaw_rad"
+    assert refusal({"tolerance": 1}, "uav").key == "uav.tolerance"
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers(-10, 10) | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=6,
+)
+NAMES = st.sampled_from([*VehicleSettings.__struct_fields__, "other"])
+
+
+@given(st.dictionaries(NAMES, JSON, max_size=4))
+def test_whatever_is_given_there_are_settings_or_one_error(values: dict[str, Any]) -> None:
+    try:
+        found = convert(values, VehicleSettings, "uav")
+    except ConfigError as error:
+        assert error.key.startswith("uav.")
+        assert "\n" not in error.message
+    else:
+        assert isinstance(found, VehicleSettings)
