@@ -81,6 +81,9 @@ class Calls(grpc.aio.ServerInterceptor):
 
         # Written here, and not handed on by yield, so that a call that is ended while it writes ends here, too.
         async def call(request: object, context: _Context) -> None:
+            # Now, and not with the first message: gRPC would send it once more where that message is interrupted, and
+            # the caller would never hear of the end.
+            await context.send_initial_metadata(())
             async with self._call(details, context, self._streams), aclosing(serve(request, context)) as responses:
                 async for response in responses:
                     await context.write(response)

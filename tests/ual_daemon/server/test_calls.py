@@ -30,8 +30,10 @@ class FakeVehicle:
 
     def __init__(self) -> None:
         self.arming: Future[None] = Future()
+        self.is_arming = asyncio.Event()
         self.callers: list[str] = []
         self.setpoints: list[TwistStamped] = []
+        self.has_setpoint = asyncio.Event()
 
     def telemetry(self) -> Telemetry:
         return Telemetry(State.LANDED_DISARMED)
@@ -48,12 +50,14 @@ class FakeVehicle:
         raise RuntimeError("a defect")
 
     def arm(self) -> Future[None]:
+        self.is_arming.set()
         return self.arming
 
     def set_velocity(self, velocity: TwistStamped) -> None:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
         self.setpoints.append(velocity)
+        self.has_setpoint.set()
 
 
 class Served:
@@ -188,8 +192,9 @@ def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> Non
             await telemetry.read()
             setpoints = it.stub.StreamSetpoints()
             await setpoints.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
+            await it.vehicle.has_setpoint.wait()
             arming = it.stub.Arm(pb.ArmRequest())
-            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+            await it.vehicle.is_arming.wait()
             it.calls.begin_shutdown()
             for call in (telemetry.read(), setpoints, it.stub.GetTelemetry(pb.GetTelemetryRequest())):
                 with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down") as caught:
@@ -205,7 +210,7 @@ def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
     async def run() -> None:
         async with served() as it:
             arming = it.stub.Arm(pb.ArmRequest())
-            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+            await it.vehicle.is_arming.wait()
             it.calls.begin_shutdown()
             it.calls.end_waiting()
             error = await error_of(arming)
@@ -215,12 +220,12 @@ def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
     asyncio.run(run())
 
 
-def test_shutdown_ends_a_stream_that_nobody_reads() -> None:
+def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
     async def run() -> None:
         async with served() as it:
             stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
             await stream.wait_for_connection()
-            it.calls.begin_shutdown()
+            it.calls.begin_shutdown()  # perhaps in the middle of its first message
             with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down"):
                 async for _ in stream:
                     pass

@@ -146,6 +146,8 @@ def test_a_reader_that_never_reads_holds_up_nobody_at_shutdown(fast_daemon: Daem
     next(answer for answer in quick if answer.telemetry.sequence > first + 5000)
     fast_daemon.signal(signal.SIGTERM)
     assert fast_daemon.wait() == 0
+    with pytest.raises(grpc.RpcError, match="the daemon is shutting down"):
+        list(stuck)
 
 
 def test_each_reader_has_the_rate_it_asked_for(daemon: DaemonProcess) -> None:
