@@ -1,0 +1,265 @@
+"""The asyncio client against a real daemon, and its setpoints against a scripted one."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import inspect
+import logging
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.ual import fake_daemon
+from ual import TaskStatus, aio, errors, interface
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import State, Telemetry
+
+T = TypeVar("T")
+
+
+@pytest.fixture(autouse=True)
+def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> None:
+    del runtime_dir
+    for name in ("UAL_NS", "UAL_ADDRESS"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def run(program: Callable[[aio.Uav], Awaitable[T]], **where: str) -> T:
+    """Runs a program with a UAV, in a loop that has nothing left to do when it ends."""
+
+    async def main() -> T:
+        async with aio.Uav(**where) as uav:
+            result = await asyncio.wait_for(program(uav), LIMIT_S)
+        left = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        if left:  # gRPC's own, which end by themselves
+            _, unfinished = await asyncio.wait(left, timeout=LIMIT_S)
+            assert not unfinished
+        return result
+
+    return asyncio.run(main())
+
+
+async def wait_until(uav: aio.Uav, condition: Callable[[Telemetry], bool]) -> Telemetry:
+    async with uav.subscribe() as samples:
+        async for sample in samples:
+            if condition(sample):
+                return sample
+    raise AssertionError("the samples ended")
+
+
+async def take_off(uav: aio.Uav) -> None:
+    await wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)
+    await uav.take_off(3.0)
+
+
+def test_it_has_the_members_of_the_interface() -> None:
+    for protocol, kind in (
+        (interface.Uav, aio.Uav),
+        (interface.Simulation, aio.Simulation),
+        (interface.Task, aio.Task),
+    ):
+        for name, member in inspect.getmembers(protocol, inspect.isfunction):
+            if name.startswith("_") or (protocol is interface.Uav and name == "subscribe"):
+                continue
+            ours = getattr(kind, name)
+            assert inspect.iscoroutinefunction(ours) or inspect.isasyncgenfunction(ours), name
+            assert list(inspect.signature(ours).parameters) == list(inspect.signature(member).parameters), name
+
+
+def test_a_whole_flight(daemon: DaemonProcess) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        assert await uav.ns() == "uav_1"
+        assert (await uav.info()).backend == "light"
+        await take_off(uav)
+        task = await uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0, 1.57), blocking=False)
+        seen = [info async for info in task.watch()]
+        assert seen[-1].status is TaskStatus.SUCCEEDED
+        assert await task.done()
+        assert (await task.wait()).id == task.id
+        assert ((await uav.pose()).pose.position - Vector3(4.0, 2.0, 3.0)).norm() < 0.3
+        assert await uav.is_ready()
+        assert await uav.is_idle()
+        assert await uav.reference_pose() is not None
+        assert (await uav.transform()).child_frame_id == "uav_1/base_link"
+        await uav.land()
+        assert await uav.state() in (State.LANDED_ARMED, State.LANDED_DISARMED)
+
+    run(fly, ns="uav_1")
+    assert daemon.process.poll() is None
+
+
+def test_refusals_are_the_same_errors(daemon: DaemonProcess) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        with pytest.raises(errors.WrongStateError):
+            await uav.land()
+        with pytest.raises(errors.InvalidArgumentError):
+            await uav.take_off(-1.0)
+        with pytest.raises(errors.UnknownFrameError):
+            await uav.transform("nowhere")
+        with pytest.raises(errors.InvalidArgumentError, match="rate_hz"):
+            async for _ in uav.subscribe(rate_hz=-1.0):
+                pass
+
+    run(fly, address=daemon.address)
+
+
+def test_a_cancelled_coroutine_cancels_its_task(daemon: DaemonProcess) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await take_off(uav)
+        flying = asyncio.create_task(uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0)))
+        await wait_until(uav, lambda sample: sample.task is not None)
+        flying.cancel()
+        await asyncio.wait((flying,))
+        await wait_until(uav, lambda sample: sample.task is None)
+
+    run(fly, ns="uav_1")
+    daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -> None:
+    del daemon
+
+    async def fly(uav: aio.Uav) -> None:
+        await take_off(uav)
+        task = await uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), blocking=False)
+        with pytest.raises(errors.UalTimeoutError, match="it goes on"):
+            await task.wait(timeout_s=0.1)
+        await (await uav.task(task.id)).cancel()
+        with pytest.raises(errors.TaskAbortedError):
+            await task.wait()
+        await task.cancel()
+
+    run(fly, ns="uav_1")
+
+
+def test_setpoints_fly_and_the_pilot_ends_them(daemon: DaemonProcess) -> None:
+    del daemon
+
+    async def fly(uav: aio.Uav) -> None:
+        await take_off(uav)
+        async for sample in uav.subscribe(rate_hz=50.0):
+            await uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+            if sample.velocity is not None and sample.velocity.linear.x > 0.4:
+                break
+        await uav.simulation.pilot_take_over()
+        with pytest.raises(errors.WrongStateError) as caught:
+            await keep_flying(uav)
+        assert caught.value.state == "FLYING_MANUAL"
+        await uav.recover_from_manual()
+
+    run(fly, ns="uav_1")
+
+
+async def keep_flying(uav: aio.Uav) -> None:
+    for _ in range(1000):
+        await uav.set_velocity(Twist())
+        await asyncio.sleep(0.02)
+
+
+def test_without_a_daemon_it_says_what_to_do() -> None:
+    async def fly(uav: aio.Uav) -> None:
+        with pytest.raises(errors.DaemonUnreachableError, match="ual-daemon --ns uav_3"):
+            await uav.state()
+        with pytest.raises(errors.DaemonUnreachableError):
+            async for _ in uav.subscribe():
+                pass
+
+    run(fly, ns="uav_3")
+
+
+def test_it_survives_a_daemon_that_is_restarted_elsewhere(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    first.wait_for("listening")
+
+    async def fly(uav: aio.Uav) -> None:
+        samples = uav.subscribe()
+        await samples.__anext__()
+        await uav.telemetry()
+        first.process.kill()
+        await asyncio.to_thread(first.wait)
+        with pytest.raises(errors.DaemonUnreachableError):
+            await uav.state()
+        second = start_daemon()
+        await asyncio.to_thread(second.wait_for, "listening")
+        assert (await uav.info()).namespace == "uav_1"
+        assert uav.address == second.address
+        newest = await samples.__anext__()
+        while newest.sequence > (await uav.telemetry()).sequence:  # one of the first daemon's was left
+            newest = await samples.__anext__()
+
+    run(fly, ns="uav_1")
+
+
+def test_it_survives_a_daemon_that_is_restarted_in_place(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    address = first.address
+
+    async def fly(uav: aio.Uav) -> None:
+        await uav.telemetry()
+        first.process.kill()
+        await asyncio.to_thread(first.wait)
+        again = start_daemon(listen=address)
+        await asyncio.to_thread(again.wait_for, "listening")
+        assert (await uav.info()).namespace == "uav_1"
+
+    run(fly, address=address)
+
+
+def test_a_closed_client_refuses(daemon: DaemonProcess) -> None:
+    async def main() -> None:
+        uav = aio.Uav(address=daemon.address)
+        samples = uav.subscribe()
+        await samples.__anext__()
+        await uav.close()
+        with pytest.raises(errors.UalError, match="closed"):
+            await uav.state()
+        with pytest.raises(StopAsyncIteration):
+            await samples.__anext__()
+
+    asyncio.run(main())
+    gc.collect()
+
+
+# --- Setpoints, scripted ----------------------------------------------------------------------------------------------
+
+
+def test_the_first_setpoint_is_answered_and_those_that_follow_are_streamed() -> None:
+    async def fly(uav: aio.Uav) -> None:
+        for number in range(1, 4):
+            await uav.set_velocity(Twist(Vector3(number, 0.0, 0.0)))
+            if number > 1:
+                await asyncio.to_thread(daemon.wait_for_streamed, number - 1)
+        await uav.set_pose(Pose.at(1.0, 2.0, 3.0))
+
+    with fake_daemon.running() as daemon:
+        run(fly, address=daemon.address)
+        assert len(daemon.answered) == 1
+        kinds = [request.WhichOneof("setpoint") for request in daemon.streamed]
+        assert kinds == ["velocity", "velocity", "pose"], "closing sends what waits"
+
+
+def test_a_refused_setpoint_is_raised_by_the_next_call_or_logged(caplog: pytest.LogCaptureFixture) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await uav.set_velocity(Twist())
+        await uav.set_velocity(Twist())
+        await asyncio.to_thread(daemon.wait_for_streamed, 1)
+        daemon.refusal = ual.WrongStateError("the pilot flies")
+        with pytest.raises(ual.WrongStateError, match="the pilot flies"):
+            await keep_flying(uav)
+        with pytest.raises(ual.WrongStateError, match="the pilot flies"):
+            await uav.set_velocity(Twist())
+        daemon.refusal = None
+        await uav.set_velocity(Twist())
+        await uav.set_velocity(Twist())
+        await asyncio.to_thread(daemon.wait_for_streamed, 2)
+        daemon.refusal = ual.WrongStateError("the pilot flies again")
+        await uav.set_velocity(Twist())
+
+    with fake_daemon.running() as daemon, caplog.at_level(logging.WARNING):
+        run(fly, address=daemon.address)
+    assert "the last setpoints were refused: WRONG_STATE: the pilot flies again" in caplog.text

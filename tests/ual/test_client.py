@@ -1,0 +1,324 @@
+"""The client against a real daemon."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual import TaskStatus, errors
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import State, Telemetry
+
+
+@pytest.fixture(autouse=True)
+def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> None:
+    del runtime_dir
+    for name in ("UAL_NS", "UAL_ADDRESS"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def wait_until(uav: ual.Uav, condition: Callable[[Telemetry], bool]) -> Telemetry:
+    """The first sample that fulfils a condition."""
+    found: list[Telemetry] = []
+    there = threading.Event()
+
+    def look(telemetry: Telemetry) -> None:
+        if not there.is_set() and condition(telemetry):
+            found.append(telemetry)
+            there.set()
+
+    with uav.subscribe(look):
+        assert there.wait(LIMIT_S)
+    return found[0]
+
+
+def take_off(uav: ual.Uav, height_m: float = 3.0) -> None:
+    wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)
+    uav.take_off(height_m)
+
+
+# --- Finding a daemon -------------------------------------------------------------------------------------------------
+
+
+def test_it_finds_a_daemon_by_its_namespace(start_daemon: StartDaemon) -> None:
+    for ns in ("uav_1", "uav_2"):
+        start_daemon(ns=ns).wait_for("listening")
+    with ual.Uav("uav_2") as second, ual.Uav("uav_1") as first:
+        assert (first.ns, second.ns) == ("uav_1", "uav_2")
+        assert second.info().namespace == "uav_2"
+
+
+def test_alone_it_needs_no_name(daemon: DaemonProcess) -> None:
+    with ual.Uav() as uav:
+        assert uav.state() in (State.LANDED_DISARMED, State.LANDED_ARMED)
+        assert uav.ns == daemon.ns
+
+
+def test_by_address_it_asks_for_the_namespace(daemon: DaemonProcess) -> None:
+    with ual.Uav(address=daemon.address) as uav:
+        assert uav.ns == "uav_1"
+
+
+def test_the_daemon_of_another_uav_is_refused(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_2", address=daemon.address) as uav, pytest.raises(errors.InvalidArgumentError) as caught:
+        uav.state()
+    assert "this daemon flies uav_1, not uav_2" in caught.value.message
+
+
+def test_without_a_daemon_the_first_call_says_what_to_do() -> None:
+    with ual.Uav("uav_3") as uav, pytest.raises(errors.DaemonUnreachableError) as caught:
+        uav.state()
+    for part in ("uav_3", "127.0.0.1:50053", "ual-daemon --ns uav_3"):
+        assert part in caught.value.message
+
+
+def test_it_survives_a_daemon_that_is_restarted_elsewhere(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    first.wait_for("listening")
+    samples: list[Telemetry] = []
+    received = threading.Condition()
+
+    def take(telemetry: Telemetry) -> None:
+        with received:
+            samples.append(telemetry)
+            received.notify_all()
+
+    with ual.Uav("uav_1") as uav, uav.subscribe(take):
+        assert uav.is_ready()
+        old_address = uav.address
+        first.process.kill()
+        first.wait()
+        with pytest.raises(errors.DaemonUnreachableError):
+            uav.state()
+        second = start_daemon()
+        second.wait_for("listening")
+        assert uav.info().namespace == "uav_1"
+        assert uav.address == second.address != old_address
+        with received:
+            samples.clear()
+            assert received.wait_for(lambda: samples, LIMIT_S), "the subscription did not come back"
+
+
+def test_it_survives_a_daemon_that_is_restarted_in_place(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    address = first.address
+    with ual.Uav("uav_1", address=address) as uav:
+        assert uav.is_ready()
+        first.process.kill()
+        first.wait()
+        start_daemon(listen=address).wait_for("listening")
+        assert uav.info().namespace == "uav_1"
+
+
+def test_a_stuck_daemon_ends_in_a_timeout_not_in_a_hang(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        assert uav.is_ready()
+        daemon.signal(signal.SIGSTOP)
+        with pytest.raises(errors.UalTimeoutError, match=r"Arm did not end within 0\.2 s"):
+            uav.arm(timeout_s=0.2)
+        daemon.signal(signal.SIGCONT)
+        assert uav.is_ready()
+
+
+# --- Tasks ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_whole_flight(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        task = uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0, 1.57))
+        assert task.done()
+        assert task.wait().status is TaskStatus.SUCCEEDED
+        assert (uav.pose().pose.position - Vector3(4.0, 2.0, 3.0)).norm() < 0.3
+        assert uav.land().info().status is TaskStatus.SUCCEEDED
+        assert uav.state() in (State.LANDED_ARMED, State.LANDED_DISARMED)
+    assert daemon.process.poll() is None
+
+
+def test_when_the_time_is_over_the_task_is_cancelled(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        with pytest.raises(errors.UalTimeoutError, match="it is cancelled and the UAV holds its position"):
+            uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=0.3)
+        wait_until(uav, lambda sample: sample.task is None)
+        daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        task = uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), blocking=False)
+        with pytest.raises(errors.UalTimeoutError, match=r"has not ended after 0\.1 s; it goes on"):
+            task.wait(timeout_s=0.1)
+        assert not task.done()
+        other = uav.task(task.id)
+        other.cancel()
+        with pytest.raises(errors.TaskAbortedError):
+            task.wait()
+        assert "ABORTED" in repr(task)
+
+
+def test_times_that_nobody_can_wait_are_refused(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav:
+        for timeout_s in (-1.0, float("nan")):
+            with pytest.raises(errors.InvalidArgumentError, match="timeout_s"):
+                uav.land(timeout_s=timeout_s)
+
+
+@pytest.mark.parametrize("ending", ["interrupt", "close"])
+def test_a_waiting_call_ends_with_its_program(daemon: DaemonProcess, ending: str) -> None:
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        is_flying = threading.Event()
+
+        def end() -> None:
+            is_flying.wait(LIMIT_S)
+            if ending == "interrupt":
+                os.kill(os.getpid(), signal.SIGINT)
+            else:
+                flying.close()
+
+        with ual.Uav("uav_1") as flying, uav.subscribe(lambda sample: sample.task and is_flying.set()):
+            ender = threading.Thread(target=end)
+            ender.start()
+            expected = KeyboardInterrupt if ending == "interrupt" else errors.UalError
+            with pytest.raises(expected):
+                flying.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0))
+            ender.join()
+        daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+# --- Setpoints --------------------------------------------------------------------------------------------------------
+
+
+def test_a_velocity_on_the_ground_is_refused_at_once(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav, pytest.raises(errors.WrongStateError, match="FLYING_AUTO"):
+        uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+
+
+def test_when_the_pilot_takes_over_a_streamed_velocity_raises(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+        uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+        uav.simulation.pilot_take_over()
+        with pytest.raises(errors.WrongStateError) as caught:
+            keep_flying(uav)
+        assert caught.value.state == "FLYING_MANUAL"
+
+
+def keep_flying(uav: ual.Uav) -> None:
+    pause = threading.Event()
+    for _ in range(1000):
+        uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+        pause.wait(0.02)
+
+
+FLIES_UNTIL_KILLED = """
+import sys, time, ual
+uav = ual.Uav("uav_1")
+print("flying", flush=True)
+while True:
+    uav.set_velocity(ual.Twist(ual.Vector3(1.0, 0.0, 0.0)))
+    time.sleep(0.02)
+"""
+
+
+def test_the_uav_holds_when_its_client_is_killed(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--auto-arm")
+    daemon.wait_for("listening")
+    with ual.Uav("uav_1") as uav:
+        take_off(uav, 1.0)
+        with subprocess.Popen([sys.executable, "-c", FLIES_UNTIL_KILLED], stdout=subprocess.PIPE) as client:
+            wait_until(uav, lambda sample: sample.velocity is not None and sample.velocity.linear.x > 0.9)
+            samples: list[Telemetry] = []
+            with uav.subscribe(samples.append):
+                client.kill()
+                client.wait()
+                killed_s = uav.telemetry().stamp_s
+                stopped = wait_until(uav, lambda each: each.velocity is not None and each.velocity.linear.x < 0.05)
+        # The watchdog's time and braking from 1 m/s, with a margin for the light UAV's lag and a busy machine.
+        braking_s = 1.0 / uav.info().limits.horizontal_acceleration_m_s2
+        assert stopped.stamp_s - killed_s <= 0.5 + braking_s + 1.0
+        assert stopped.state is State.FLYING_AUTO
+
+
+# --- What is left behind ----------------------------------------------------------------------------------------------
+
+
+def test_a_closed_client_leaves_nothing(daemon: DaemonProcess) -> None:
+    del daemon
+    use_everything()  # what gRPC keeps for good is there from now on
+    threads, sockets = threading.active_count(), count_sockets()
+    for _ in range(3):
+        use_everything()
+    deadline_s = time.monotonic() + LIMIT_S
+    while (threading.active_count() > threads or count_sockets() > sockets) and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    assert threading.active_count() <= threads, threading.enumerate()
+    assert count_sockets() <= sockets
+
+
+def use_everything() -> None:
+    with ual.Uav("uav_1") as uav:
+        wait_until(uav, lambda sample: sample.state in (State.LANDED_ARMED, State.FLYING_AUTO))
+        if uav.state() is State.LANDED_ARMED:
+            uav.take_off(2.0)
+        uav.subscribe(lambda _: None)
+        for _ in range(3):
+            uav.set_velocity(Twist())
+        task = uav.go_to_waypoint(Pose.at(100.0, 0.0, 2.0), blocking=False)
+        next(iter(task.watch()))
+        task.cancel()
+        uav.simulation.faults()
+
+
+def count_sockets() -> int:
+    links = []
+    for entry in Path("/proc/self/fd").iterdir():
+        try:
+            links.append(entry.readlink().name)
+        except OSError:
+            continue
+    return sum(link.startswith("socket:") for link in links)
+
+
+def test_members_can_be_called_from_many_threads(daemon: DaemonProcess) -> None:
+    del daemon
+    failures: list[BaseException] = []
+
+    def work(uav: ual.Uav) -> None:
+        try:
+            for _ in range(20):
+                uav.telemetry()
+                uav.transform()
+                with uav.subscribe(lambda _: None):
+                    pass
+                try:
+                    uav.set_velocity(Twist())
+                except errors.WrongStateError:
+                    uav.frames()
+        except BaseException as error:  # noqa: BLE001  whatever it is, the test tells it
+            failures.append(error)
+
+    with ual.Uav("uav_1") as uav:
+        workers = [threading.Thread(target=work, args=(uav,)) for _ in range(12)]
+        for worker in workers:
+            worker.start()
+        for worker in workers:
+            worker.join(LIMIT_S * 2)
+    assert failures == []

@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+import ual
+from tests.ual import fake_daemon
+from tests.ual.fake_daemon import FakeDaemon
+from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
+from ual.types import Telemetry
+from ual.v1 import ual_pb2 as pb
+
+LIMIT_S = 30.0
+
+
+@pytest.fixture
+def daemon() -> Iterator[FakeDaemon]:
+    with fake_daemon.running() as running:
+        yield running
+
+
+@pytest.fixture
+def uav(daemon: FakeDaemon) -> Iterator[ual.Uav]:
+    with ual.Uav("uav_1", address=daemon.address) as uav:
+        yield uav
+
+
+def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
+    telemetry = pb.Telemetry(state=pb.STATE_FLYING_AUTO, sequence=sequence)
+    return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
+
+
+def script(daemon: FakeDaemon) -> queue.Queue[pb.StreamTelemetryResponse | None]:
+    """What the daemon sends: samples as they are put, None ends the stream."""
+    source: queue.Queue[pb.StreamTelemetryResponse | None] = queue.Queue()
+    daemon.telemetry = lambda: iter(source.get, None)
+    return source
+
+
+class Received:
+    def __init__(self) -> None:
+        self.samples: list[Telemetry] = []
+        self.changed = threading.Condition()
+
+    def __call__(self, telemetry: Telemetry) -> None:
+        with self.changed:
+            self.samples.append(telemetry)
+            self.changed.notify_all()
+
+    def wait_for(self, sequence: int) -> None:
+        with self.changed:
+            assert self.changed.wait_for(lambda: any(each.sequence == sequence for each in self.samples), LIMIT_S), (
+                self.samples
+            )
+
+
+def test_samples_come_on_another_thread(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    source = script(daemon)
+    threads: list[threading.Thread] = []
+    received = Received()
+
+    def callback(telemetry: Telemetry) -> None:
+        threads.append(threading.current_thread())
+        received(telemetry)
+
+    source.put(sample(1))
+    with uav.subscribe(callback):
+        received.wait_for(1)
+        source.put(None)
+    assert threading.main_thread() not in threads
+
+
+def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    source = script(daemon)
+    received = Received()
+    is_busy, may_go_on = threading.Event(), threading.Event()
+
+    def callback(telemetry: Telemetry) -> None:
+        if telemetry.sequence == 1:
+            is_busy.set()
+            assert may_go_on.wait(LIMIT_S)
+        received(telemetry)
+
+    source.put(sample(1))
+    with uav.subscribe(callback) as subscription:
+        assert is_busy.wait(LIMIT_S)
+        for number, missed_count in ((2, 0), (5, 2), (6, 0)):
+            source.put(sample(number, missed_count))
+        newest = subscription._newest
+        with newest._changed:
+            assert newest._changed.wait_for(lambda: newest._missed_count == 4, LIMIT_S)
+        may_go_on.set()
+        received.wait_for(6)
+        source.put(None)
+    assert [(each.sequence, each.missed_count) for each in received.samples] == [(1, 0), (6, 4)]
+
+
+def test_a_failing_callback_is_logged_and_the_subscription_goes_on(
+    daemon: FakeDaemon, uav: ual.Uav, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = script(daemon)
+    received = Received()
+
+    def callback(telemetry: Telemetry) -> None:
+        if telemetry.sequence == 1:
+            raise ZeroDivisionError("the user's mistake")
+        received(telemetry)
+
+    source.put(sample(1))
+    with caplog.at_level(logging.ERROR), uav.subscribe(callback):
+        source.put(sample(2))
+        source.put(sample(3))
+        received.wait_for(3)
+        source.put(None)
+    assert "the user's mistake" in caplog.text
+
+
+def test_what_the_daemon_refuses_is_raised_at_once(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    daemon.refusal = InvalidArgumentError("rate_hz: -1.0 is no rate", {"field": "rate_hz"})
+    with pytest.raises(InvalidArgumentError, match="rate_hz"):
+        uav.subscribe(print, rate_hz=-1.0)
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+
+
+def test_no_daemon_is_raised_at_once() -> None:
+    with ual.Uav("uav_1", address="127.0.0.1:1") as uav, pytest.raises(DaemonUnreachableError):
+        uav.subscribe(print)
+
+
+def test_it_goes_on_after_the_stream_broke_and_says_so_once(
+    daemon: FakeDaemon, uav: ual.Uav, caplog: pytest.LogCaptureFixture
+) -> None:
+    streams = iter([[sample(1)], None, None, [sample(2)]])
+    hold = threading.Event()
+
+    def telemetry() -> Iterator[pb.StreamTelemetryResponse]:
+        samples = next(streams)
+        if samples is None:
+            raise RuntimeError("the daemon fails")
+        yield from samples
+        if samples[0].telemetry.sequence == 2:
+            hold.wait(LIMIT_S)
+
+    daemon.telemetry = telemetry
+    received = Received()
+    with caplog.at_level(logging.INFO, "ual"), uav.subscribe(received):
+        received.wait_for(2)
+        hold.set()
+    messages = [record.getMessage() for record in caplog.records if record.name.startswith("ual")]
+    assert [message.partition(":")[0] for message in messages] == ["telemetry is interrupted", "telemetry is back"]
+
+
+def test_it_can_be_closed_from_its_own_callback(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    source = script(daemon)
+    closed = threading.Event()
+    opened: queue.Queue[ual.client.Subscription] = queue.Queue()  # type: ignore[name-defined]
+
+    def callback(_: Telemetry) -> None:
+        opened.get().close()
+        closed.set()
+
+    source.put(sample(1))
+    opened.put(uav.subscribe(callback))
+    assert closed.wait(LIMIT_S)
+    source.put(None)
+
+
+def test_closing_the_client_closes_its_subscriptions(daemon: FakeDaemon) -> None:
+    source = script(daemon)
+    source.put(sample(1))
+    uav = ual.Uav("uav_1", address=daemon.address)
+    uav.subscribe(lambda _: None)
+    uav.close()
+    source.put(None)
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+    with pytest.raises(UalError, match="this client is closed"):
+        uav.state()
+    with pytest.raises(UalError, match="this client is closed"):
+        uav.subscribe(print)
