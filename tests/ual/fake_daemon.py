@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +26,7 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
         self.streamed: list[pb.StreamSetpointsRequest] = []
         self.changed = threading.Condition()
         self.refusal: UalError | None = None
-        self.telemetry: Callable[[], Iterator[pb.StreamTelemetryResponse]] = lambda: iter(())
+        self.telemetry: Callable[[], Iterator[pb.StreamTelemetryResponse | None]] = lambda: iter(())
         self.address = ""
 
     def SetVelocity(self, request: pb.SetVelocityRequest, context: grpc.ServicerContext) -> pb.SetVelocityResponse:
@@ -53,7 +54,25 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
     ) -> Iterator[pb.StreamTelemetryResponse]:
         del request
         self._refuse(context)
-        yield from self.telemetry()
+        for response in self.telemetry():
+            if not context.is_active():
+                return
+            if response is not None:
+                yield response
+
+    def script(self) -> queue.Queue[pb.StreamTelemetryResponse]:
+        """What it sends from now on: samples as they are put."""
+        source: queue.Queue[pb.StreamTelemetryResponse] = queue.Queue()
+
+        def telemetry() -> Iterator[pb.StreamTelemetryResponse | None]:
+            while True:
+                try:
+                    yield source.get(timeout=0.02)
+                except queue.Empty:
+                    yield None  # lets the server see whether anybody still listens
+
+        self.telemetry = telemetry
+        return source
 
     def _refuse(self, context: grpc.ServicerContext) -> None:
         if self.refusal is not None:

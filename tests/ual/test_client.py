@@ -190,7 +190,11 @@ def test_a_waiting_call_ends_with_its_program(daemon: DaemonProcess, ending: str
             else:
                 flying.close()
 
-        with ual.Uav("uav_1") as flying, uav.subscribe(lambda sample: sample.task and is_flying.set()):
+        def look(sample: Telemetry) -> None:
+            if sample.task is not None:
+                is_flying.set()
+
+        with ual.Uav("uav_1") as flying, uav.subscribe(look):
             ender = threading.Thread(target=end)
             ender.start()
             expected = KeyboardInterrupt if ending == "interrupt" else errors.UalError

@@ -127,7 +127,7 @@ def test_a_target_expects_a_daemon_that_is_gone_where_it_was() -> None:
 def test_a_target_without_a_name_becomes_that_of_the_only_daemon() -> None:
     target = Target(None, None, None)
     assert target.address() == "127.0.0.1:50051"
-    assert target.metadata == ()
+    assert not target.metadata
     register("uav_6", "127.0.0.1:7006")
     assert target.address() == "127.0.0.1:7006"
     register("uav_7", "127.0.0.1:7007")

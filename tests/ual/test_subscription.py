@@ -34,13 +34,6 @@ def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
     return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
 
 
-def script(daemon: FakeDaemon) -> queue.Queue[pb.StreamTelemetryResponse | None]:
-    """What the daemon sends: samples as they are put, None ends the stream."""
-    source: queue.Queue[pb.StreamTelemetryResponse | None] = queue.Queue()
-    daemon.telemetry = lambda: iter(source.get, None)
-    return source
-
-
 class Received:
     def __init__(self) -> None:
         self.samples: list[Telemetry] = []
@@ -59,7 +52,7 @@ class Received:
 
 
 def test_samples_come_on_another_thread(daemon: FakeDaemon, uav: ual.Uav) -> None:
-    source = script(daemon)
+    source = daemon.script()
     threads: list[threading.Thread] = []
     received = Received()
 
@@ -70,12 +63,11 @@ def test_samples_come_on_another_thread(daemon: FakeDaemon, uav: ual.Uav) -> Non
     source.put(sample(1))
     with uav.subscribe(callback):
         received.wait_for(1)
-        source.put(None)
     assert threading.main_thread() not in threads
 
 
 def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon: FakeDaemon, uav: ual.Uav) -> None:
-    source = script(daemon)
+    source = daemon.script()
     received = Received()
     is_busy, may_go_on = threading.Event(), threading.Event()
 
@@ -95,14 +87,13 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon:
             assert newest._changed.wait_for(lambda: newest._missed_count == 4, LIMIT_S)
         may_go_on.set()
         received.wait_for(6)
-        source.put(None)
     assert [(each.sequence, each.missed_count) for each in received.samples] == [(1, 0), (6, 4)]
 
 
 def test_a_failing_callback_is_logged_and_the_subscription_goes_on(
     daemon: FakeDaemon, uav: ual.Uav, caplog: pytest.LogCaptureFixture
 ) -> None:
-    source = script(daemon)
+    source = daemon.script()
     received = Received()
 
     def callback(telemetry: Telemetry) -> None:
@@ -115,7 +106,6 @@ def test_a_failing_callback_is_logged_and_the_subscription_goes_on(
         source.put(sample(2))
         source.put(sample(3))
         received.wait_for(3)
-        source.put(None)
     assert "the user's mistake" in caplog.text
 
 
@@ -155,7 +145,7 @@ def test_it_goes_on_after_the_stream_broke_and_says_so_once(
 
 
 def test_it_can_be_closed_from_its_own_callback(daemon: FakeDaemon, uav: ual.Uav) -> None:
-    source = script(daemon)
+    source = daemon.script()
     closed = threading.Event()
     opened: queue.Queue[ual.client.Subscription] = queue.Queue()  # type: ignore[name-defined]
 
@@ -166,16 +156,14 @@ def test_it_can_be_closed_from_its_own_callback(daemon: FakeDaemon, uav: ual.Uav
     source.put(sample(1))
     opened.put(uav.subscribe(callback))
     assert closed.wait(LIMIT_S)
-    source.put(None)
 
 
 def test_closing_the_client_closes_its_subscriptions(daemon: FakeDaemon) -> None:
-    source = script(daemon)
+    source = daemon.script()
     source.put(sample(1))
     uav = ual.Uav("uav_1", address=daemon.address)
     uav.subscribe(lambda _: None)
     uav.close()
-    source.put(None)
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
     with pytest.raises(UalError, match="this client is closed"):
         uav.state()
