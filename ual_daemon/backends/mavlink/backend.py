@@ -44,8 +44,9 @@ class MavlinkBackend(Backend):
     """Flies a PX4 over MAVLink; only watches another autopilot. See ``docs/backends/mavlink.md``."""
 
     name = SECTION
-    # By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz.
-    freshness = Freshness(link_s=1.5, pose_s=1.0, mode_s=3.0, landed_s=1.5, estimator_s=3.0)
+    # By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz. The link's
+    # is the shortest: when nothing comes at all, that is what is to be said.
+    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=3.0, landed_s=1.5, estimator_s=3.0)
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, MavlinkSettings, SECTION)

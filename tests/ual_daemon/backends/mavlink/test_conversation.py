@@ -163,6 +163,20 @@ def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying() -> No
     assert (found.state, found.why) == (State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
+def test_silence_is_told_as_a_lost_link_and_not_as_a_lost_value() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(), position(0.0), on_ground(), estimator_status())
+    talk.now_s = 0.02
+    talk.hear(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0))
+    found = []
+    for _ in range(200):
+        talk.now_s += 0.01
+        found.append(estimate(talk.snapshot(), MavlinkBackend.freshness))
+    lost = [each for each in found if each.state is State.UNINITIALIZED]
+    assert len(lost) > 50
+    assert not any(each.is_link_up for each in lost)
+
+
 def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once() -> None:
     talk = Talk()
     talk.hear(
