@@ -1,0 +1,1 @@
+"""The contract, generated from ``proto/ual/v1`` by ``make proto``. `ual.convert` reads and writes its messages."""
