@@ -1,0 +1,448 @@
+"""The ``ual`` command: in the process with click's runner, and as a program where signals and terminals matter."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual.cli import cli
+from ual.cli.app import UalCommand, UalGroup
+from ual.types import State
+
+UAL = (sys.executable, "-c", "from ual.cli import main; main()")
+
+
+@pytest.fixture(autouse=True)
+def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> None:
+    del runtime_dir
+    for name in ("UAL_NS", "UAL_ADDRESS", "UAL_TLS_CA"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def run(*words: str | Path, stdin: str | None = None) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words], input=stdin)
+
+
+def done(*words: str | Path, stdin: str | None = None) -> str:
+    """What a command that must succeed prints."""
+    result = run(*words, stdin=stdin)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def done_json(*words: str | Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in done("--json", *words).splitlines()]
+
+
+def wait_for_state(*states: State) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    with ual.Uav() as uav:
+        while uav.state() not in states:
+            assert time.monotonic() < deadline_s, uav.state()
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def flying(daemon: DaemonProcess) -> DaemonProcess:
+    """A daemon whose UAV flies at 3 m."""
+    wait_for_state(State.LANDED_ARMED)
+    done("takeoff", "3")
+    return daemon
+
+
+# --- Usage ------------------------------------------------------------------------------------------------------------
+
+
+def every_command(group: click.Group = cli, name: str = "ual") -> list[tuple[str, click.Command]]:
+    found: list[tuple[str, click.Command]] = []
+    for command in group.commands.values():
+        found.append((f"{name} {command.name}", command))
+        if isinstance(command, click.Group):
+            found += every_command(command, f"{name} {command.name}")
+    return found
+
+
+@pytest.mark.parametrize(("name", "command"), every_command(), ids=[name for name, _ in every_command()])
+def test_every_command_is_documented_and_takes_the_shared_options(name: str, command: click.Command) -> None:
+    assert isinstance(command, (UalCommand, UalGroup))
+    assert command.help
+    text = done(*name.split()[1:], "--help")
+    for option in ("--ns", "--address", "--json", "--timeout"):
+        assert option in text
+
+
+def test_help_needs_no_grpc() -> None:
+    code = "import sys, ual.cli; sys.exit('grpc' in sys.modules or 'rich' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["goto", "1", "2"],
+        ["goto", "1", "2", "three"],
+        ["goto", "1", "2", "3", "--yaw", "north"],
+        ["goto", "1", "2", "3", "--yaww", "1"],
+        ["nonsense"],
+        ["path"],
+        ["path", "1,2"],
+        ["path", "1,2,3,4,5"],
+        ["velocity", "1", "0", "0"],
+        ["takeoff", "3", "--timeout", "0"],
+        ["goto-geo", "1", "2", "3", "--reference", "moon"],
+        ["check", "--only", "no_such_check"],
+        ["sim", "fault", "begin", "estimator-jumps", "--offset", "1"],
+        ["state", "--tls-ca", "/no/such/file"],
+        ["completion", "fish"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage_is_told_with_status_2(words: list[str]) -> None:
+    result = run(*words)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert "Error: " in result.stderr
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_prints_the_script_of_a_shell(shell: str) -> None:
+    assert "_UAL_COMPLETE" in done("completion", shell)
+
+
+def test_namespaces_are_completed(daemon: DaemonProcess) -> None:
+    environment = os.environ | {"_UAL_COMPLETE": "bash_complete", "COMP_WORDS": "ual --ns u", "COMP_CWORD": "2"}
+    result = subprocess.run(UAL, env=environment, capture_output=True, text=True, timeout=LIMIT_S)
+    assert result.stdout.split(",")[-1].strip() == daemon.ns
+
+
+# --- Without a daemon -------------------------------------------------------------------------------------------------
+
+
+def test_without_a_daemon_the_reason_is_one_line() -> None:
+    result = run("--ns", "uav_4", "takeoff", "3")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("ual: DAEMON_UNREACHABLE: ")
+    for part in ("uav_4", "127.0.0.1:50054", "ual-daemon --ns uav_4"):
+        assert part in line
+
+
+def test_as_json_a_failure_is_an_object_too() -> None:
+    result = run("state", "--json", "--address", "127.0.0.1:1")
+    assert result.exit_code == 1
+    error = json.loads(result.stdout)["error"]
+    assert error["reason"] == "DAEMON_UNREACHABLE"
+    assert error["metadata"]["address"] == "127.0.0.1:1"
+
+
+def test_nobody_is_listed_when_nobody_is_there() -> None:
+    assert done("list") == ""
+
+
+# --- Looking ----------------------------------------------------------------------------------------------------------
+
+
+def test_list_shows_every_daemon_of_this_computer(start_daemon: StartDaemon) -> None:
+    daemons = [start_daemon(ns=ns) for ns in ("uav_2", "uav_1")]
+    for each in daemons:
+        each.wait_for("listening")
+    rows = [line.split("\t") for line in done("list").splitlines()]
+    assert [row[0] for row in rows] == ["uav_1", "uav_2"]
+    found = done_json("list")
+    assert [each["ns"] for each in found] == ["uav_1", "uav_2"]
+    assert {each["pid"] for each in found} == {each.pid for each in daemons}
+    assert all(each["state"] == "LANDED_DISARMED" for each in found)
+    result = run("state")
+    assert result.exit_code == 1
+    assert "several UAVs are here, say which one: uav_1, uav_2" in result.stderr
+
+
+def test_what_a_uav_is_and_does(daemon: DaemonProcess) -> None:
+    assert "light" in done("info")
+    (info,) = done_json("info")
+    assert info["namespace"] == daemon.ns
+    assert "TAKE_OFF" in info["capabilities"]
+    assert done("state").strip() in State.__members__
+    (state,) = done_json("state", "--ns", "uav_1")
+    assert state["ns"] == "uav_1"
+    (sample,) = done_json("watch", "--once")
+    assert sample["ns"] == "uav_1"
+    assert sample["pose"]["position"]["z"] == pytest.approx(0.0, abs=0.5)
+    assert done("watch", "--all", "--once").startswith("uav_1\t")
+
+
+def test_frames_are_listed_and_added(daemon: DaemonProcess) -> None:
+    del daemon
+    done("frames", "add", "pad", "1", "-2", "0.5", "--yaw", "-90deg")
+    frames = {frame["frame_id"]: frame for frame in done_json("frames")}
+    assert frames["pad"]["parent_frame_id"] == "map"
+    assert frames["pad"]["transform"]["translation"] == {"x": 1.0, "y": -2.0, "z": 0.5}
+    assert "uav_1/base_link" in done("frames")
+    result = run("frames", "add", "pad2", "0", "0", "0", "--parent", "nowhere")
+    assert (result.exit_code, result.stderr.startswith("ual: UNKNOWN_FRAME: ")) == (1, True)
+
+
+def test_watch_goes_on_in_a_pipe_until_it_is_interrupted(daemon: DaemonProcess) -> None:
+    del daemon
+    with subprocess.Popen([*UAL, "--json", "watch", "--rate", "20"], stdout=subprocess.PIPE, text=True) as watching:
+        assert watching.stdout is not None
+        samples = [json.loads(watching.stdout.readline()) for _ in range(3)]
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(LIMIT_S) == 130
+    assert samples[0]["sequence"] < samples[1]["sequence"] < samples[2]["sequence"]
+
+
+def test_a_reader_that_has_enough_ends_watch_quietly(daemon: DaemonProcess) -> None:
+    del daemon
+    with subprocess.Popen(
+        [*UAL, "--json", "watch", "--rate", "20"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as watching:
+        assert watching.stdout is not None
+        assert watching.stderr is not None
+        watching.stdout.readline()
+        watching.stdout.close()
+        assert watching.wait(LIMIT_S) == 0
+        assert watching.stderr.read() == ""
+
+
+# --- Flying -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_flight_of_the_issue(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    start_daemon("--set", "light.speed_factor=10", ns="uav_2").wait_for("listening")
+    us = ("--ns", "uav_2")
+    assert run(*us, "takeoff", "3").exit_code == 1
+    assert done(*us, "sim", "arm") == "armed by the pilot\n"
+    assert done(*us, "takeoff", "3").startswith("TAKE_OFF SUCCEEDED after ")
+    assert done(*us, "goto", "4", "2", "3", "--yaw", "90deg").startswith("GO_TO_WAYPOINT SUCCEEDED after ")
+    with ual.Uav("uav_2") as uav:
+        assert uav.pose().pose.yaw_rad == pytest.approx(1.5708, abs=0.1)
+        assert done(*us, "velocity", "1", "0", "0", "--for", "0.5") == "flew for 0.5 s, stopped\n"
+        assert uav.pose().pose.position.x > 5.0
+    refused = run(*us, "recover")
+    assert refused.exit_code == 1
+    assert refused.stderr.startswith("ual: WRONG_STATE: ")
+    done(*us, "sim", "take-over")
+    done(*us, "sim", "sticks", "--forward", "0.2")
+    done(*us, "sim", "sticks")
+    assert done(*us, "state") == "FLYING_MANUAL\n"
+    assert done(*us, "recover") == "recovered\n"
+    done(*us, "goto", "-1", "-2", "3")
+    (task,) = done_json(*us, "path", "0,0,3", "2,0,3,90deg", "--corner-radius", "0.5")
+    assert (task["kind"], task["status"]) == ("FOLLOW_PATH", "SUCCEEDED")
+    file = tmp_path / "waypoints.jsonl"
+    done(*us, "waypoints", "save", file)
+    done(*us, "pose", "1", "1", "3")
+    done(*us, "abort", "--freeze")
+    done(*us, "waypoints", "save", file, "--frame", "map")
+    assert done(*us, "waypoints", "fly", file).startswith("FOLLOW_PATH SUCCEEDED")
+    assert done(*us, "path", "--file", "-", stdin="0,0,3 # home\n\n1,0,3,0.5rad\n").startswith("FOLLOW_PATH SUCCEEDED")
+    assert done(*us, "land").startswith("LAND SUCCEEDED after ")
+    done(*us, "home", "--set-z")
+    done(*us, "sim", "disarm")
+    done(*us, "arm")
+    done(*us, "disarm")
+
+
+def test_a_geographic_waypoint_is_flown_to(flying: DaemonProcess) -> None:
+    del flying
+    (sample,) = done_json("watch", "--once")
+    here = sample["position_geo"]
+    done("goto-geo", str(here["latitude_deg"] + 1e-5), str(here["longitude_deg"]), "4", "--yaw", "0")
+    with ual.Uav() as uav:
+        position = uav.pose().pose.position
+    assert (position.x, position.y, position.z) == pytest.approx((0.0, 1.11, 4.0), abs=0.3)
+
+
+def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
+    result = run("goto", "1000", "0", "3", "--timeout", "0.3")
+    assert result.exit_code == 1
+    assert result.stderr.startswith("ual: TIMEOUT: GoToWaypoint did not end within 0.3 s; it is cancelled")
+    flying.wait_for("task_ended", task="go_to_waypoint")
+
+
+def test_not_a_number_is_refused_by_the_daemon(flying: DaemonProcess) -> None:
+    del flying
+    result = run("goto", "nan", "0", "3")
+    assert result.exit_code == 1
+    assert result.stderr.startswith("ual: INVALID_ARGUMENT: waypoint.pose.position.x")
+
+
+def test_a_waypoint_file_with_a_mistake_names_the_line(tmp_path: Path) -> None:
+    file = tmp_path / "waypoints.jsonl"
+    file.write_text('{"x": 1, "y": 2, "z": 3}\n{"x": 1}\n')
+    result = run("waypoints", "fly", file)
+    assert result.exit_code == 1
+    assert f"{file}, line 2: " in result.stderr
+    result = run("waypoints", "fly", tmp_path / "none.jsonl")
+    assert result.exit_code == 1
+    assert "cannot read" in result.stderr
+
+
+# --- On a terminal ----------------------------------------------------------------------------------------------------
+
+
+class Terminal:
+    """A program whose input and output are a terminal."""
+
+    def __init__(self, *words: str) -> None:
+        self._ours, its = pty.openpty()
+        environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
+        self.process = subprocess.Popen([*UAL, *words], stdin=its, stdout=its, stderr=its, env=environment)
+        os.close(its)
+        self.text = ""
+
+    def wait_for(self, text: str) -> None:
+        while text not in self.text:
+            assert self._read(), f"{text!r} never came:\n{self.text}"
+
+    def interrupt(self) -> None:
+        """What a terminal does at Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def wait(self) -> int:
+        while self._read():
+            pass
+        os.close(self._ours)
+        return self.process.wait(LIMIT_S)
+
+    def _read(self) -> bool:
+        try:
+            read = os.read(self._ours, 65536)
+        except OSError:  # the other end is closed
+            return False
+        self.text += read.decode(errors="replace")
+        return bool(read)
+
+
+def test_a_long_manoeuvre_shows_its_progress_and_ctrl_c_cancels_it(flying: DaemonProcess) -> None:
+    terminal = Terminal("goto", "1000", "0", "3")
+    terminal.wait_for("m left")
+    assert "FLYING_AUTO" in terminal.text
+    terminal.interrupt()
+    assert terminal.wait() == 130
+    assert "cancelled: the UAV holds its position" in terminal.text
+    flying.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_ctrl_c_stops_a_velocity_at_once(flying: DaemonProcess) -> None:
+    terminal = Terminal("velocity", "0.5", "0", "0", "--for", "600")
+    with ual.Uav() as uav:
+        deadline_s = time.monotonic() + LIMIT_S
+        while uav.velocity().twist.linear.x < 0.4:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+    terminal.interrupt()
+    assert terminal.wait() == 130
+    assert "interrupted: the UAV stops" in terminal.text
+    flying.wait_for("velocity_ended")
+
+
+def test_watch_is_one_screen_of_every_uav(start_daemon: StartDaemon) -> None:
+    for ns in ("uav_1", "uav_2"):
+        start_daemon(ns=ns).wait_for("listening")
+    terminal = Terminal("watch", "--all")
+    for text in ("uav_1", "uav_2", "battery", "LANDED_DISARMED"):
+        terminal.wait_for(text)
+    terminal.interrupt()
+    assert terminal.wait() == 130
+
+
+def test_tables_are_drawn_on_a_terminal(daemon: DaemonProcess) -> None:
+    del daemon
+    for words, texts in ((["list"], ["backend", "uav_1"]), (["info"], ["horizontal speed"]), (["frames"], ["parent"])):
+        terminal = Terminal(*words)
+        assert terminal.wait() == 0
+        for text in texts:
+            assert text in terminal.text
+
+
+# --- Simulation and checks --------------------------------------------------------------------------------------------
+
+
+def test_faults_begin_end_and_are_listed(daemon: DaemonProcess) -> None:
+    del daemon
+    ids = [
+        done("sim", "fault", "begin", *words).strip()
+        for words in (
+            ["battery-low", "--percent", "5"],
+            ["motors-weak", "--power", "0.4"],
+            ["estimator-jumps", "--offset", "0,0,-1", "--period", "2"],
+            ["command-refused", "--command", "take_off", "--text", "not today"],
+            ["ack-lost", "--command", "arm"],
+            ["ack-late", "--delay", "2"],
+            ["position-lost", "--for", "1000"],
+            ["link-lost", "--for", "1000"],
+        )
+    ]
+    kinds = {fault["fault_id"]: fault["kind"] for fault in done_json("sim", "fault", "list")}
+    assert list(kinds) == ids
+    assert kinds[ids[0]] == "BatteryLow"
+    assert len(done("sim", "fault", "list").splitlines()) == len(ids)
+    done("sim", "fault", "end", ids[0])
+    assert ids[0] not in done("sim", "fault", "list")
+    done("sim", "fault", "end")
+    assert done("sim", "fault", "list") == ""
+
+
+def test_the_world_of_a_simulated_uav_is_set(daemon: DaemonProcess) -> None:
+    del daemon
+    done("sim", "noise", "0.01", "0.01")
+    done("sim", "wind", "1", "-1")
+    done("sim", "speed", "0")
+    (before,) = done_json("watch", "--once")
+    done("sim", "step", "5")
+    (after,) = done_json("watch", "--once")
+    assert after["stamp_s"] - before["stamp_s"] == pytest.approx(5.0, abs=0.1)
+    assert done_json("sim", "speed", "inf") == [{"done": "sim speed", "speed_factor": "inf"}]
+    refused = run("sim", "step", "1")
+    assert (refused.exit_code, refused.stderr.startswith("ual: WRONG_STATE: ")) == (1, True)
+
+
+def test_check_asks_before_anything_moves(daemon: DaemonProcess) -> None:
+    result = run("check", stdin="n\n")
+    assert result.exit_code == 1
+    assert "uav_1 (light) will move, within 6 m" in result.stderr
+    assert "takes off: straight up to 2 m" in result.stderr
+    assert "flies_nothing_on_the_ground" in done("check", "--list")
+    assert not [event for event in daemon.events if event.get("event") == "command"]
+
+
+def test_check_runs_what_was_chosen_and_tells_how_it_ended(daemon: DaemonProcess) -> None:
+    wait_for_state(State.LANDED_ARMED)
+    results = done_json("check", "--yes", "--only", "takes_off", "--only", "arming_belongs_to_the_pilot")
+    assert {each["check"]: each["outcome"] for each in results} == {
+        "takes_off": "passed",
+        "arming_belongs_to_the_pilot": "skipped",
+    }
+    daemon.wait_for("task_done", task="land")
+    text = done("check", "--no-motion", "--only", "says_who_it_is", "--only", "takes_off")
+    assert [line.split("\t")[:2] for line in text.splitlines()] == [
+        ["says who it is", "passed"],
+        ["takes off", "skipped"],
+    ]
+
+
+def test_a_failed_check_ends_with_status_1(daemon: DaemonProcess) -> None:
+    wait_for_state(State.LANDED_ARMED)
+    done("sim", "fault", "begin", "command-refused", "--command", "take_off")
+    (result,) = [
+        json.loads(line) for line in run("--json", "check", "--yes", "--only", "takes_off").stdout.splitlines()
+    ]
+    assert (result["outcome"], result["why"].partition(":")[0]) == ("failed", "REJECTED_BY_AUTOPILOT")
+    assert run("check", "--yes", "--only", "takes_off").exit_code == 1
+    assert daemon.process.poll() is None

@@ -1,0 +1,244 @@
+"""The conformance checks find what is wrong: each with a UAV that is sabotaged so."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ual import conformance
+from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
+from ual.conformance.flight import CannotRunError
+from ual.errors import UalError, WrongStateError
+from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
+from ual.types import Capability, State, Telemetry
+from ual_daemon import UAL
+
+CHECKS = {check.name: check for check in conformance.CHECKS}
+
+
+class Sabotaged:
+    """A UAV of which a test replaces members."""
+
+    def __init__(self, uav: UAL) -> None:
+        self.uav = uav
+        self.replaced: dict[str, Any] = {}
+        self.undo: Callable[[], None] = lambda: None
+
+    def __getattr__(self, name: str) -> Any:
+        return self.replaced.get(name) or getattr(self.uav, name)
+
+
+@pytest.fixture(scope="module")
+def uav() -> Iterator[UAL]:
+    with UAL("light", "uav_1", backend_settings={"speed_factor": 20.0}) as uav:
+        yield uav
+
+
+@pytest.fixture
+def sabotaged(uav: UAL) -> Sabotaged:
+    return Sabotaged(uav)
+
+
+def run(sabotaged: Sabotaged, name: str) -> None:
+    conformance.run_check(Flight(sabotaged, replace(Tolerances.of_simulation(), patience=1.0)), CHECKS[name])
+
+
+def plain(pose: PoseStamped | Pose) -> Pose:
+    return pose if isinstance(pose, Pose) else pose.pose
+
+
+# --- Each a lie or a fault, and the check that must see it ------------------------------------------------------------
+
+
+def says_it_is_somewhere_else(sabotaged: Sabotaged) -> None:
+    def subscribe(callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> object:
+        def shifted(sample: Telemetry) -> None:
+            assert sample.pose is not None
+            elsewhere = Pose(sample.pose.position + Vector3(0.5, 0.0, 0.0), sample.pose.orientation)
+            callback(replace(sample, pose=elsewhere))
+
+        return sabotaged.uav.subscribe(shifted, rate_hz)
+
+    sabotaged.replaced["subscribe"] = subscribe
+
+
+def mixes_up_north_and_east(sabotaged: Sabotaged) -> None:
+    def set_velocity(velocity: TwistStamped | Twist) -> None:
+        twist = velocity if isinstance(velocity, Twist) else velocity.twist
+        v = twist.linear
+        sabotaged.uav.set_velocity(Twist(Vector3(v.y, v.x, -v.z), twist.angular))
+
+    sabotaged.replaced["set_velocity"] = set_velocity
+
+
+def flies_around_the_corner(sabotaged: Sabotaged) -> None:
+    def go_to_waypoint(waypoint: PoseStamped | Pose, **how: Any) -> object:
+        goal = plain(waypoint)
+        here = sabotaged.uav.pose().pose.position
+        sabotaged.uav.follow_path([Pose.at(goal.position.x, here.y, here.z), goal])
+        return sabotaged.uav.go_to_waypoint(waypoint, **how)
+
+    sabotaged.replaced["go_to_waypoint"] = go_to_waypoint
+
+
+def stops_short_of_the_goal(sabotaged: Sabotaged) -> None:
+    def go_to_waypoint(waypoint: PoseStamped | Pose, **how: Any) -> object:
+        goal = plain(waypoint)
+        return sabotaged.uav.go_to_waypoint(replace(goal, position=goal.position * 0.8), **how)
+
+    sabotaged.replaced["go_to_waypoint"] = go_to_waypoint
+
+
+def takes_nan_for_nothing(sabotaged: Sabotaged) -> None:
+    def set_pose(pose: PoseStamped | Pose) -> None:
+        if not math.isnan(plain(pose).position.x):
+            sabotaged.uav.set_pose(pose)
+
+    sabotaged.replaced["set_pose"] = set_pose
+
+
+def repeats_the_last_velocity_for_ever(sabotaged: Sabotaged) -> None:
+    given: list[TwistStamped | Twist] = []
+    is_over = threading.Event()
+
+    def set_velocity(velocity: TwistStamped | Twist) -> None:
+        given.append(velocity)
+        sabotaged.uav.set_velocity(velocity)
+
+    def repeat() -> None:
+        while not is_over.wait(0.005):
+            if given:
+                sabotaged.uav.set_velocity(given[-1])
+
+    repeating = threading.Thread(target=repeat)
+    repeating.start()
+
+    def end() -> None:
+        is_over.set()
+        repeating.join()
+
+    sabotaged.replaced["set_velocity"] = set_velocity
+    sabotaged.undo = end
+
+
+def forgets_to_cancel(sabotaged: Sabotaged) -> None:
+    sabotaged.replaced["abort"] = lambda **_: None
+
+
+def lets_a_take_off_be_aborted(sabotaged: Sabotaged) -> None:
+    sabotaged.replaced["abort"] = lambda **_: None
+
+
+def refuses_without_naming_the_state(sabotaged: Sabotaged) -> None:
+    def land(**how: Any) -> object:
+        if sabotaged.uav.state() is State.FLYING_AUTO:
+            return sabotaged.uav.land(**how)
+        raise WrongStateError("no")
+
+    sabotaged.replaced["land"] = land
+
+
+def invents_another_error(sabotaged: Sabotaged) -> None:
+    def transform(target_frame_id: str = "", source_frame_id: str = "") -> object:
+        try:
+            return sabotaged.uav.transform(target_frame_id, source_frame_id)
+        except UalError as error:
+            raise UalError("something is wrong") from error
+
+    sabotaged.replaced["transform"] = transform
+
+
+@pytest.mark.parametrize(
+    ("sabotage", "name", "why"),
+    [
+        (says_it_is_somewhere_else, "telemetry_agrees_with_itself", "pose and odometry differ"),
+        (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "1 m ahead"),
+        (flies_around_the_corner, "goes_straight_to_a_waypoint", "beside the line"),
+        (stops_short_of_the_goal, "goes_to_a_waypoint_in_map", "from the goal"),
+        (takes_nan_for_nothing, "bad_poses_are_refused", "but it was accepted"),
+        (repeats_the_last_velocity_for_ever, "flies_a_velocity_and_stops_without", "stop without a new velocity"),
+        (forgets_to_cancel, "an_abort_stops", "expected TaskAbortedError"),
+        (lets_a_take_off_be_aborted, "a_take_off_is_not_aborted", "aborting in a take-off"),
+        (refuses_without_naming_the_state, "flies_nothing_on_the_ground", "metadata says None"),
+        (invents_another_error, "bad_frames_are_refused", "expected UnknownFrameError, got INTERNAL"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_check_finds_what_is_wrong(
+    sabotaged: Sabotaged, sabotage: Callable[[Sabotaged], None], name: str, why: str
+) -> None:
+    sabotage(sabotaged)
+    try:
+        with pytest.raises(CheckFailedError, match=why):
+            run(sabotaged, name)
+    finally:
+        sabotaged.undo()
+
+
+# --- The runner -------------------------------------------------------------------------------------------------------
+
+
+def test_a_check_that_cannot_run_is_skipped_and_says_why(sabotaged: Sabotaged) -> None:
+    flight = Flight(sabotaged)
+    flight.info = replace(flight.info, capabilities=frozenset({Capability.VELOCITY}))
+    with pytest.raises(CannotRunError, match="this UAV cannot GEO"):
+        conformance.run_check(flight, CHECKS["goes_to_a_geographic_waypoint"])
+    with pytest.raises(CannotRunError, match="needs that the UAV may move"):
+        conformance.run_check(flight, CHECKS["turns_with_a_rate"], may_move=False)
+    flight.has_pilot = False
+    with pytest.raises(CannotRunError, match="needs a simulated safety pilot"):
+        conformance.run_check(flight, CHECKS["the_pilot_takes_over"])
+
+
+def test_an_error_fails_the_check_and_the_run_goes_on(sabotaged: Sabotaged) -> None:
+    def fail() -> None:
+        raise UalError("lost")
+
+    sabotaged.replaced["frames"] = fail
+    checks = [CHECKS["frames_form_a_tree"], CHECKS["says_who_it_is"]]
+    results = list(conformance.run(Flight(sabotaged), checks))
+    assert [result.outcome for result in results] == [Outcome.FAILED, Outcome.PASSED]
+    assert results[0].why == "INTERNAL: lost"
+
+
+def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("it moved")
+
+    for name in ("arm", "take_off", "land", "set_velocity", "set_pose", "go_to_waypoint", "follow_path"):
+        sabotaged.replaced[name] = refuse
+    if sabotaged.uav.state() is State.FLYING_AUTO:
+        sabotaged.uav.land()
+    results = list(conformance.run(Flight(sabotaged), [c for c in conformance.CHECKS if c.moves], may_move=False))
+    assert {result.outcome for result in results} == {Outcome.SKIPPED}
+
+
+def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) -> None:
+    asked: list[str] = []
+
+    def ask(what: str) -> None:
+        asked.append(what)
+        sabotaged.uav.simulation.pilot_arm()
+
+    if sabotaged.uav.state() is State.FLYING_AUTO:
+        sabotaged.uav.land()
+    if sabotaged.uav.state() is State.LANDED_ARMED:
+        sabotaged.uav.simulation.pilot_disarm()
+        deadline_s = time.monotonic() + 30.0
+        while sabotaged.uav.state() is not State.LANDED_DISARMED and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+    flight = Flight(sabotaged, ask_operator=ask)
+    flight.has_pilot, flight.info = False, replace(flight.info, is_arming_allowed=False)
+    conformance.run_check(flight, CHECKS["bad_heights_are_refused"])
+    assert asked == ["arm the UAV"]
+
+
+def test_checks_have_names_and_descriptions_of_their_own() -> None:
+    assert len(CHECKS) == len(conformance.CHECKS)
+    assert all(check.description.endswith(".") for check in conformance.CHECKS)
