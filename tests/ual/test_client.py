@@ -8,16 +8,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from ual import TaskStatus, errors
+from ual import TaskStatus, _calls, errors
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
+from ual.v1 import ual_pb2 as pb
 
 
 @pytest.fixture(autouse=True)
@@ -230,6 +231,25 @@ def keep_flying(uav: ual.Uav) -> None:
     for _ in range(1000):
         uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
         pause.wait(0.02)
+
+
+def test_setpoints_do_not_pile_up_before_a_daemon_that_does_not_read(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        daemon.signal(signal.SIGSTOP)
+        waiting = [_calls.velocity_setpoint(Twist(Vector3(0.01 * number, 0.0, 0.0))) for number in range(200)]
+        sent: list[float] = []
+
+        def setpoints() -> Iterator[pb.StreamSetpointsRequest]:
+            for setpoint in waiting:
+                sent.append(setpoint.velocity.twist.linear.x)
+                yield setpoint
+
+        stream = uav._connection.stream_setpoints(setpoints())
+        time.sleep(1.0)  # nothing tells that no more can be sent
+        assert len(sent) < 50
+        daemon.signal(signal.SIGCONT)
+        assert stream.result(LIMIT_S).accepted_count == 200
 
 
 FLIES_UNTIL_KILLED = """
