@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 CONTINUES_S = 0.5
 # A setpoint that could not be sent for this long is not sent at all: the world has moved on.
 STALE_S = 0.2
-_CLOSE_S = 2.0
+CLOSE_S = 2.0
 
 
 class Setpoints:
@@ -69,7 +69,7 @@ class Setpoints:
         with self._lock:
             stream, self._accepted_s = self._stream, None
         if stream is not None:
-            stream.close(_CLOSE_S)
+            stream.close(CLOSE_S)
         with self._lock:
             failure, self._failure = self._failure, None
         if failure is not None:

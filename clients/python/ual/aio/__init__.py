@@ -1,0 +1,16 @@
+"""The client for asyncio programs: `ual.aio.Uav` has the members of `ual.Uav` as coroutines.
+
+>>> async def fly():
+...     async with ual.aio.Uav("uav_1") as uav:
+...         await uav.take_off(3.0)
+...         async for telemetry in uav.subscribe(rate_hz=1.0):
+...             print(telemetry.pose)
+"""
+
+from __future__ import annotations
+
+from ual.aio._subscription import Subscription
+from ual.aio._task import Task
+from ual.aio.client import Simulation, Uav
+
+__all__ = ["Simulation", "Subscription", "Task", "Uav"]

@@ -1,0 +1,92 @@
+"""Subscriptions of the asyncio client: a task of the loop drains the stream, the iteration takes the newest sample."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from typing_extensions import Self
+
+from ual import convert
+from ual._subscription import RETRY_S
+from ual.aio._connection import Connection
+from ual.errors import UalError
+from ual.types import Telemetry
+from ual.v1 import ual_pb2 as pb
+
+_log = logging.getLogger(__name__)
+
+
+class Subscription:
+    """New samples, newest first served; goes on by itself when the daemon comes back.
+
+    Ends by `close`, on leaving its ``async with`` block, or with its `Uav`. An iteration raises what the daemon refuses
+    at its beginning.
+    """
+
+    def __init__(self, connection: Connection, rate_hz: float, on_close: Callable[[Subscription], None]) -> None:
+        self._connection = connection
+        self._rate_hz = rate_hz
+        self._on_close = on_close
+        self._changed = asyncio.Event()
+        self._newest: pb.StreamTelemetryResponse | None = None
+        self._missed_count = 0
+        self._refusal: UalError | None = None
+        self._is_closed = False
+        self._draining: asyncio.Task[None] | None = None
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Telemetry:
+        if self._draining is None and not self._is_closed:
+            self._draining = asyncio.create_task(self._drain())
+        while self._newest is None:
+            if self._refusal is not None:
+                raise self._refusal
+            if self._is_closed:
+                raise StopAsyncIteration
+            self._changed.clear()
+            await self._changed.wait()
+        response, self._newest = self._newest, None
+        missed_count, self._missed_count = self._missed_count, 0
+        return convert.telemetry_from_proto(response.telemetry, missed_count)
+
+    async def close(self) -> None:
+        self._is_closed = True
+        self._newest = None
+        self._changed.set()
+        self._on_close(self)
+        if self._draining is not None:
+            self._draining.cancel()
+            await asyncio.wait((self._draining,))
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        await self.close()
+
+    async def _drain(self) -> None:
+        reported = ""
+        has_begun = False
+        while True:
+            try:
+                async for response in self._connection.stream_telemetry(self._rate_hz):
+                    has_begun = True
+                    if reported:
+                        reported = ""
+                        _log.info("telemetry is back")
+                    self._missed_count += response.missed_count + (self._newest is not None)
+                    self._newest = response
+                    self._changed.set()
+            except UalError as error:
+                if not has_begun:
+                    self._refusal = error
+                    self._changed.set()
+                    return
+                if error.reason != reported:
+                    reported = error.reason
+                    _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)
+            await asyncio.sleep(RETRY_S)
