@@ -177,3 +177,11 @@ def test_a_bad_assignment_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"^--set") as caught:
         config.assignment(text, "--set")
     assert "\n" not in str(caught.value)
+
+
+def test_the_example_of_the_manual_is_a_configuration(file: Path) -> None:
+    manual = (Path(__file__).parents[2] / "docs" / "configuration.md").read_text()
+    example = manual.partition("```yaml\n")[2].partition("```")[0]
+    found = load(file, example)
+    assert found.listen == ("127.0.0.1:50052", "unix:/run/ual/uav_2.sock")
+    assert found.vehicle.limits.horizontal_speed_m_s == 3.0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ual.geometry import Pose
 from ual.types import State
-from ual_daemon.backends.values import Control, Estimator, Freshness, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Control, Estimator, Freshness, LandedState, Mode, Sample, Snapshot
 from ual_daemon.estimator import Estimate, estimate
 
 NOW_S = 100.0
@@ -216,6 +216,11 @@ def test_what_was_never_said_makes_it_uninitialized(value: str, why: str) -> Non
     unsaid: dict[str, Any] = {value: None}
     found = estimate(replace(HEALTHY, **unsaid), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
+
+
+def test_what_will_be_said_but_was_not_yet_makes_it_uninitialized() -> None:
+    found = estimate(replace(HEALTHY, landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
+    assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
 def test_a_position_that_the_autopilot_does_not_trust_is_none_and_says_why() -> None:

@@ -30,6 +30,8 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     # A host that vanished without a word (cable, radio) is noticed within 8 s, and its flying calls cancelled.
     ("grpc.keepalive_time_ms", 4000),
     ("grpc.keepalive_timeout_ms", 4000),
+    # The one that counts with gRPC 1.8x: it waits for the answer to a ping for 60 s by default.
+    ("grpc.http2.ping_timeout_ms", 4000),
     ("grpc.keepalive_permit_without_calls", 1),
     ("grpc.http2.max_pings_without_data", 0),
     # A client may look after us as often.

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
+import threading
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -83,6 +86,61 @@ def test_a_caller_that_is_killed_cancels_his_go_to(daemon: DaemonProcess, stub: 
         caller.send_signal(signal.SIGKILL)
         caller.wait(LIMIT_S)
     daemon.wait_for("caller_gone", cancelled=True)
+    assert holds(stub)
+
+
+class Cable:
+    """Carries one TCP connection to a server, until it is cut: then nothing comes through any more, not even its end."""
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.partition(":")
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
+        self._server = (host, int(port))
+        self._sockets: list[socket.socket] = []
+        self._is_cut = threading.Event()
+        self._threads = [threading.Thread(target=self._accept)]
+        self._threads[0].start()
+
+    def cut(self) -> None:
+        self._is_cut.set()
+
+    def close(self) -> None:
+        self.cut()
+        for each in (*self._sockets, self._listener):
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+        for thread in self._threads:
+            thread.join(LIMIT_S)
+
+    def _accept(self) -> None:
+        near, _ = self._listener.accept()
+        far = socket.create_connection(self._server)
+        self._sockets = [near, far]
+        for source, sink in ((near, far), (far, near)):
+            self._threads.append(threading.Thread(target=self._carry, args=(source, sink)))
+            self._threads[-1].start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                if not self._is_cut.is_set():
+                    sink.sendall(data)
+
+
+@pytest.mark.slow
+def test_a_caller_whose_host_vanishes_without_a_word_cancels_his_go_to(daemon: DaemonProcess, stub: Any) -> None:
+    cable = Cable(daemon.address)
+    try:
+        with grpc.insecure_channel(cable.address) as channel:
+            going = Stub(channel).GoToWaypoint.future(far_away())
+            daemon.wait_for("command", command="go_to_waypoint")
+            cable.cut()
+            daemon.wait_for("caller_gone", cancelled=True)  # by keepalive: a connection that is cut has no end
+            going.cancel()
+    finally:
+        cable.close()
     assert holds(stub)
 
 
