@@ -90,7 +90,7 @@ def test_a_caller_that_is_killed_cancels_his_go_to(daemon: DaemonProcess, stub: 
 
 
 class Cable:
-    """Carries one TCP connection to a server, until it is cut: then nothing comes through any more, not even its end."""
+    """Carries one TCP connection to a server until it is cut: then nothing comes through any more, not even an end."""
 
     def __init__(self, address: str) -> None:
         host, _, port = address.partition(":")
