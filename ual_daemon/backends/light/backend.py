@@ -18,7 +18,7 @@ from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
-from ual_daemon.backends.light.world import Fleet, FlightMode, World
+from ual_daemon.backends.light.world import Fleet, FlightMode, Floats, World
 from ual_daemon.backends.values import (
     Control,
     Estimator,
@@ -36,6 +36,7 @@ from ual_daemon.version import __version__
 
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
+_NO_NOISE = np.zeros((2, 3))
 
 _MODES = {
     mode: Mode(
@@ -61,8 +62,9 @@ class LightBackend(Backend):
         self._settings = settings
         self._index = self.world.add(settings)
         self._projection = EllipsoidProjection(*settings.origin_geo)
-        self._noise = np.random.default_rng(settings.seed)
+        self._random = np.random.default_rng(settings.seed)
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
+        self._noise = self._draw_noise()
         self._faults = Faults(self.world)
         self._late_acks: list[tuple[float, Future[None]]] = []
         self._status_text = ""
@@ -193,7 +195,7 @@ class LightBackend(Backend):
         return None
 
     def _switch(self, fleet: Fleet, mode: FlightMode) -> str | None:
-        if not fleet.has_position[self._index] and mode is not FlightMode.LAND:
+        if mode is FlightMode.HOLD and not fleet.has_position[self._index]:
             return "Mode: no position estimate"
         fleet.set_mode(self._index, mode)
         return None
@@ -210,9 +212,15 @@ class LightBackend(Backend):
                 self._late_acks.remove((due_s, ack))
                 if ack.set_running_or_notify_cancel():
                     ack.set_result(None)
+        self._noise = self._draw_noise()
         self._snapshot = self._look()
         if self._on_update is not None:
             self._on_update(self._snapshot)
+
+    def _draw_noise(self) -> Floats:
+        """The errors of position and velocity until the next step: whoever looks at a moment sees the same ones."""
+        sigmas = self._noise_sigmas
+        return self._random.normal(0.0, 1.0, (2, 3)) * np.array(sigmas)[:, None] if any(sigmas) else _NO_NOISE
 
     def _look(self) -> Snapshot:
         """What the autopilot says now. While the link is lost: what it said last."""
@@ -226,10 +234,9 @@ class LightBackend(Backend):
             mode = FlightMode(int(fleet.mode[i]))
             is_armed, is_landed = bool(fleet.is_armed[i]), bool(fleet.is_landed[i])
             has_position, percent = bool(fleet.has_position[i]), float(fleet.battery_percent[i])
-        sigma_p, sigma_v = self._noise_sigmas
-        if sigma_p or sigma_v:
-            position += self._noise.normal(0.0, sigma_p, 3)
-            velocity += self._noise.normal(0.0, sigma_v, 3)
+        position_noise, velocity_noise = self._noise
+        position += position_noise
+        velocity += velocity_noise
         local = Vector3(*position.tolist())
         landed = LandedState.ON_GROUND if is_landed else LandedState.IN_AIR
         if mode is FlightMode.LAND and not is_landed:

@@ -125,5 +125,7 @@ def _check(fault: Fault) -> None:
             validation.not_negative(remaining_percent, "fault.battery_low.remaining_percent", at_most=100.0)
         case AckLate(_, delay_s):
             validation.positive(delay_s, "fault.ack_late.delay_s", at_most=1e9)
-        case _:
+        case LinkLost() | PositionLost() | CommandRefused() | AckLost():
             pass
+        case _:
+            raise validation.refuse("fault", f"{fault!r} is no fault of the light simulation")

@@ -16,7 +16,7 @@ class LightSettings(Settings, frozen=True, kw_only=True):
 
     `speed_factor` is how fast simulated time runs against the wall: 1 is real time, 0 stands still until stepped,
     "max" is as fast as the machine can. `origin_geo` is where the local frame begins on Earth (latitude, longitude,
-    metres above mean sea level).
+    metres above mean sea level). The ground is level, at the height of `start`.
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0

@@ -2,7 +2,8 @@
 
 A vehicle answers a velocity command with first order (`response_s`), within its limits of speed and acceleration; its
 autopilot turns position setpoints into velocity commands by their feed-forward and a proportional gain. The ground is
-at z = 0. One thread runs all vehicles of a world; with a speed factor of 0 it rests, and `step` runs the time.
+level, at the height at which the vehicle starts. One thread runs all vehicles of a world; with a speed factor of 0 it
+rests, and `step` runs the time.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class FlightMode(IntEnum):
     HOLD = 2
     LAND = 3
     ALTITUDE = 4
-    """Holds the height only: what is left without a position."""
+    """Holds the height only: what is left of guided flight and hold without a position."""
 
 
 class Fleet:
@@ -80,6 +81,7 @@ class Fleet:
         self.hold: Floats = np.zeros((0, 3))
         self.sticks: Floats = np.zeros((0, 4))
         # What its world does to it.
+        self.ground: Floats = np.zeros(0)
         self.wind: Floats = np.zeros((0, 3))
         self.power: Floats = np.zeros(0)
         self.estimate_offset: Floats = np.zeros((0, 3))
@@ -104,6 +106,7 @@ class Fleet:
             "is_landed": True,
             "battery_percent": settings.battery_percent,
             "setpoint_s": -math.inf,
+            "ground": settings.start[2],
             "wind": settings.wind_m_s,
             "power": 1.0,
             "has_position": True,
@@ -158,13 +161,15 @@ class Fleet:
         lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
         for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
             self.set_mode(int(index), FlightMode.HOLD)
-        for index in np.flatnonzero(~self.has_position & self.is_armed & (self.mode != FlightMode.ALTITUDE)):
+        needs_position = (self.mode == FlightMode.GUIDED) | (self.mode == FlightMode.HOLD)
+        for index in np.flatnonzero(~self.has_position & self.is_armed & needs_position):
             self.set_mode(int(index), FlightMode.ALTITUDE)
         command, yaw_rate = self._commands()
+        place = self.position
         self._accelerate(command)
         self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
         self.yaw = np.remainder(self.yaw + self.yaw_rate * STEP_S + math.pi, math.tau) - math.pi
-        self._touch_ground(command)
+        self._touch_ground(command, place)
         drain = np.where(self.is_landed, 0.05, 1.0) * self.is_armed * (100.0 * STEP_S) / self.endurance_s
         self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
 
@@ -205,19 +210,26 @@ class Fleet:
         )
         acceleration += _WIND_DRAG * self.wind
         before = self.velocity
-        after = _limited(before + acceleration * STEP_S, self.horizontal_speed, self.vertical_speed)
+        # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
+        after = before + acceleration * STEP_S
+        fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
+        after[:, :2] /= np.maximum(1.0, fast)[:, None]
+        after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
         after = np.where(self.is_armed[:, None], after, 0.0)
         self.velocity = after
         self.position = self.position + (before + after) * (STEP_S / 2)
 
-    def _touch_ground(self, command: Floats) -> None:
-        """The ground carries; landing is noticed after a while, lift-off at a small height; then motors stop."""
-        stays = (self.position[:, 2] <= 0.0) & ((command[:, 2] <= 0.0) | ~self.is_armed)
+    def _touch_ground(self, command: Floats, place: Floats) -> None:
+        """The ground carries, and what sits on it stays at its `place`; landing is noticed after a while, lift-off at a
+        small height; then motors stop.
+        """
+        stays = (self.position[:, 2] <= self.ground) & ((command[:, 2] <= 0.0) | ~self.is_armed)
         sits = stays | (self.is_landed & ~self.is_armed)
         self.velocity[sits] = 0.0
-        self.position[self.position[:, 2] < 0.0, 2] = 0.0
+        self.position[sits, :2] = place[sits, :2]
+        self.position[:, 2] = np.maximum(self.position[:, 2], self.ground)
         self.on_ground_s = np.where(sits, self.on_ground_s + STEP_S, 0.0)
-        up = self.position[:, 2] > _LIFT_OFF_M
+        up = self.position[:, 2] > self.ground + _LIFT_OFF_M
         self.is_landed = (self.is_landed | (self.on_ground_s >= _LANDED_AFTER_S)) & ~up
         self.has_flown = (self.has_flown | up) & self.is_armed
         rested = self.is_landed & self.has_flown & (self.on_ground_s >= _LANDED_AFTER_S + self.disarm_after_s)
@@ -300,7 +312,7 @@ class World:
         return self._speed_factor
 
     def set_speed_factor(self, speed_factor: float) -> None:
-        """Lets the time run at another speed: 0 to 100, or infinity."""
+        """Lets the time run at another speed: 0 to 100, or infinity. With 0 it stands still once this returns."""
         if not (0.0 <= speed_factor <= 100.0 or speed_factor == math.inf):
             raise InvalidArgumentError(
                 f"speed_factor: {speed_factor:g} is not from 0 to 100, nor infinity", {"field": "speed_factor"}
@@ -308,6 +320,8 @@ class World:
         with self._changed:
             self._speed_factor = speed_factor
             self._changed.notify_all()
+        with self._stepping:
+            pass
 
     def step(self, duration_s: float) -> None:
         """Runs standing time on by a duration (to the nearest step), and returns when that is done."""
@@ -348,4 +362,6 @@ class World:
                     due_s = max(due_s, now_s - _LATEST_STEPS * STEP_S / factor) + STEP_S / factor
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
-            self._step_once()
+            with self._stepping:
+                if self._speed_factor != 0.0:
+                    self._step_once()

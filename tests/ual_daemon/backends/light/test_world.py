@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
+from tests.ual_daemon.stepped import Stepped, at, stepped
+from ual.errors import InvalidArgumentError, WrongStateError
+from ual.geometry import Twist, TwistStamped, Vector3
+from ual.types import Telemetry
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.light import LightBackend, World
+from ual_daemon.backends.light.world import STEP_S
+from ual_daemon.settings import ConfigError
+
+
+def worlds() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "light-world"]
+
+
+@contextmanager
+def running(world: World, count: int) -> Iterator[list[LightBackend]]:
+    with ExitStack() as stack:
+        backends = [LightBackend(BackendOptions(f"uav_{i}"), world) for i in range(count)]
+        for backend in backends:
+            backend.open(lambda _: None)
+            stack.callback(backend.close)
+        yield backends
+
+
+# --- Time -------------------------------------------------------------------------------------------------------------
+
+
+def test_time_that_stands_still_moves_by_steps_only() -> None:
+    drone = Drone()
+    assert drone.world.now_s() == 0.0
+    drone.sim.step(1.0)
+    assert drone.world.now_s() == pytest.approx(1.0)
+    assert len(drone.snapshots) == 1 + round(1.0 / STEP_S)
+    assert [s.time_s for s in drone.snapshots[1:4]] == pytest.approx([STEP_S, 2 * STEP_S, 3 * STEP_S])
+    drone.sim.step(1e-6)
+    assert drone.world.now_s() == pytest.approx(1.0 + STEP_S)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 3601.0])
+def test_an_impossible_step_is_refused(duration_s: float) -> None:
+    drone = Drone()
+    with pytest.raises(InvalidArgumentError, match="duration_s"):
+        drone.sim.step(duration_s)
+    assert drone.world.now_s() == 0.0
+
+
+@pytest.mark.parametrize("factor", [-1.0, 100.1, math.nan, -math.inf])
+def test_an_impossible_speed_factor_is_refused(factor: float) -> None:
+    drone = Drone()
+    with pytest.raises(InvalidArgumentError, match="speed_factor"):
+        drone.sim.set_speed_factor(factor)
+    assert drone.world.speed_factor == 0.0
+
+
+def test_time_that_runs_by_itself_cannot_be_stepped() -> None:
+    world = World(1.0)
+    with running(world, 1) as [backend], pytest.raises(WrongStateError, match="set the speed factor to 0"):
+        backend.simulation().step(1.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, 50.0, math.inf])
+def test_time_runs_while_anyone_listens_and_stands_otherwise(factor: float) -> None:
+    world = World(factor)
+    reached = threading.Event()
+    backend = LightBackend(BackendOptions("uav_1"), world)
+    backend.open(lambda snapshot: reached.set() if snapshot.time_s > 0.2 else None)
+    assert reached.wait(LIMIT_S)
+    backend.close()
+    stopped_s = world.now_s()
+    assert not worlds()
+    assert world.now_s() == stopped_s
+
+
+def test_the_speed_can_be_changed_while_it_runs() -> None:
+    drone = Drone()
+    passed = threading.Event()
+    world = drone.world
+    world.listen(-1, lambda: passed.set() if world.now_s() % 20.0 < STEP_S else None)
+    for _ in range(5):
+        begin_s = world.now_s()
+        drone.sim.set_speed_factor(math.inf)
+        passed.clear()
+        assert passed.wait(LIMIT_S)
+        drone.sim.set_speed_factor(0.0)
+        stopped_s = world.now_s()
+        assert stopped_s > begin_s
+        drone.sim.step(1.0)
+        assert world.now_s() == pytest.approx(stopped_s + 1.0)
+    world.unlisten(-1)
+
+
+# --- Threads ----------------------------------------------------------------------------------------------------------
+
+
+def test_one_thread_runs_any_number_of_vehicles_and_none_is_left_behind() -> None:
+    before = threading.active_count()
+    for count in (1, 50):
+        with running(World(1.0), count):
+            assert len(worlds()) == 1
+            assert threading.active_count() == before + 1
+        assert threading.active_count() == before
+
+
+def test_it_can_be_closed_from_its_own_update_and_opened_again() -> None:
+    world = World(math.inf)
+    backend = LightBackend(BackendOptions("uav_1"), world)
+    for _ in range(3):
+        closed = threading.Event()
+
+        def close_at_once(_: object, closed: threading.Event = closed) -> None:
+            if not closed.is_set():
+                backend.close()
+                closed.set()
+
+        backend.open(close_at_once)
+        assert closed.wait(LIMIT_S)
+    backend.close()
+    for thread in worlds():
+        thread.join(LIMIT_S)  # the one that closed itself ends a moment later
+    assert not worlds()
+
+
+def test_no_update_comes_after_close() -> None:
+    world = World(math.inf)
+    with running(world, 1):
+        updates = []
+        backend = LightBackend(BackendOptions("uav_2"), world)
+        come, later = threading.Event(), threading.Event()
+
+        def update(snapshot: object) -> None:
+            updates.append(snapshot)
+            come.set()
+
+        backend.open(update)
+        assert come.wait(LIMIT_S)
+        backend.close()
+        count, closed_s = len(updates), world.now_s()
+        world.listen(-1, lambda: later.set() if world.now_s() > closed_s + 1.0 else None)
+        assert later.wait(LIMIT_S)
+        world.unlisten(-1)
+        assert len(updates) == count
+
+
+# --- The same every time ----------------------------------------------------------------------------------------------
+
+
+def flight(uav: Stepped) -> None:
+    uav.fly(3.0)
+    uav.vehicle.go_to_waypoint(at(4.0, -2.0, 3.0, 2.0))
+    uav.run(2.0)
+    uav.end(uav.vehicle.follow_path([at(2, 2, 4), at(0, 2, 3), at(0, 0, 3)], 0.5).future)
+    uav.vehicle.set_velocity(TwistStamped(Twist(Vector3(0.5, 0.5, 0.1), Vector3(0, 0, 0.5)), "uav_1/base_link"))
+    uav.run(3.0)
+    uav.end(uav.vehicle.land().future)
+    uav.run(5.0)
+
+
+def told(seed: int) -> list[Telemetry]:
+    """Everything that a flight tells, but what is from outside its world: wall-clock stamps and the names of tasks."""
+    light = {"position_noise_m": 0.02, "velocity_noise_m_s": 0.01, "seed": seed, "wind_m_s": [1.0, 0.5, 0.0]}
+    with stepped(light=light) as uav:
+        flight(uav)
+        return [replace(s, stamp_s=0.0, odometry=None, transform=None, task=None) for s in uav.samples]
+
+
+def test_two_flights_in_stepped_time_are_the_same_to_the_last_bit() -> None:
+    first, second, other = told(seed=7), told(seed=7), told(seed=8)
+    assert len(first) > 1000
+    assert first == second
+    assert first != other
+
+
+def positions(drone: Drone) -> list[Vector3]:
+    return [s.pose.value.position for s in drone.snapshots if s.pose is not None]
+
+
+def test_vehicles_of_one_world_do_not_disturb_each_other() -> None:
+    def fly(drone: Drone) -> None:
+        drone.fly(3.0)
+        drone.run(4.0, hold(3.0, 4.0, 2.0, 1.0))
+
+    alone = Drone(wind_m_s=[1.0, 0.0, 0.0], position_noise_m=0.01)
+    fly(alone)
+
+    world = World(0.0)
+    crowd = [Drone(world, f"uav_{i}", seed=i, response_s=0.2 + i / 10, position_noise_m=0.1) for i in range(1, 4)]
+    one = Drone(world, wind_m_s=[1.0, 0.0, 0.0], position_noise_m=0.01)
+    for other in crowd:
+        other.sim.pilot_arm()
+        other.backend.take_off(3.0)
+        other.backend.send(velocity(1.0, 1.0, 1.0))
+    crowd[0].sim.set_wind(Vector3(20.0, 0.0, 0.0))
+    fly(one)
+    assert positions(one) == positions(alone)
+    assert all(other.true("position")[2] > 0.3 for other in crowd)
+
+
+def test_a_vehicle_may_join_and_leave_a_world_in_flight() -> None:
+    world = World(0.0)
+    first = Drone(world)
+    first.fly(3.0)
+    second = Drone(world, "uav_2", start=[5.0, 5.0, 0.0])
+    assert second.true("position")[0] == 5.0
+    first.run(1.0, hold(0.0, 0.0, 3.0))
+    second.backend.close()
+    count = len(second.snapshots)
+    first.run(1.0, hold(0.0, 0.0, 3.0))
+    assert len(second.snapshots) == count
+    assert first.pose.position.z == pytest.approx(3.0, abs=0.02)
+
+
+# --- Settings ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"speed_factor": 101}, "light.speed_factor"),
+        ({"speed_factor": "fast"}, "light.speed_factor"),
+        ({"response_s": 0.0}, "light.response_s"),
+        ({"battery_percent": 101}, "light.battery_percent"),
+        ({"start": [0, 0]}, "light.start"),
+        ({"start_yaw_rad": math.nan}, "light.start_yaw_rad"),
+        ({"origin_geo": [91, 0, 0]}, "light.origin_geo[0]"),
+        ({"seed": 0.5}, "light.seed"),
+        ({"sped_factor": 1}, "light.sped_factor"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused_by_its_name(settings: dict[str, object], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        LightBackend(BackendOptions("uav_1", settings=settings))
+    assert caught.value.key == key
+
+
+def test_as_fast_as_it_can_is_called_max() -> None:
+    assert LightBackend(BackendOptions("uav_1", settings={"speed_factor": "max"})).world.speed_factor == math.inf
