@@ -27,6 +27,8 @@ CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # A daemon's computer that vanished without a word (cable, radio) is noticed within 8 s.
     ("grpc.keepalive_time_ms", 4000),
     ("grpc.keepalive_timeout_ms", 4000),
+    # The one that counts with gRPC 1.8x: it waits for the answer to a ping for 60 s by default.
+    ("grpc.http2.ping_timeout_ms", 4000),
     ("grpc.http2.max_pings_without_data", 0),
     # A command is sent once; one that gets lost is the caller's to judge.
     ("grpc.enable_retries", 0),
