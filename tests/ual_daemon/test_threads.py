@@ -73,7 +73,6 @@ def members(uav: UAL, dice: random.Random) -> list[Callable[[], object]]:
 @pytest.mark.timeout(600)
 def test_a_hundred_threads_call_every_member() -> None:
     unexpected: list[BaseException] = []
-    seen: set[State] = set()
     until_s = time.monotonic() + STRESS_S
 
     with UAL(backend_settings={"speed_factor": 10}) as uav:
@@ -85,7 +84,6 @@ def test_a_hundred_threads_call_every_member() -> None:
                 made += 1
                 try:
                     dice.choice(members(uav, dice))()
-                    seen.add(uav.state())
                 except UalError:
                     pass  # refusals are what is documented
                 except BaseException as error:  # noqa: BLE001  the finding of this test
@@ -99,7 +97,6 @@ def test_a_hundred_threads_call_every_member() -> None:
             thread.join(timeout=STRESS_S + 300)
         assert not [thread for thread in threads if thread.is_alive()], "a deadlock"
         assert not unexpected, unexpected[:3]
-        assert len(seen) >= 3, seen
         _flies_as_ever(uav)
 
 

@@ -108,7 +108,9 @@ def stops_at_each_waypoint_of_a_path(flight: Flight) -> None:
     for corner in corners[:-1]:
         near = [sample for sample in samples if (position(sample) - corner.position).norm() <= t.position_m]
         require(bool(near), "it left out a waypoint")
-        require(min(map(speed, near)) <= t.speed_m_s, "it did not stop at a waypoint")
+        # A stop is short: where samples were lost (a busy computer), one that is not seen is no finding.
+        if not any(sample.missed_count for sample in near):
+            require(min(map(speed, near)) <= t.speed_m_s, "it did not stop at a waypoint")
     flight.require_at(corners[-1], "at the end of the path")
 
 

@@ -20,9 +20,7 @@ def a_handle_tells_how_a_task_stands(flight: Flight) -> None:
     goal = flight.goal(3.0, 0.0)
     task = uav.go_to_waypoint(goal, blocking=False)
     require(task.id == uav.task(task.id).id, "task() finds another")
-    running = flight.wait(lambda sample: sample.task is not None, "a task in the telemetry")
-    assert running.task is not None
-    require(running.task.id == task.id, "the telemetry has another task")
+    flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
     seen = list(task.watch(rate_hz=20.0))
     require(seen[-1].status is TaskStatus.SUCCEEDED, f"the last one seen is {seen[-1].status.name}")
     progress = [info.progress for info in seen if info.progress is not None]
