@@ -77,6 +77,7 @@ class Daemon:
             self._vehicle.open()
             if self._is_auto_arming:
                 arming = asyncio.create_task(auto_arm(self._vehicle, server.updates))
+                arming.add_done_callback(_tell_defect)
             await stop.wait()
         finally:
             if arming is not None:
@@ -124,6 +125,12 @@ def _on_first_signal(stop: asyncio.Event) -> None:
 
     for number in numbers:
         loop.add_signal_handler(number, on_first, number)
+
+
+def _tell_defect(task: asyncio.Task[None]) -> None:
+    """Logs how a task failed that should not end at all, when it does and not when the daemon ends."""
+    if not task.cancelled() and task.exception() is not None:
+        _log.error("the simulated safety pilot has failed", exc_info=task.exception())
 
 
 def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:

@@ -104,6 +104,8 @@ class Calls(grpc.aio.ServerInterceptor):
             await self._check(details, context)
             yield
         except UalError as error:
+            # The vehicle has logged what it refused; this is for what did not come so far.
+            logs.event(_log, logging.DEBUG, "call_failed", method=details.method, reason=error.reason, why=error)
             await _abort(context, error)
         except asyncio.CancelledError:
             if not self._is_shutting_down or context.cancelled():
