@@ -105,14 +105,16 @@ def _sources(
     context: click.Context, config_file: Path | None, assignments: tuple[str, ...], flags: dict[str, object]
 ) -> list[Source]:
     """Where settings come from, the weakest first."""
-    sources: list[Source] = [] if config_file is None else [config.read_file(config_file)]
+    if config_file is not None or assignments:
+        from ual_daemon import config_yaml  # loaded only where it is used: a faster start
+    sources: list[Source] = [] if config_file is None else [config_yaml.read_file(config_file)]
     for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
         values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
         sources.append(FlagSource(values, {name: _given_as(name, origin) for name in values}))
         if context.get_parameter_source("assignments") is origin:
             name = _given_as("set", origin)
             for text in assignments:
-                key, value = config.assignment(text, name)
+                key, value = config_yaml.assignment(text, name)
                 sources.append(FlagSource(config.nested(key, value), {key: f"{name} {key}"}))
     return sources
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ual import discovery
-from ual_daemon import config
+from ual_daemon import config, config_yaml
 from ual_daemon.config import Configuration, ConfigurationError, FlagSource, Source
 from ual_daemon.settings import ConfigError
 
@@ -21,7 +21,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def load(file: Path, text: str | bytes = "") -> Configuration:
     file.write_bytes(text.encode() if isinstance(text, str) else text)
-    return config.resolve([config.read_file(file)], BACKENDS)
+    return config.resolve([config_yaml.read_file(file)], BACKENDS)
 
 
 def error_of(file: Path, text: str | bytes) -> str:
@@ -127,9 +127,9 @@ def test_what_is_wrong_is_one_line_with_file_line_and_key(file: Path, text: str 
 
 def test_a_file_that_cannot_be_read_says_why(file: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"uav\.yaml: cannot be read: No such file"):
-        config.read_file(file)
+        config_yaml.read_file(file)
     with pytest.raises(ConfigurationError, match=r"cannot be read: Is a directory"):
-        config.read_file(tmp_path)
+        config_yaml.read_file(tmp_path)
 
 
 def test_a_byte_order_mark_is_no_part_of_the_text(file: Path) -> None:
@@ -147,12 +147,12 @@ def test_an_error_is_told_where_the_winning_value_was_given(file: Path) -> None:
     file.write_text("ns: uav_1\nurl: a\n")
     flags = FlagSource({"ns": "b c"}, {"ns": "--ns"})
     with pytest.raises(ConfigurationError, match=r"^--ns: Expected"):
-        config.resolve([config.read_file(file), flags], BACKENDS)
+        config.resolve([config_yaml.read_file(file), flags], BACKENDS)
 
 
 def test_an_error_found_later_is_told_with_its_place_too(file: Path) -> None:
     file.write_text("ns: uav_1\nlight:\n  wind:\n    - 1\n    - x\n")
-    source = config.read_file(file)
+    source = config_yaml.read_file(file)
 
     def located(key: str) -> str:
         return str(config.located(ConfigError("no", key), [source]))
@@ -165,17 +165,17 @@ def test_an_error_found_later_is_told_with_its_place_too(file: Path) -> None:
 
 
 def test_an_assignment_sets_any_key() -> None:
-    key, value = config.assignment("limits.climb_speed_m_s=2", "--set")
+    key, value = config_yaml.assignment("limits.climb_speed_m_s=2", "--set")
     assert config.nested(key, value) == {"limits": {"climb_speed_m_s": 2}}
-    assert config.assignment("home_pose=[1, 2, 3]", "--set") == ("home_pose", [1, 2, 3])
-    assert config.assignment("url=", "--set") == ("url", None)
-    assert config.assignment("url=a=b", "--set") == ("url", "a=b")
+    assert config_yaml.assignment("home_pose=[1, 2, 3]", "--set") == ("home_pose", [1, 2, 3])
+    assert config_yaml.assignment("url=", "--set") == ("url", None)
+    assert config_yaml.assignment("url=a=b", "--set") == ("url", "a=b")
 
 
 @pytest.mark.parametrize("text", ["ns", "=1", "a..b=1", "a b=1", "a=[1", "a={b: 1, b: 2}"])
 def test_a_bad_assignment_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"^--set") as caught:
-        config.assignment(text, "--set")
+        config_yaml.assignment(text, "--set")
     assert "\n" not in str(caught.value)
 
 
