@@ -13,9 +13,9 @@ import threading
 import time
 from collections.abc import Callable
 from enum import IntEnum
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
@@ -40,9 +40,12 @@ _LATEST_STEPS = 10
 _TINY = 1e-9
 _MAX_STEP_S = 3600.0
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+if TYPE_CHECKING:  # numpy.typing takes long to import
+    from numpy.typing import NDArray
+
+Floats: TypeAlias = "NDArray[np.float64]"
+Bools: TypeAlias = "NDArray[np.bool_]"
+Ints: TypeAlias = "NDArray[np.int64]"
 
 
 class FlightMode(IntEnum):
