@@ -42,21 +42,22 @@ def takes_off_only_when_armed(flight: Flight) -> None:
 
 @check(*LANDED)
 def flies_nothing_on_the_ground(flight: Flight) -> None:
-    """Every flying command is refused on the ground, and the refusal names the state."""
+    """Every flying command that it knows is refused on the ground, and the refusal names the state."""
     uav = flight.uav
     state = uav.state()
     goal = Pose.at(0.0, 0.0, HEIGHT_M)
-    for action, what in (
-        (uav.land, "landing"),
-        (lambda: uav.go_to_waypoint(goal), "a waypoint"),
-        (lambda: uav.go_to_waypoint_geo(0.0, 0.0, HEIGHT_M), "a geographic waypoint"),
-        (lambda: uav.follow_path([goal]), "a path"),
-        (lambda: uav.set_pose(goal), "a pose"),
-        (lambda: uav.set_velocity(Twist(Vector3(0.0, 0.0, 1.0))), "a velocity"),
-        (uav.recover_from_manual, "recovering"),
-        (uav.abort, "aborting"),
+    for capability, action, what in (
+        (Capability.LAND, uav.land, "landing"),
+        (Capability.POSITION, lambda: uav.go_to_waypoint(goal), "a waypoint"),
+        (Capability.GEO, lambda: uav.go_to_waypoint_geo(0.0, 0.0, HEIGHT_M), "a geographic waypoint"),
+        (Capability.POSITION, lambda: uav.follow_path([goal]), "a path"),
+        (Capability.POSITION, lambda: uav.set_pose(goal), "a pose"),
+        (Capability.VELOCITY, lambda: uav.set_velocity(Twist(Vector3(0.0, 0.0, 1.0))), "a velocity"),
+        (Capability.RECOVER, uav.recover_from_manual, "recovering"),
+        (None, uav.abort, "aborting"),
     ):
-        _require_names_state(flight.refuses(WrongStateError, action, f"{what} on the ground"), state)
+        if capability is None or capability in flight.info.capabilities:
+            _require_names_state(flight.refuses(WrongStateError, action, f"{what} on the ground"), state)
     require(uav.state() is state, "the state changed")
 
 

@@ -1,0 +1,159 @@
+"""The backend: what the imaginary autopilot says and understands, in the words of UAL."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from concurrent.futures import Future
+from typing import Annotated
+
+from msgspec import Meta
+
+from ual.errors import RejectedByAutopilotError
+from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.types import Capability, Limits
+from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.values import (
+    Control,
+    Estimator,
+    Freshness,
+    LandedState,
+    Mode,
+    PositionSetpoint,
+    Sample,
+    Setpoint,
+    Snapshot,
+    VehicleInfo,
+)
+from ual_daemon.settings import Settings, convert
+from ual_hover.autopilot import HORIZONTAL_M_S, TURN_DEG_S, VERTICAL_M_S, Autopilot, Packet, Target, Triple
+
+CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND, "hold": Control.OTHER}
+INFO = VehicleInfo(
+    autopilot="hover",
+    capabilities=frozenset(Capability) - {Capability.GEO},  # it does not know where on Earth it is
+    limits=Limits(HORIZONTAL_M_S, VERTICAL_M_S, VERTICAL_M_S, yaw_rate_rad_s=math.radians(TURN_DEG_S)),
+)
+
+
+class HoverSettings(Settings, frozen=True, kw_only=True):
+    """Section ``hover`` of the configuration. `speed` is how fast the autopilot's time runs."""
+
+    speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
+
+
+class HoverClock:
+    """The autopilot's time, as far as we can tell it by our own clock."""
+
+    def __init__(self, speed: float) -> None:
+        self._begin_s, self._speed = time.monotonic(), speed
+
+    def now_s(self) -> float:
+        return (time.monotonic() - self._begin_s) * self._speed
+
+
+class HoverBackend(Backend):
+    """One thread receives what the autopilot sends, and tells it on."""
+
+    name = "hover"
+    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+
+    def __init__(self, options: BackendOptions) -> None:
+        super().__init__(options)
+        settings = convert(options.settings, HoverSettings, self.name)
+        self.clock = HoverClock(settings.speed)
+        self._patience_s = 0.1 / settings.speed
+        self._epoch_s = time.time()
+        self._autopilot = Autopilot(settings.speed)
+        self._newest: Sample[Packet] | None = None
+        self._is_closing = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def open(self, on_update: UpdateCallback) -> None:
+        self._thread = threading.Thread(target=self._receive, args=(on_update,), name="hover", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._is_closing.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _receive(self, on_update: UpdateCallback) -> None:
+        while not self._is_closing.is_set():
+            packet = self._autopilot.receive(self._patience_s)
+            if packet is not None:
+                self._newest = Sample(packet, self.clock.now_s())
+            on_update(self.snapshot())  # also when nothing came: that, too, is news
+
+    def info(self) -> VehicleInfo:
+        return INFO
+
+    def snapshot(self) -> Snapshot:
+        newest, now_s = self._newest, self.clock.now_s()
+        if newest is None:
+            return Snapshot(time_s=now_s)
+        packet, received_s = newest.value, newest.time_s
+        turn = Vector3(0.0, 0.0, -math.radians(packet.turn_deg_s))
+        return Snapshot(
+            time_s=now_s,
+            heard_s=received_s,
+            stamp_s=self._epoch_s + packet.time_s,
+            armed=Sample(packet.is_armed, received_s),
+            landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
+            mode=Sample(Mode(packet.mode, CONTROLS[packet.mode]), received_s),
+            estimator=Sample(Estimator(True), received_s),
+            pose=Sample(Pose(_swap(packet.place), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s),
+            velocity=Sample(Twist(_swap(packet.velocity), turn), received_s),
+        )
+
+    def send(self, setpoint: Setpoint) -> None:
+        velocity = _triple(setpoint.velocity)
+        turn_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
+        if isinstance(setpoint, PositionSetpoint):
+            heading_deg = 90.0 - math.degrees(setpoint.yaw_rad)
+            self._autopilot.follow(Target(velocity, turn_deg_s, _triple(setpoint.position), heading_deg))
+        else:
+            self._autopilot.follow(Target(velocity, turn_deg_s))
+
+    def arm(self) -> Future[None]:
+        return self._command("arm")
+
+    def disarm(self) -> Future[None]:
+        return self._command("disarm")
+
+    def take_off(self, height_m: float) -> Future[None]:
+        return self._command("follow")  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
+
+    def land(self) -> Future[None]:
+        return self._command("land")
+
+    def take_control(self) -> Future[None]:
+        return self._command("follow")
+
+    def hold(self) -> Future[None]:
+        return self._command("hold")
+
+    def _command(self, name: str) -> Future[None]:
+        answer: Future[None] = Future()
+        words = self._autopilot.command(name)
+        if words == "ok":
+            answer.set_result(None)
+        else:
+            answer.set_exception(RejectedByAutopilotError(f"the autopilot refused: {words}", {"text": words}))
+        return answer
+
+
+def _swap(triple: Triple) -> Vector3:
+    """North, east, down as east, north, up."""
+    return Vector3(triple[1], triple[0], -triple[2])
+
+
+def _triple(vector: Vector3) -> Triple:
+    """East, north, up as north, east, down."""
+    return (vector.y, vector.x, -vector.z)
+
+
+def _yaw_rad(heading_deg: float) -> float:
+    """Clockwise from north as counter-clockwise from east."""
+    return math.radians(90.0 - heading_deg)

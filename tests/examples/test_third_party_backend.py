@@ -1,0 +1,121 @@
+"""The example of a third party's backend, as installed: in a directory of its own, seen only by what runs here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess
+from ual.types import State
+
+PACKAGE = Path(__file__).parents[2] / "examples" / "third_party_backend"
+
+FLY = """
+import threading
+
+from ual import Pose, State
+from ual_daemon import UAL
+
+with UAL(backend="hover", ns="uav_7", allow_arming=True, backend_settings={"speed": 10}) as uav:
+    ready = threading.Event()
+    with uav.subscribe(lambda sample: ready.set() if sample.state is State.LANDED_DISARMED else None):
+        assert ready.wait(30.0)
+    uav.arm()
+    uav.take_off(3.0)
+    uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0, yaw_rad=0.5))
+    pose = uav.pose().pose
+    assert (pose.position - Pose.at(4.0, 2.0, 3.0).position).norm() < 0.3, pose
+    assert abs(pose.yaw_rad - 0.5) < 0.15, pose
+    uav.land()
+    print(uav.info().backend, uav.state().name)
+print([thread.name for thread in threading.enumerate()])
+"""
+
+UNKNOWN = """
+from ual_daemon import UAL
+from ual_daemon.settings import ConfigError
+
+for backend, settings in (("hoover", {}), ("hover", {"sped": 2}), ("hover", {"speed": 0})):
+    try:
+        UAL(backend=backend, backend_settings=settings)
+    except ConfigError as error:
+        print(error)
+"""
+
+CONFORM = """
+from ual import conformance
+from ual_daemon import UAL
+
+with UAL(backend="hover", allow_arming=True, backend_settings={"speed": 5}) as uav:
+    for result in conformance.run(conformance.Flight(uav), conformance.CHECKS):
+        print(result.outcome.name, result.check.name, result.why)
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the package is installed, built from a copy of its source, without the network."""
+    source, target = tmp_path_factory.mktemp("source") / "package", tmp_path_factory.mktemp("installed")
+    shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__"))
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index"]
+    done = subprocess.run(
+        [*command, "--no-deps", "--no-build-isolation", "--target", str(target), str(source)],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+def run(code: str, installed: Path, limit_s: float = LIMIT_S) -> list[str]:
+    """The lines that a program prints, which finds the package."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env={**os.environ, "PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+        timeout=limit_s,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_it_flies_in_the_process_and_leaves_no_thread(installed: Path) -> None:
+    assert run(FLY, installed) == ["hover LANDED_ARMED", "['MainThread']"]
+
+
+def test_errors_name_what_is_known(installed: Path) -> None:
+    unknown, other_setting, bad_value = run(UNKNOWN, installed)
+    assert unknown == "backend: there is no backend 'hoover'; known are hover, light, mavlink"
+    assert other_setting == "hover.sped: there is no such setting"
+    assert bad_value.startswith("hover.speed: ")
+
+
+def test_it_flies_from_a_daemon(
+    installed: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(installed))
+    start_daemon = request.getfixturevalue("start_daemon")
+    daemon: DaemonProcess = start_daemon("--allow-arming", "--set", "hover.speed=10", ns="uav_7", backend="hover")
+    with ual.Uav(address=daemon.address) as uav:
+        daemon.wait_for("state", new="LANDED_DISARMED")
+        uav.arm()
+        uav.take_off(2.0)
+        with pytest.raises(ual.NotSupportedError, match="the backend hover cannot"):
+            uav.go_to_waypoint_geo(0.0, 0.0, 2.0)
+        uav.land()
+        assert uav.state() in (State.LANDED_ARMED, State.LANDED_DISARMED)
+
+
+@pytest.mark.slow
+def test_it_passes_the_conformance_checks(installed: Path) -> None:
+    results = [line.split(" ", 2) for line in run(CONFORM, installed, limit_s=100.0)]
+    assert [result for result in results if result[0] == "FAILED"] == []
+    passed = {name for outcome, name, _ in results if outcome == "PASSED"}
+    assert {"takes_off", "goes_straight_to_a_waypoint", "flies_a_velocity_and_stops_without", "lands"} <= passed
