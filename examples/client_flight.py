@@ -1,0 +1,44 @@
+"""A flight through a daemon: `make run` in one terminal, `python examples/client_flight.py` in another."""
+
+import sys
+import threading
+import time
+
+import ual
+
+
+def wait_until_armed(uav: ual.Uav) -> None:
+    """Waits for the safety pilot."""
+    armed = threading.Event()
+    with uav.subscribe(lambda sample: armed.set() if sample.state is ual.State.LANDED_ARMED else None):
+        if not armed.wait(60.0):
+            sys.exit("nobody armed the UAV")
+
+
+def main() -> None:
+    # The only UAV of this computer; else ual.Uav("uav_2"), or ual.Uav(address="host:50052").
+    with ual.Uav() as uav:
+        print("flying", uav.ns)
+        wait_until_armed(uav)
+
+        for info in uav.take_off(3.0, blocking=False).watch(rate_hz=2.0):
+            print(f"take-off: {info.status.name} {info.progress or 0.0:4.0%}")
+
+        # Ahead with 0.5 m/s for 2 s. It must hear again within 0.5 s, or it stops and holds.
+        ahead = ual.TwistStamped(ual.Twist(ual.Vector3(x=0.5)), f"{uav.ns}/base_link")
+        for _ in range(40):
+            uav.set_velocity(ahead)
+            time.sleep(0.05)
+
+        try:
+            uav.recover_from_manual()
+        except ual.WrongStateError as error:
+            print("refused, as it should be:", error)
+
+        uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, 3.0))
+        uav.land()
+        print("landed")
+
+
+if __name__ == "__main__":
+    main()

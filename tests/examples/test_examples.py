@@ -1,0 +1,57 @@
+"""The examples, run as a user runs them."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.conftest import DaemonProcess, StartDaemon
+from ual import discovery
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def run(name: str, **environment: str) -> list[str]:
+    """The lines that an example prints."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLES / name)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def armed_daemon(start_daemon: StartDaemon) -> DaemonProcess:
+    daemon = start_daemon("--auto-arm", "--set", "light.speed_factor=5")
+    daemon.wait_for("state", new="LANDED_ARMED")
+    return daemon
+
+
+def test_first_flight() -> None:
+    lines = run("first_flight.py")
+    assert [line.split()[0] for line in lines] == ["up", "there", "LANDED_ARMED"]
+
+
+def test_client_flight(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    daemon = armed_daemon(start_daemon)
+    lines = run("client_flight.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    assert lines[0] == f"flying {daemon.ns}"
+    assert any(re.fullmatch(r"take-off: SUCCEEDED 100%", line) for line in lines)
+    assert any(line.startswith("refused, as it should be: recover_from_manual") for line in lines)
+    assert lines[-1] == "landed"
+
+
+def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    armed_daemon(start_daemon)
+    lines = run("inspection_path.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    assert lines[-1] == "inspected"
+    shown = [line for line in lines if line.startswith("waypoint")]
+    assert len(shown) >= 3
+    left_m = [float(line.split()[-3]) for line in shown]
+    assert left_m == sorted(left_m, reverse=True)
