@@ -242,3 +242,16 @@ def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) 
 def test_checks_have_names_and_descriptions_of_their_own() -> None:
     assert len(CHECKS) == len(conformance.CHECKS)
     assert all(check.description.endswith(".") for check in conformance.CHECKS)
+
+
+def test_a_real_safety_pilot_who_takes_over_ends_the_run(sabotaged: Sabotaged) -> None:
+    flight = Flight(sabotaged)
+    with flight.observing():
+        flight.bring_to([State.FLYING_AUTO])
+    flight.has_pilot = False
+    sabotaged.uav.simulation.pilot_take_over()
+    results = list(conformance.run(flight, [CHECKS["keeps_the_heading"], CHECKS["says_who_it_is"]]))
+    assert [result.outcome for result in results] == [Outcome.FAILED, Outcome.SKIPPED]
+    assert "the safety pilot" in results[1].why
+    assert sabotaged.uav.state() is State.FLYING_MANUAL
+    sabotaged.uav.simulation.pilot_give_back()

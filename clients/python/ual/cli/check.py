@@ -34,9 +34,13 @@ def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], o
         if not no_motion and not yes:
             _confirm(flight, checks)
         results = []
-        for result in conformance.run(flight, checks, may_move=not no_motion, on_start=_show_start):
-            results.append(result)
-            _emit(session, result)
+        try:
+            for result in conformance.run(flight, checks, may_move=not no_motion, on_start=_show_start):
+                results.append(result)
+                _emit(session, result)
+        except KeyboardInterrupt:
+            note("ual: interrupted: the UAV holds its position if it flies; `ual land` lands it")
+            raise
     _print_results(session, results)
     if any(result.outcome is conformance.Outcome.FAILED for result in results):
         raise click.exceptions.Exit(REFUSED)

@@ -31,6 +31,10 @@ class CheckFailedError(AssertionError):
     """The UAV did not do what it must."""
 
 
+class RunEndedError(CheckFailedError):
+    """Nothing more may be flown."""
+
+
 class CannotRunError(Exception):
     """A check cannot run here; the message says why."""
 
@@ -110,9 +114,12 @@ class Flight:
     @contextmanager
     def observing(self) -> Iterator[None]:
         """Keeps every sample while the block runs."""
-        with Observer(self.uav).open() as self._observer:
-            yield
-        self._observer = None
+        with Observer(self.uav).open() as observer:
+            self._observer = observer
+            try:
+                yield
+            finally:
+                self._observer = None
 
     # What the UAV does
 
@@ -182,7 +189,10 @@ class Flight:
         """Brings the UAV to one of these states, if it is in none of them, and in the air to `start`, at rest."""
         if not states:
             return
-        state = self.wait(lambda sample: sample.state is not State.UNINITIALIZED, "ready").state
+        try:
+            state = self.wait(lambda sample: sample.state is not State.UNINITIALIZED, "ready").state
+        except CheckFailedError as error:
+            raise RunEndedError(str(error)) from error
         if state in (State.TAKING_OFF, State.LANDING):
             state = self.wait_for_state(*READY_STATES, limit_s=60.0).state
         if state not in states:
@@ -208,8 +218,11 @@ class Flight:
         self.wait_for_state(State.LANDED_ARMED, State.LANDED_DISARMED, limit_s=60.0)
 
     def _take_control(self) -> None:
-        if self.uav.state() is State.FLYING_MANUAL:
-            self.uav.recover_from_manual()
+        if self.uav.state() is not State.FLYING_MANUAL:
+            return
+        if not self.has_pilot:
+            raise RunEndedError("the safety pilot, or another mode of the autopilot, flies: the checks end")
+        self.uav.recover_from_manual()
 
     def _be_disarmed(self) -> None:
         self.land()

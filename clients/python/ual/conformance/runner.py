@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 
 from ual.conformance.check import Check, Need, Outcome, Result
-from ual.conformance.flight import CannotRunError, CheckFailedError, Flight
+from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, RunEndedError
 from ual.errors import UalError
 from ual.types import State
 
@@ -50,24 +50,28 @@ def run(
     may_move: bool = True,
     on_start: Callable[[Check], None] = lambda _: None,
 ) -> Iterator[Result]:
-    """Runs checks and yields how each ended; in the end the UAV lands if they made it fly."""
+    """Runs checks and yields how each ended; in the end the UAV lands if they made it fly.
+
+    Once the safety pilot of a real UAV has taken over, or the UAV is not ready any more, nothing more is flown.
+    """
+    over = ""
     for check in checks:
+        if over:
+            yield Result(check, Outcome.SKIPPED, over)
+            continue
         on_start(check)
-        yield _result(flight, check, may_move)
-    if may_move and flight.uav.state() in _FLYING:
+        started_s = time.monotonic()
+        outcome, why = Outcome.PASSED, ""
+        try:
+            run_check(flight, check, may_move)
+        except CannotRunError as error:
+            outcome, why = Outcome.SKIPPED, str(error)
+        except CheckFailedError as error:
+            outcome, why = Outcome.FAILED, str(error)
+            over = why if isinstance(error, RunEndedError) else ""
+        except UalError as error:
+            outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
+        yield Result(check, outcome, why, time.monotonic() - started_s)
+    if may_move and not over and flight.uav.state() in _FLYING:
         with flight.observing():
             flight.land()
-
-
-def _result(flight: Flight, check: Check, may_move: bool) -> Result:
-    started_s = time.monotonic()
-    outcome, why = Outcome.PASSED, ""
-    try:
-        run_check(flight, check, may_move)
-    except CannotRunError as error:
-        outcome, why = Outcome.SKIPPED, str(error)
-    except CheckFailedError as error:
-        outcome, why = Outcome.FAILED, str(error)
-    except UalError as error:
-        outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
-    return Result(check, outcome, why, time.monotonic() - started_s)
