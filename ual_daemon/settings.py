@@ -63,11 +63,15 @@ class LimitSettings(Settings, frozen=True, kw_only=True):
 
 
 class ToleranceSettings(Settings, frozen=True, kw_only=True):
-    """When a UAV counts as arrived: within these, for `dwell_s`."""
+    """When a UAV counts as arrived, once its reference is at the goal: within these, for `dwell_s`.
 
-    position_m: Positive = 0.25
+    The defaults are for a satellite receiver without corrections: in PX4's simulator the estimate of a UAV that hovers
+    wanders by 0.3 to 0.5 m and 0.4 m/s (docs/backends/mavlink.md).
+    """
+
+    position_m: Positive = 0.5
     heading_rad: Positive = 0.1
-    speed_m_s: Positive = 0.25
+    speed_m_s: Positive = 0.5
     dwell_s: NotNegative = 0.3
 
 

@@ -611,6 +611,7 @@ def test_weak_motors_still_arrive(flying: Stepped) -> None:
 
 
 def test_motors_without_power_time_out_and_say_how_far_it_was(flying: Stepped) -> None:
+    flying.run(5.0)  # at rest: without power it would coast on
     flying.sim.begin_fault(MotorsWeak(0.0))
     task = flying.vehicle.go_to_waypoint(at(6, 0, 3))
     with pytest.raises(UalTimeoutError, match=r"6\.00 m"):
