@@ -8,11 +8,12 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from typing_extensions import Self
 
-from ual.errors import UalTimeoutError, WrongStateError
+from ual import views
+from ual.errors import UalTimeoutError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import Simulation
 from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
@@ -26,8 +27,6 @@ from ual_daemon.vehicle import Vehicle
 _log = logging.getLogger(__name__)
 
 _CLOSE_PATIENCE_S = 60.0
-
-T = TypeVar("T")
 
 
 class UAL:
@@ -82,10 +81,10 @@ class UAL:
         return self.vehicle.info()
 
     def is_ready(self) -> bool:
-        return self.state() is not State.UNINITIALIZED
+        return views.is_ready(self.telemetry())
 
     def is_idle(self) -> bool:
-        return self.telemetry().task is None
+        return views.is_idle(self.telemetry())
 
     def state(self) -> State:
         return self.vehicle.state()
@@ -94,22 +93,16 @@ class UAL:
         return self.vehicle.telemetry()
 
     def pose(self) -> PoseStamped:
-        sample = self.telemetry()
-        return PoseStamped(_known(sample.pose, "pose", sample), sample.frame_id, sample.stamp_s)
+        return views.pose(self.telemetry())
 
     def velocity(self) -> TwistStamped:
-        sample = self.telemetry()
-        return TwistStamped(_known(sample.velocity, "velocity", sample), sample.frame_id, sample.stamp_s)
+        return views.velocity(self.telemetry())
 
     def odometry(self) -> Odometry:
-        sample = self.telemetry()
-        return _known(sample.odometry, "odometry", sample)
+        return views.odometry(self.telemetry())
 
     def reference_pose(self) -> PoseStamped | None:
-        sample = self.telemetry()
-        if sample.reference_pose is None:
-            return None
-        return PoseStamped(sample.reference_pose, sample.frame_id, sample.stamp_s)
+        return views.reference_pose(self.telemetry())
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         return self.vehicle.transform(target_frame_id, source_frame_id)
@@ -291,12 +284,6 @@ class _Subscription:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
-
-
-def _known(value: T | None, what: str, sample: Telemetry) -> T:
-    if value is None:
-        raise WrongStateError(f"the {what} is not known: {sample.state_reason}", {"state": sample.state.name})
-    return value
 
 
 def _stamped(pose: PoseStamped | Pose) -> PoseStamped:
