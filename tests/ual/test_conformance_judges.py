@@ -252,6 +252,7 @@ def test_a_real_safety_pilot_who_takes_over_ends_the_run(sabotaged: Sabotaged) -
     sabotaged.uav.simulation.pilot_take_over()
     results = list(conformance.run(flight, [CHECKS["keeps_the_heading"], CHECKS["says_who_it_is"]]))
     assert [result.outcome for result in results] == [Outcome.FAILED, Outcome.SKIPPED]
-    assert "the safety pilot" in results[1].why
+    assert "the safety pilot" in results[0].why
+    assert results[1].why == "nothing is flown after keeps_the_heading"
     assert sabotaged.uav.state() is State.FLYING_MANUAL
     sabotaged.uav.simulation.pilot_give_back()

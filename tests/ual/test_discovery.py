@@ -145,6 +145,17 @@ def test_an_address_wins_over_the_environment_and_that_over_the_registry(monkeyp
     assert Target("uav_1", "other:1", None).metadata == (("ual-ns", "uav_1"),)
 
 
+@pytest.mark.parametrize("address", ["rubbish", "host:", "host:x", ":50051", "unix:", "host:123456", "http://host:1"])
+def test_an_address_that_is_none_is_refused(address: str) -> None:
+    with pytest.raises(InvalidArgumentError, match="HOST:PORT or unix:PATH"):
+        Target("uav_1", address, None)
+
+
+@pytest.mark.parametrize("address", ["host:1", "10.0.0.1:50051", "[::1]:50051", "unix:/run/x.sock", "unix:x.sock"])
+def test_an_address_is_taken_as_it_is(address: str) -> None:
+    assert Target("uav_1", address, None).address() == address
+
+
 def test_a_certificate_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgumentError, match=r"tls_ca: cannot read .*ca\.pem: No such file"):
         Target("uav_1", None, tmp_path / "ca.pem")

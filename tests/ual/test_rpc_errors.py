@@ -147,3 +147,26 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
     assert "\n" not in error.message
     for part in ("uav_7", "127.0.0.1:1", "Connection refused", "ual-daemon --ns uav_7", "UAL_ADDRESS"):
         assert part in error.message
+
+
+@pytest.mark.parametrize(
+    ("details", "says"),
+    [
+        (
+            "failed to connect to all addresses; last error: UNAVAILABLE: ipv4:127.0.0.1:1: Socket closed",
+            "it may use TLS, which needs --tls-ca",
+        ),
+        (
+            "failed to connect to all addresses; last error: UNKNOWN: Tls handshake failed: WRONG_VERSION_NUMBER",
+            "it does not use TLS",
+        ),
+        (
+            "failed to connect to all addresses; last error: UNKNOWN: Tls handshake failed: CERTIFICATE_VERIFY_FAILED",
+            "its certificate is not one that --tls-ca trusts",
+        ),
+        ("Stream removed (Socket closed)", "the UAL daemon at host:1 went away (Stream removed (Socket closed))"),
+        ("", "(no answer): start one with `ual-daemon`"),
+    ],
+)
+def test_why_nobody_answers_is_told_in_plain_words(details: str, says: str) -> None:
+    assert says in rpc_errors.unreachable("host:1", "", details).message

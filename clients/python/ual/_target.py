@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,8 @@ class Target:
 
     def __init__(self, ns: str | None, address: str | None, tls_ca: str | Path | None) -> None:
         self.ns = ns or os.environ.get(NS_VARIABLE, "")
-        self._fixed_address = address or os.environ.get(ADDRESS_VARIABLE) or None
+        given = address or os.environ.get(ADDRESS_VARIABLE) or None
+        self._fixed_address = None if given is None else _checked(given)
         self._credentials = None if tls_ca is None else _read_ca(Path(tls_ca))
         self._address: str | None = self._fixed_address
         self._seen: tuple[int, int] | None = None
@@ -89,6 +91,12 @@ class Target:
             if registration is not None:
                 self._address = registration.address
         return self._address or discovery.default_address(self.ns)
+
+
+def _checked(address: str) -> str:
+    if not re.fullmatch(r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):\d{1,5}", address):
+        raise InvalidArgumentError(f"address: {address!r} is none; write HOST:PORT or unix:PATH", {"field": "address"})
+    return address
 
 
 def _signature(file: Path) -> tuple[int, int] | None:

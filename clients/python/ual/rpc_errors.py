@@ -37,6 +37,14 @@ _LONGEST_TEXT = 1500
 
 _NOT_CONNECTED = ("failed to connect to all addresses", "connections to all backends failing")
 
+# What gRPC's words mean where one side uses TLS and the other does not, or another; the first that fits is it.
+_TLS_CAUSES: Mapping[str, str] = {
+    "WRONG_VERSION_NUMBER": "it does not use TLS (leave out --tls-ca)",
+    "CERTIFICATE_VERIFY_FAILED": "its certificate is not one that --tls-ca trusts, or is for another host name",
+    "handshake failed": "the TLS handshake failed",
+    "Socket closed": "it closed the connection; it may use TLS, which needs --tls-ca",
+}
+
 _CODES: Mapping[str, grpc.StatusCode] = {
     WrongStateError.reason: grpc.StatusCode.FAILED_PRECONDITION,
     InvalidArgumentError.reason: grpc.StatusCode.INVALID_ARGUMENT,
@@ -102,13 +110,19 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
 
 
 def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreachableError:
-    """No daemon answers: says where it was looked for, and how to start or name one."""
-    cause = details.rpartition(": ")[2].strip() or "no answer"
+    """No daemon answers: says where it was looked for and, in `details` that gRPC gives, why; and what to do."""
+    metadata = {"address": address, "ns": ns, "details": details}
+    if details and not details.startswith(_NOT_CONNECTED):
+        return DaemonUnreachableError(f"the UAL daemon at {address} went away ({details})", metadata)
     whom = f"no UAL daemon of {ns} answers" if ns else "no UAL daemon answers"
+    for sign, cause in _TLS_CAUSES.items():
+        if sign in details:
+            return DaemonUnreachableError(f"{whom} at {address}: {cause}", metadata)
+    cause = details.rpartition(": ")[2].strip(" []") or "no answer"
     start = f"ual-daemon --ns {ns}" if ns else "ual-daemon"
     return DaemonUnreachableError(
         f"{whom} at {address} ({cause}): start one with `{start}`, or say where it is (--address, UAL_ADDRESS)",
-        {"address": address, "ns": ns, "details": details},
+        metadata,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from ual.cli import check, completion, flight, frames, simulation, status, waypoints
@@ -32,4 +34,6 @@ for command in (
 
 def main() -> None:
     """The entry point."""
+    # What gRPC's core would write to stderr beside our one line of why.
+    os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     cli(prog_name="ual")

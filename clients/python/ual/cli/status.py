@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import click
 
@@ -25,7 +26,7 @@ def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
     daemons = discovery.list_daemons()
     with ThreadPoolExecutor(_PARALLEL) as pool:
-        states = list(pool.map(_state, daemons))
+        states = list(pool.map(partial(_state, session), daemons))
     rows = []
     for daemon, (state, reason) in zip(daemons, states, strict=True):
         session.emit(
@@ -48,10 +49,10 @@ def list_uavs(session: Session) -> None:
             click.echo("no daemon runs on this computer: start one with `ual-daemon`")
 
 
-def _state(daemon: Registration) -> tuple[State | None, str]:
+def _state(session: Session, daemon: Registration) -> tuple[State | None, str]:
     from ual.client import Uav
 
-    with Uav(daemon.ns, address=daemon.address) as uav:
+    with Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca) as uav:
         try:
             telemetry = uav.telemetry()
         except UalError as error:

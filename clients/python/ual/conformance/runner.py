@@ -68,7 +68,7 @@ def run(
             outcome, why = Outcome.SKIPPED, str(error)
         except CheckFailedError as error:
             outcome, why = Outcome.FAILED, str(error)
-            over = why if isinstance(error, RunEndedError) else ""
+            over = f"nothing is flown after {check.name}" if isinstance(error, RunEndedError) else ""
         except UalError as error:
             outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
         yield Result(check, outcome, why, time.monotonic() - started_s)
