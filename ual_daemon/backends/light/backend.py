@@ -123,11 +123,17 @@ class LightBackend(Backend):
     # --- The safety pilot's commands, and ours ------------------------------------------------------------------------
 
     def pilot(self, action: Callable[[Fleet], str | None]) -> None:
-        """Something the safety pilot does, by his own radio: neither a lost link nor its faults concern him."""
-        with self.world.lock:
-            refusal = action(self.world.fleet)
+        """Something the safety pilot does, by his own radio: neither a lost link nor its faults concern him.
+
+        It shows in the data once this returns.
+        """
+        with self.world.standing():
+            with self.world.lock:
+                refusal = action(self.world.fleet)
+            if refusal is not None:
+                self._status_text = refusal
+            self._snapshot = self._look()
         if refusal is not None:
-            self._status_text = refusal
             raise RejectedByAutopilotError(f"the autopilot refused the safety pilot: {refusal}")
 
     def pilot_arm(self) -> None:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -336,6 +337,12 @@ class World:
             )
         for _ in range(max(1, round(duration_s / STEP_S))):
             self._step_once()
+
+    @contextmanager
+    def standing(self) -> Iterator[None]:
+        """No step is made while the block runs."""
+        with self._stepping:
+            yield
 
     def _step_once(self) -> None:
         with self._stepping:

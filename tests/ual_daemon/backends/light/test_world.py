@@ -101,6 +101,16 @@ def test_the_speed_can_be_changed_while_it_runs() -> None:
     world.unlisten(-1)
 
 
+@pytest.mark.parametrize("factor", [1.0, 100.0, math.inf])
+def test_what_the_pilot_did_shows_once_his_call_returns(factor: float) -> None:
+    with running(World(factor), 1) as [backend]:
+        for is_armed, act in 20 * ((True, backend.pilot_arm), (False, backend.pilot_disarm)):
+            act()
+            armed = backend.snapshot().armed
+            assert armed is not None
+            assert armed.value is is_armed
+
+
 # --- Threads ----------------------------------------------------------------------------------------------------------
 
 
