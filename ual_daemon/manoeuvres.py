@@ -16,7 +16,7 @@ from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.estimator import Estimate
-from ual_daemon.references import Follow, Hold, Reference, brake, measured_motion
+from ual_daemon.references import LONGEST_STOP_S, Follow, Hold, Reference, brake, measured_motion
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.trajectory import Line, Trajectory
@@ -205,10 +205,12 @@ class FollowTrajectory(Manoeuvre):
         self._task = task
         end = trajectory.end()
         self._trajectory = trajectory
+        self._tolerance = tolerance
         self._follow: Follow | None = None
         self._then = Hold(end.position, end.yaw_rad)
         self._arrival = _Arrival(end.position, end.yaw_rad, tolerance)
-        self._longest_s = trajectory.duration_s * _TIMEOUT_FACTOR + _TIMEOUT_MARGIN_S
+        stops_s = len(trajectory.stops_s) * LONGEST_STOP_S
+        self._longest_s = (trajectory.duration_s + stops_s) * _TIMEOUT_FACTOR + _TIMEOUT_MARGIN_S
         self._started_s: float | None = None
 
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -216,7 +218,8 @@ class FollowTrajectory(Manoeuvre):
         if lost is not None:
             return _failed(lost)
         if self._follow is None or self._started_s is None:
-            self._follow, self._started_s = Follow(self._trajectory, snapshot.time_s), snapshot.time_s
+            self._follow = Follow(self._trajectory, snapshot.time_s, self._tolerance)
+            self._started_s = snapshot.time_s
         follow = self._follow
         setpoint = follow.setpoint(snapshot)
         self._report(snapshot, follow)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import replace
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.settings import ToleranceSettings
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
 VELOCITY_TIMEOUT_S = 0.5
@@ -17,6 +19,8 @@ _FREE_LAG_M = 0.5
 _FREE_LAG_S = 0.4
 _LONGEST_LAG_M = 1.5
 _LONGEST_STEP_S = 0.2
+LONGEST_STOP_S = 3.0
+"""How long the reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
 
 
 class Reference(ABC):
@@ -71,10 +75,17 @@ class Velocity(Reference):
 
 
 class Follow(Reference):
-    """Follows a trajectory in time. Where the UAV lags behind (wind, weak motors), the reference waits for it."""
+    """Follows a trajectory in time.
 
-    def __init__(self, trajectory: Trajectory, now_s: float) -> None:
+    Where the UAV lags behind (wind, weak motors), the reference waits for it; where the trajectory stands still at a
+    waypoint, until it is there and slow, too (within `tolerance`), so that it really stops.
+    """
+
+    def __init__(self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings | None = None) -> None:
         self.trajectory = trajectory
+        self._tolerance = tolerance or ToleranceSettings()
+        self._stops_s = [*trajectory.stops_s, math.inf]
+        self._stopped_since_s: float | None = None
         self.time_s = 0.0
         self._updated_s = now_s
         self._motion = trajectory.at(0.0)
@@ -88,7 +99,7 @@ class Follow(Reference):
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
         self._updated_s = snapshot.time_s
         pace = self._pace(snapshot)
-        self.time_s = min(self.time_s + passed_s * pace, self.trajectory.duration_s)
+        self._go_on(passed_s * pace, snapshot)
         motion = self.trajectory.at(self.time_s)
         self._motion = replace(
             motion,
@@ -102,6 +113,24 @@ class Follow(Reference):
             self._motion.velocity,
             self._motion.acceleration,
             self._motion.yaw_rate_rad_s,
+        )
+
+    def _go_on(self, passed_s: float, snapshot: Snapshot) -> None:
+        """The trajectory's time passes, but not beyond a stop before the UAV has made it."""
+        if self._stopped_since_s is not None:
+            if not (self._has_stopped(snapshot) or snapshot.time_s - self._stopped_since_s > LONGEST_STOP_S):
+                return
+            self._stopped_since_s = None
+            self._stops_s.pop(0)
+        self.time_s = min(self.time_s + passed_s, self.trajectory.duration_s, self._stops_s[0])
+        if self.time_s == self._stops_s[0]:
+            self._stopped_since_s = snapshot.time_s
+
+    def _has_stopped(self, snapshot: Snapshot) -> bool:
+        measured = measured_motion(snapshot)
+        return (
+            measured.velocity.norm() <= self._tolerance.speed_m_s
+            and (measured.position - self._motion.position).norm() <= self._tolerance.position_m
         )
 
     def _pace(self, snapshot: Snapshot) -> float:

@@ -46,6 +46,8 @@ class Trajectory(ABC):
 
     duration_s: float
     length_m: float
+    stops_s: Sequence[float] = ()
+    """When it stands still at a waypoint on the way."""
 
     @abstractmethod
     def at(self, time_s: float) -> Motion:
@@ -173,6 +175,7 @@ class Chain(Trajectory):
         self._starts = [0.0]
         for part, _ in parts[:-1]:
             self._starts.append(self._starts[-1] + part.duration_s)
+        self.stops_s = self._starts[1:]
         self.duration_s = self._starts[-1] + parts[-1][0].duration_s
         self.length_m = math.fsum(part.length_m for part, _ in parts)
         self._length_after = [0.0]

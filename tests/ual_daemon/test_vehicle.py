@@ -228,6 +228,16 @@ def test_a_path_stops_at_each_waypoint_or_rounds_corners(flying: Stepped) -> Non
     assert tuple(flying.pose.position) == pytest.approx((0, 3, 3), abs=0.03)
 
 
+def test_at_a_stop_the_reference_waits_until_the_uav_has_stopped() -> None:
+    sluggish = {"response_s": 1.5}
+    with stepped(light=sluggish) as uav:
+        uav.fly()
+        corner = Vector3(3, 0, 3)
+        uav.end(uav.vehicle.follow_path([at(3, 0, 3), at(3, 3, 3)]).future)
+        near = [s for s in uav.samples if s.pose and (s.pose.position - corner).norm() < 0.5]
+        assert min(s.velocity.linear.norm() for s in near if s.velocity) <= 0.5
+
+
 def test_an_empty_path_is_refused(flying: Stepped) -> None:
     with pytest.raises(InvalidArgumentError, match="waypoints"):
         flying.vehicle.follow_path([])

@@ -47,14 +47,15 @@ def require(condition: bool, otherwise: str) -> None:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How exact a UAV must be. The defaults suit a real one outside; `of_simulation` is for the light one.
+    """How exact a UAV must be. The defaults suit a real one outside, whose estimate wanders by half a metre and half a
+    metre a second as it hovers; `of_simulation` is for the light one.
 
     Ratios are of the length of a leg. `patience` is how many times longer than expected something may take.
     """
 
-    position_m: float = 0.6
+    position_m: float = 0.8
     heading_rad: float = 0.2
-    speed_m_s: float = 0.4
+    speed_m_s: float = 0.6
     line_ratio: float = 0.15
     overshoot_ratio: float = 0.1
     patience: float = 3.0
