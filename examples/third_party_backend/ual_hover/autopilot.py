@@ -84,11 +84,11 @@ class Autopilot:
                 if self._landed_s == 0.0:
                     return "not on the ground"
                 self._is_armed = name == "arm"
+                self._switch("hold")
             elif not self._is_armed:
                 return "not armed"
             else:
-                self._mode, self._told_s = name, self._time_s
-                self._target = Target((0.0, 0.0, 0.0), 0.0, self._place, self._heading_deg)
+                self._switch(name)
         return "ok"
 
     def follow(self, target: Target) -> None:
@@ -97,10 +97,15 @@ class Autopilot:
             if self._mode == "follow":
                 self._target, self._told_s = target, self._time_s
 
+    def _switch(self, mode: str) -> None:
+        """Changes the mode; it stays where it is until it is told otherwise."""
+        self._mode, self._told_s = mode, self._time_s
+        self._target = Target((0.0, 0.0, 0.0), 0.0, self._place, self._heading_deg)
+
     def _step(self, dt: float) -> None:
         self._time_s += dt
         if self._mode == "follow" and self._landed_s == 0.0 and self._time_s - self._told_s > _GIVES_UP_S:
-            self._mode, self._target = "hold", Target((0.0, 0.0, 0.0), 0.0, self._place, self._heading_deg)
+            self._switch("hold")
         north, east, down = self._wanted()
         slower = max(1.0, math.hypot(north, east) / HORIZONTAL_M_S, abs(down) / VERTICAL_M_S)
         wanted = (north / slower, east / slower, down / slower)
@@ -113,7 +118,8 @@ class Autopilot:
         self._heading_deg = (self._heading_deg + self._turn_deg_s * dt) % 360.0
         self._landed_s = self._landed_s + dt if rests else 0.0
         if self._mode == "land" and self._landed_s > _DISARMS_S:
-            self._is_armed, self._mode = False, "hold"
+            self._is_armed = False
+            self._switch("hold")
 
     def _wanted(self) -> Triple:
         """The velocity to have; sets the turn, too."""

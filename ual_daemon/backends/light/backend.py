@@ -184,6 +184,7 @@ class LightBackend(Backend):
             return "Arm: not landed"
         fleet.is_armed[i] = True
         fleet.has_flown[i] = False
+        fleet.set_mode(i, FlightMode(int(fleet.mode[i])))  # what it was told before it stood disarmed is over
         return None
 
     def _disarm(self, fleet: Fleet) -> str | None:

@@ -110,6 +110,7 @@ class Fleet:
             "is_landed": True,
             "battery_percent": settings.battery_percent,
             "setpoint_s": -math.inf,
+            "hold": settings.start,
             "ground": settings.start[2],
             "wind": settings.wind_m_s,
             "power": 1.0,

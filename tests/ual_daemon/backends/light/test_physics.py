@@ -172,6 +172,21 @@ def test_armed_but_never_flown_it_stays_armed() -> None:
     assert drone.armed
 
 
+@pytest.mark.parametrize("start_z", [0.0, 5.0, -3.0])
+def test_arming_alone_moves_nothing(start_z: float) -> None:
+    drone = Drone(start=[1.0, 2.0, start_z])
+    drone.sim.pilot_arm()
+    drone.run(5.0)
+    assert drone.pose.position == Vector3(1.0, 2.0, start_z)
+    drone.backend.take_off(3.0)
+    drone.backend.send(hold(1.0, 2.0, start_z + 3.0))
+    drone.sim.pilot_disarm()
+    drone.run(5.0)
+    drone.sim.pilot_arm()  # what it was told before is over
+    drone.run(5.0)
+    assert drone.pose.position == Vector3(1.0, 2.0, start_z)
+
+
 def test_setpoints_lift_it_off_only_when_they_are_followed() -> None:
     drone = Drone()
     drone.run(2.0, hold(0.0, 0.0, 3.0))
