@@ -88,3 +88,31 @@ class SphereProjection(Projection):
         lat = math.asin(math.cos(c) * math.sin(lat0) + x * math.sin(c) * math.cos(lat0) / c)
         lon = math.atan2(y * math.sin(c), c * math.cos(lat0) * math.cos(c) - x * math.sin(lat0) * math.sin(c))
         return GeoPoint(math.degrees(lat), math.remainder(self.longitude_deg + math.degrees(lon), 360.0), altitude)
+
+
+class FlatProjection(Projection):
+    """A flat Earth whose meridians are as close as half way to the origin, as ArduPilot's ``Location::offset`` and
+    ``get_vector_xy_from_origin_NE`` (AP_Common/Location.cpp) compute.
+    """
+
+    __slots__ = ()
+
+    METRES_PER_DEGREE = 111_318.84502145034
+    _LEAST_SCALE = 0.01
+
+    def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
+        d_lon = math.remainder(longitude_deg - self.longitude_deg, 360.0)
+        return Vector3(
+            d_lon * self.METRES_PER_DEGREE * self._scale(latitude_deg),
+            (latitude_deg - self.latitude_deg) * self.METRES_PER_DEGREE,
+            altitude_amsl_m - self.altitude_amsl_m,
+        )
+
+    def to_geo(self, position: Vector3) -> GeoPoint:
+        latitude_deg = self.latitude_deg + position.y / self.METRES_PER_DEGREE
+        d_lon = position.x / (self.METRES_PER_DEGREE * self._scale(latitude_deg))
+        longitude_deg = math.remainder(self.longitude_deg + d_lon, 360.0)
+        return GeoPoint(latitude_deg, longitude_deg, self.altitude_amsl_m + position.z)
+
+    def _scale(self, latitude_deg: float) -> float:
+        return max(math.cos(math.radians((latitude_deg + self.latitude_deg) / 2.0)), self._LEAST_SCALE)

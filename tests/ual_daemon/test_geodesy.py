@@ -9,7 +9,7 @@ from pyproj import Transformer
 
 from tests.strategies import numbers
 from ual.geometry import Vector3
-from ual_daemon.geodesy import EllipsoidProjection, Projection, SphereProjection
+from ual_daemon.geodesy import EllipsoidProjection, FlatProjection, Projection, SphereProjection
 
 SEVILLE = (37.4117, -6.0013, 10.0)
 
@@ -111,3 +111,20 @@ def test_sphere_and_ellipsoid_differ_by_less_than_one_percent(
     point = EllipsoidProjection(latitude, longitude, 0.0).to_geo(offset)
     on_sphere = SphereProjection(latitude, longitude, 0.0).to_local(point.latitude_deg, point.longitude_deg, 0.0)
     assert (on_sphere - offset).norm() <= 0.01 * offset.norm() + 1e-6
+
+
+@given(st.tuples(st.floats(-80.0, 80.0), st.floats(-180.0, 180.0), st.floats(-100.0, 5000.0)), OFFSETS)
+def test_a_flat_earth_becomes_degrees_and_metres_again(origin: tuple[float, float, float], offset: Vector3) -> None:
+    projection = FlatProjection(*origin)
+    point = projection.to_geo(offset)
+    assert -180.0 <= point.longitude_deg <= 180.0
+    assert point.altitude_amsl_m is not None
+    assert (projection.to_local(point.latitude_deg, point.longitude_deg, point.altitude_amsl_m) - offset).norm() <= 1e-6
+
+
+def test_a_flat_earth_is_near_the_true_one_and_as_wrong_as_ardupilots() -> None:
+    flat, true = FlatProjection(*SEVILLE), EllipsoidProjection(*SEVILLE)
+    there = flat.to_local(SEVILLE[0] + 0.01, SEVILLE[1] + 0.01, SEVILLE[2])
+    # by hand: 0.01 degrees of 111.3188 km each, the longitude's by the cosine of the latitude half way
+    assert (there.x, there.y) == pytest.approx((1113.188 * math.cos(math.radians(37.4167)), 1113.188), abs=0.01)
+    assert 1.0 < (there - true.to_local(SEVILLE[0] + 0.01, SEVILLE[1] + 0.01, SEVILLE[2])).norm() < 5.0

@@ -19,7 +19,7 @@ from ual_daemon.backends.mavlink.link import UdpLink
 from ual_daemon.backends.mavlink.setpoints import SetpointStream
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url, parse_url
 from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
-from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 _log = logging.getLogger(__name__)
@@ -41,12 +41,10 @@ class MonotonicClock:
 
 
 class MavlinkBackend(Backend):
-    """Flies a PX4 over MAVLink; only watches another autopilot. See ``docs/backends/mavlink.md``."""
+    """Flies a PX4 or an ArduCopter over MAVLink; only watches another autopilot. See ``docs/backends/mavlink.md``."""
 
     name = SECTION
-    # By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz. The link's
-    # is the shortest: when nothing comes at all, that is what is to be said.
-    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=3.0, landed_s=1.5, estimator_s=3.0)
+    freshness = Dialect.freshness
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
@@ -99,7 +97,7 @@ class MavlinkBackend(Backend):
         return self._command("disarm", lambda dialect: dialect.arm(is_arming=False))
 
     def take_off(self, height_m: float) -> Future[None]:
-        return self._command("take off", lambda dialect: dialect.take_off(height_m))
+        return self._command("take off", lambda dialect: dialect.take_off(height_m, self.snapshot()))
 
     def land(self) -> Future[None]:
         return self._command("land", lambda dialect: dialect.land())
@@ -166,6 +164,8 @@ class MavlinkBackend(Backend):
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
             vehicle = conversation.vehicle
+            if vehicle is not None and not self._info.autopilot:
+                self.freshness = vehicle.dialect.freshness
             if vehicle is not None and (now_s >= next_tick_s or not self._info.autopilot):
                 self._info = vehicle.info()
             if now_s >= next_tick_s:

@@ -31,7 +31,7 @@ class Command:
     """A COMMAND_LONG: `params` from the first, zeros follow.
 
     `what` is for people ("arm"). Of one `group` only the newest is kept. `acks_count` is how often it is acknowledged.
-    `needs_setpoints_s` is for how long setpoints must have been sent before it.
+    `needs_setpoints_s` is for how long setpoints must have been sent before it. `then` follows once it is accepted.
     """
 
     id: int
@@ -40,6 +40,13 @@ class Command:
     group: str = ""
     acks_count: int = 1
     needs_setpoints_s: float = 0.0
+    then: Command | None = None
+
+
+def arm_or_disarm(*, is_arming: bool) -> Command:
+    """Arms or disarms, never by force."""
+    what = "arm" if is_arming else "disarm"
+    return Command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(is_arming),), what, group="arm")
 
 
 def set_interval(message_id: int, rate_hz: float) -> Command:
@@ -84,7 +91,8 @@ class Commands:
     def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
         """Sends a command when its turn comes; the future ends with its acknowledgement, or stays open without one.
 
-        Once `is_withdrawn` it is not sent (again): nobody wants its effect any more.
+        Where another command follows it, that is the last one's. Once `is_withdrawn` it is not sent (again), and none
+        follows: nobody wants its effect any more.
         """
         if command.group:
             # What the vehicle does is judged by its state, not by the end of the command that a newer one replaces.
@@ -158,7 +166,10 @@ class Commands:
 
     def _finish(self, pending: _Pending, now_s: float) -> None:
         del self._in_flight[pending.command.id]
-        if not pending.refusal:
+        following = pending.command.then
+        if not pending.refusal and following is not None:
+            self._waiting.append(_Pending(following, now_s, pending.is_withdrawn, pending.future, texts=pending.texts))
+        elif not pending.refusal:
             pending.future.set_result(None)
         else:
             words = "".join(f"; it said: {text}" for text in pending.texts)

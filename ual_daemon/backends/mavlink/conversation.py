@@ -6,11 +6,10 @@ import logging
 from collections.abc import Callable
 from typing import Protocol
 
-from ual_daemon.backends.mavlink.dialect import Dialect, Unknown
+from ual_daemon.backends.mavlink.autopilots import dialect_of
 from ual_daemon.backends.mavlink.frames import Frame, split
 from ual_daemon.backends.mavlink.link import Address
 from ual_daemon.backends.mavlink.messages import Codec, CorruptFrameError, Message, mavlink
-from ual_daemon.backends.mavlink.px4 import Px4
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.vehicle import HEARTBEAT_S, MavlinkVehicle, heartbeat
 
@@ -98,10 +97,10 @@ class Conversation:
         is_wanted = self._settings.system_id in (None, frame.system_id)
         if not is_wanted or frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             return None
-        autopilot = self._codec.decode(frame).autopilot
-        if autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+        heard = self._codec.decode(frame)
+        if heard.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return None
-        dialect: Dialect = Px4() if autopilot == mavlink.MAV_AUTOPILOT_PX4 else Unknown(autopilot)
+        dialect = dialect_of(heard)
         self._codec.join(frame.system_id)
         own_ids = (frame.system_id, self._codec.component_id)
         self.vehicle = MavlinkVehicle(

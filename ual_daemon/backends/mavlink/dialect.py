@@ -9,8 +9,16 @@ from ual.errors import NotSupportedError
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.commands import Command, set_interval
 from ual_daemon.backends.mavlink.messages import Message, mavlink
-from ual_daemon.backends.values import Control, Mode, Setpoint
+from ual_daemon.backends.values import Control, Estimator, Freshness, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
+
+_ESTIMATOR_NEEDS = {
+    mavlink.ESTIMATOR_ATTITUDE: "attitude",
+    mavlink.ESTIMATOR_VELOCITY_HORIZ: "horizontal velocity",
+    mavlink.ESTIMATOR_VELOCITY_VERT: "vertical velocity",
+    mavlink.ESTIMATOR_POS_HORIZ_REL: "horizontal position",
+    mavlink.ESTIMATOR_POS_VERT_ABS: "height",
+}
 
 
 class Dialect(ABC):
@@ -20,6 +28,13 @@ class Dialect(ABC):
     capabilities: frozenset[Capability] = frozenset()
     tells_landed_state = False
     """Whether EXTENDED_SYS_STATE is sure to come."""
+    flies_takeoff_on_setpoints = True
+    """See `ual_daemon.backends.values.VehicleInfo`."""
+    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=3.0, landed_s=1.5, estimator_s=3.0)
+    """By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz. The
+    link's is the shortest: when nothing comes at all, that is what is to be said."""
+    estimator_message: int = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
+    """The message whose `flags` tell of the estimator."""
     wanted_messages: tuple[int, ...] = ()
     """Messages that are sent only when asked for, needed once."""
     parameters: tuple[str, ...] = ()
@@ -28,6 +43,11 @@ class Dialect(ABC):
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:
         """The mode that a heartbeat names by number."""
+
+    def estimator(self, flags: int) -> Estimator:
+        """What the flags of `estimator_message` say."""
+        missing = [name for flag, name in _ESTIMATOR_NEEDS.items() if not flags & flag]
+        return Estimator(not missing, f"no {', '.join(missing)}" if missing else "")
 
     @abstractmethod
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
@@ -42,8 +62,8 @@ class Dialect(ABC):
         """Its version, from AUTOPILOT_VERSION."""
 
     @abstractmethod
-    def is_simulation(self, version: Message, system_id: int) -> bool:
-        """Whether AUTOPILOT_VERSION says that it is simulated."""
+    def is_simulation(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> bool:
+        """Whether its AUTOPILOT_VERSION, or the parameters read so far, say that it is simulated."""
 
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
@@ -58,7 +78,8 @@ class Dialect(ABC):
         """Arms or disarms, never by force. Raises `NotSupportedError`, as do the following."""
 
     @abstractmethod
-    def take_off(self, height_m: float) -> Command: ...
+    def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
+        """To a height above where it stands by this snapshot."""
 
     @abstractmethod
     def land(self) -> Command: ...
@@ -69,8 +90,8 @@ class Dialect(ABC):
     @abstractmethod
     def hold(self) -> Command: ...
 
-    def after_flight(self) -> Command | None:
-        """What to send when it was disarmed after we flew it, still in the mode in which it takes our references."""
+    def after_flight(self, control: Control) -> Command | None:
+        """What to send when it was disarmed after we flew it, and is in a mode of this kind; None for nothing."""
         return None
 
 
@@ -79,10 +100,12 @@ class Unknown(Dialect):
 
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
 
-    def __init__(self, autopilot: int) -> None:
+    def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
         entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
         name = f"autopilot {autopilot}" if entry is None else entry.name.removeprefix("MAV_AUTOPILOT_").lower()
-        self.name = f"unknown ({name})"
+        vehicle = mavlink.enums["MAV_TYPE"].get(kind)
+        of = "" if vehicle is None or kind == mavlink.MAV_TYPE_GENERIC else f", {_plain(vehicle.name)}"
+        self.name = f"unknown ({name}{of})"
 
     def mode(self, custom_mode: int) -> Mode:
         return Mode(f"mode {custom_mode}", Control.OTHER)
@@ -104,7 +127,7 @@ class Unknown(Dialect):
     def version(self, message: Message) -> str:
         return version_text(message.flight_sw_version)
 
-    def is_simulation(self, version: Message, system_id: int) -> bool:
+    def is_simulation(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> bool:
         return False
 
     def limits(self, parameters: Mapping[str, float]) -> Limits:
@@ -116,7 +139,7 @@ class Unknown(Dialect):
     def arm(self, *, is_arming: bool) -> Command:
         raise self._refusal()
 
-    def take_off(self, height_m: float) -> Command:
+    def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
         raise self._refusal()
 
     def land(self) -> Command:
@@ -130,8 +153,13 @@ class Unknown(Dialect):
 
     def _refusal(self) -> NotSupportedError:
         return NotSupportedError(
-            f"this version of UAL only watches an autopilot that is {self.name}; it flies PX4", {"autopilot": self.name}
+            f"UAL only watches an autopilot that is {self.name}; it flies PX4 and ArduPilot multirotors",
+            {"autopilot": self.name},
         )
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower()
 
 
 _RELEASE = ("dev", "alpha", "beta", "rc", "")

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.axes import swap_local, swap_yaw
-from ual_daemon.backends.mavlink.commands import Command, set_interval
+from ual_daemon.backends.mavlink.commands import Command, arm_or_disarm, set_interval
 from ual_daemon.backends.mavlink.dialect import Dialect, version_text
 from ual_daemon.backends.mavlink.messages import Message, mavlink
-from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
+from ual_daemon.backends.mavlink.targets import local_target
+from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -45,13 +45,6 @@ _CONTROL = {
     "AUTO.PRECLAND": Control.LAND,
 }
 _AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
-
-_IGNORE_POSITION = 0b111
-_IGNORE_ACCELERATION = 0b111 << 6
-_IGNORE_YAW = 1 << 10
-_IGNORE_YAW_RATE = 1 << 11
-POSITION_MASK = 0
-VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
 """How long setpoints must have come before PX4 takes OFFBOARD: without a stream it refuses the mode, or the arming."""
@@ -104,8 +97,8 @@ class Px4(Dialect):
     def version(self, message: Message) -> str:
         return version_text(message.flight_sw_version)
 
-    def is_simulation(self, version: Message, system_id: int) -> bool:
-        return bool(version.uid == _SIMULATION_UID + system_id - 1)
+    def is_simulation(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> bool:
+        return version is not None and bool(version.uid == _SIMULATION_UID + system_id - 1)
 
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         default = Limits()
@@ -127,33 +120,12 @@ class Px4(Dialect):
         )
 
     def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
-        velocity = swap_local(*setpoint.velocity)
-        if isinstance(setpoint, PositionSetpoint):
-            mask = POSITION_MASK
-            position, acceleration = swap_local(*setpoint.position), swap_local(*setpoint.acceleration)
-            yaw_rad, yaw_rate_rad_s = swap_yaw(setpoint.yaw_rad), -setpoint.yaw_rate_rad_s
-        else:
-            mask = VELOCITY_MASK
-            position = acceleration = swap_local(0.0, 0.0, 0.0)
-            yaw_rad, yaw_rate_rad_s = 0.0, -setpoint.yaw_rate_rad_s
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            time_ms,
-            system_id,
-            mavlink.MAV_COMP_ID_AUTOPILOT1,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            mask,
-            *position,
-            *velocity,
-            *acceleration,
-            yaw_rad,
-            yaw_rate_rad_s,
-        )
+        return local_target(setpoint, system_id, time_ms)
 
     def arm(self, *, is_arming: bool) -> Command:
-        what = "arm" if is_arming else "disarm"
-        return Command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(is_arming),), what, group="arm")
+        return arm_or_disarm(is_arming=is_arming)
 
-    def take_off(self, height_m: float) -> Command:
+    def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
         return self._set_mode(_OFFBOARD, 0, "take off", needs_setpoints_s=OFFBOARD_NEEDS_SETPOINTS_S)
 
     def land(self) -> Command:
@@ -168,10 +140,10 @@ class Px4(Dialect):
     def hold(self) -> Command:
         return self._set_mode(_AUTO, _SUB_LOITER, "hold")
 
-    def after_flight(self) -> Command:
+    def after_flight(self, control: Control) -> Command | None:
         # Disarmed after our landing, PX4 goes back to the mode before it: OFFBOARD, in which nobody can arm it without
         # a stream of setpoints.
-        return self.hold()
+        return self.hold() if control is Control.REFERENCES else None
 
     @staticmethod
     def _set_mode(main: int, sub: int, what: str, *, needs_setpoints_s: float = 0.0) -> Command:

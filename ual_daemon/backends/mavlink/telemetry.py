@@ -32,13 +32,6 @@ _FIX = {
     mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
     mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
 }
-_ESTIMATOR_NEEDS = {
-    mavlink.ESTIMATOR_ATTITUDE: "attitude",
-    mavlink.ESTIMATOR_VELOCITY_HORIZ: "horizontal velocity",
-    mavlink.ESTIMATOR_VELOCITY_VERT: "vertical velocity",
-    mavlink.ESTIMATOR_POS_HORIZ_REL: "horizontal position",
-    mavlink.ESTIMATOR_POS_VERT_ABS: "height",
-}
 _UNKNOWN_U16 = 0xFFFF
 _TEXT_LENGTH = 50
 
@@ -91,7 +84,7 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_mode,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_sys_state,
-            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
+            dialect.estimator_message: self._on_estimator,
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._on_attitude_quaternion,
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_local_position_ned,
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_global_position_int,
@@ -142,9 +135,14 @@ class Telemetry:
         return self._armed is not None and self._armed.value
 
     @property
-    def takes_references(self) -> bool:
-        """Whether its mode follows ours."""
-        return self._mode is not None and self._mode.value.control is Control.REFERENCES
+    def attitude_time_s(self) -> float | None:
+        """When the newest attitude came."""
+        return None if self._attitude is None else self._attitude.time_s
+
+    @property
+    def control(self) -> Control:
+        """Whose references its mode follows; nobody's, as far as is known, before it has said its mode."""
+        return Control.OTHER if self._mode is None else self._mode.value.control
 
     @property
     def status_text(self) -> str:
@@ -182,9 +180,8 @@ class Telemetry:
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         self._landed = Sample(_LANDED.get(message.landed_state, LandedState.UNKNOWN), now_s)
 
-    def _on_estimator_status(self, message: Message, now_s: float, _: float) -> None:
-        missing = [name for flag, name in _ESTIMATOR_NEEDS.items() if not message.flags & flag]
-        self._estimator = Sample(Estimator(not missing, f"no {', '.join(missing)}" if missing else ""), now_s)
+    def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
+        self._estimator = Sample(self._dialect.estimator(message.flags), now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
         w, x, y, z = message.q1, message.q2, message.q3, message.q4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 
@@ -11,7 +12,7 @@ from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.interview import Interview
 from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.telemetry import Telemetry
-from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Control, Setpoint, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -20,6 +21,9 @@ ASK_HEARTBEAT_S = 0.1
 """At most this often the autopilot is asked for a heartbeat out of turn."""
 SILENCE_S = 3.0
 """After a silence as long as this it is asked everything anew: it may have booted, or the link been another's."""
+
+STREAMLESS_S = 10.0
+"""How often one that does not stream any more is asked everything anew."""
 
 
 class MavlinkVehicle:
@@ -43,6 +47,7 @@ class MavlinkVehicle:
         self._setpoints_s = setpoints_s
         self._commands = Commands(dialect.name, self._send_command, setpoints_s)
         self._interview = self._new_interview()
+        self._next_interview_s = -math.inf
         self._boots_count = 0
         self._next_heartbeat_s: float | None = None
         self._next_ask_s: float | None = None
@@ -97,6 +102,10 @@ class MavlinkVehicle:
         if self._next_heartbeat_s is None or now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + HEARTBEAT_S
             self._transmit(heartbeat())
+        if self._has_stopped_streaming(now_s):
+            _log.info("%s is heard, but sends no attitude any more: asking it everything anew", self.dialect.name)
+            self._next_interview_s = now_s + STREAMLESS_S
+            self._interview = self._new_interview()
         self._interview.tick(now_s)
         self._commands.tick(now_s)
         self._end_flight(now_s)
@@ -116,21 +125,29 @@ class MavlinkVehicle:
             autopilot=dialect.name,
             autopilot_version="" if version is None else dialect.version(version),
             is_simulation=telemetry.is_hardware_in_the_loop
-            or (version is not None and dialect.is_simulation(version, self.system_id)),
+            or dialect.is_simulation(version, telemetry.parameters, self.system_id),
             capabilities=dialect.capabilities,
             limits=dialect.limits(telemetry.parameters),
+            flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
         )
+
+    def _has_stopped_streaming(self, now_s: float) -> bool:
+        """Whether it sends something, but what it was asked for no more, as after a boot that was short."""
+        heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
+        if heard_s is None or attitude_s is None or now_s < self._next_interview_s:
+            return False
+        return now_s - heard_s < SILENCE_S < now_s - attitude_s
 
     def _end_flight(self, now_s: float) -> None:
         """Leaves the autopilot as we found it, ready to be armed, once it is disarmed after a flight of ours."""
         telemetry = self.telemetry
         if telemetry.is_armed:
-            is_ours = telemetry.takes_references and self._setpoints_s(now_s) > 0.0
+            is_ours = telemetry.control is Control.REFERENCES and self._setpoints_s(now_s) > 0.0
             self._has_flown = is_ours or (self._has_flown and self._was_armed)
-        elif self._has_flown and telemetry.takes_references:
-            self._has_flown = False
-            command = self.dialect.after_flight()
+        elif self._has_flown:
+            command = self.dialect.after_flight(telemetry.control)
             if command is not None:
+                self._has_flown = False
                 self.submit(command, now_s)
         self._was_armed = telemetry.is_armed
 

@@ -8,6 +8,7 @@ from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.mavlink.commands import Command, request_message
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
+from ual_daemon.backends.values import Snapshot
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -134,7 +135,7 @@ def test_control_is_taken_only_once_setpoints_have_flowed() -> None:
 
 def test_without_setpoints_control_is_asked_for_in_the_end_and_the_autopilot_says_what_is_wrong() -> None:
     talk = Talk()
-    talk.submit(PX4.take_off(3.0))
+    talk.submit(PX4.take_off(3.0, Snapshot(0.0)))
     talk.run(3.1)
     assert len(talk.commands(SET_MODE)) == 1
 

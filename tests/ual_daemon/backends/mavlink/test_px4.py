@@ -10,7 +10,7 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.dialect import Dialect, Unknown, version_text
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
-from ual_daemon.backends.values import Control, PositionSetpoint, VelocitySetpoint
+from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint
 
 PX4 = Px4()
 
@@ -116,11 +116,11 @@ def test_versions_are_told_for_people(number: int, text: str) -> None:
 
 def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     talk = Talk()
-    talk.hear(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA))
+    talk.hear(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
     snapshot, info = talk.snapshot(), talk.vehicle.info()
     assert snapshot.armed.value is True
     assert (snapshot.mode.value.name, snapshot.mode.value.control) == ("mode 5", Control.OTHER)
-    assert info.autopilot == "unknown (ardupilotmega)"
+    assert info.autopilot == "unknown (generic, quadrotor)"
     assert info.capabilities == frozenset()
     assert info.capabilities < PX4.capabilities == frozenset(Capability)
 
@@ -129,7 +129,7 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     "fly",
     [
         lambda dialect: dialect.arm(is_arming=True),
-        lambda dialect: dialect.take_off(3.0),
+        lambda dialect: dialect.take_off(3.0, Snapshot(0.0)),
         lambda dialect: dialect.land(),
         lambda dialect: dialect.take_control(),
         lambda dialect: dialect.hold(),
@@ -137,5 +137,5 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     ],
 )
 def test_flying_an_unknown_autopilot_is_not_supported(fly: Callable[[Dialect], object]) -> None:
-    with pytest.raises(NotSupportedError, match="only watches an autopilot that is unknown \\(autopilot 99\\)"):
+    with pytest.raises(NotSupportedError, match=r"only watches an autopilot that is unknown \(autopilot 99\)"):
         fly(Unknown(99))

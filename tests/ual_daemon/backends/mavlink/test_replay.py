@@ -8,9 +8,8 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Talk
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import Limits, State
-from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.estimator import estimate
-from ual_daemon.geodesy import SphereProjection
+from ual_daemon.geodesy import FlatProjection, SphereProjection
 
 TICK_S = 0.02
 HEARTBEAT_S = 1.1
@@ -38,7 +37,7 @@ def fly(trace: Trace) -> tuple[list[Change], Talk]:
         talk.conversation.tick(talk.now_s)
         if talk.conversation.vehicle is None:
             continue
-        found = estimate(talk.snapshot(), MavlinkBackend.freshness)
+        found = estimate(talk.snapshot(), talk.vehicle.dialect.freshness)
         if found.state is not changes[-1].state:
             changes.append(Change(talk.now_s, found.state, found.why))
     assert talk.conversation.corrupt_count == 0
@@ -130,7 +129,49 @@ def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
     assert snapshot.armed.value is False
 
 
-@pytest.mark.parametrize("name", ["px4_auto_takeoff_loiter_rtl", "px4_offboard_manual_recover"])
+def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
+    trace = load("ardupilot_guided_manual_recover")
+    changes, talk = fly(trace)
+    at = trace.time_s
+    armed_s, landed_s, disarmed_s = at("pilot_arms"), at("autopilot_reports_on_ground"), at("autopilot_disarmed")
+    soon_s = 0.3
+    assert_changes(
+        changes,
+        [
+            (State.UNINITIALIZED, 0.0, 0.0),
+            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + soon_s),
+            # arming pushes no heartbeat, and the recorded one was at 1 Hz
+            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.TAKING_OFF, at("companion_begins_takeoff"), at("lift_off") + soon_s),
+            (State.FLYING_AUTO, at("companion_ends_takeoff") - soon_s, at("companion_ends_takeoff") + soon_s),
+            # the recorder noted the switch; the autopilot took it 0.2 s later
+            (State.FLYING_MANUAL, at("pilot_switches_to_loiter"), at("pilot_switches_to_loiter") + soon_s),
+            (State.FLYING_AUTO, at("companion_recovers_from_manual"), at("companion_recovers_from_manual") + soon_s),
+            (State.LANDING, at("companion_begins_landing"), at("companion_begins_landing") + soon_s),
+            (State.LANDED_ARMED, landed_s - soon_s, landed_s + soon_s),
+            (State.LANDED_DISARMED, disarmed_s - soon_s, disarmed_s + soon_s),
+        ],
+    )
+    assert changes[3].why == "the autopilot takes off (mode GUIDED)"
+    assert "LOITER" in changes[5].why
+    info = talk.vehicle.info()
+    assert (info.autopilot, info.flies_takeoff_on_setpoints) == ("ArduPilot", False)
+    snapshot = talk.snapshot()
+    assert isinstance(snapshot.projection, FlatProjection)
+    assert snapshot.home_altitude_amsl_m == pytest.approx(488.08)  # 2 cm below the origin, since it was armed
+    assert snapshot.battery is not None
+    here = snapshot.projection.to_local(
+        snapshot.position_geo.latitude_deg,
+        snapshot.position_geo.longitude_deg,
+        snapshot.position_geo.altitude_amsl_m,
+    )
+    assert (here - snapshot.pose.value.position).norm() < 0.05
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["px4_auto_takeoff_loiter_rtl", "px4_offboard_manual_recover", "ardupilot_guided_manual_recover"],
+)
 def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was_received(name: str) -> None:
     talk = Talk()
     stamps = []

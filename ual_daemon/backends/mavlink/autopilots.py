@@ -1,0 +1,18 @@
+"""Which dialect an autopilot speaks."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.mavlink.ardupilot import MULTIROTORS, ArduCopter
+from ual_daemon.backends.mavlink.dialect import Dialect, Unknown
+from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.mavlink.px4 import Px4
+
+
+def dialect_of(heartbeat: Message) -> Dialect:
+    """The dialect of who sends such a heartbeat."""
+    autopilot, kind = heartbeat.autopilot, heartbeat.type
+    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        return Px4()
+    if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA and kind in MULTIROTORS:
+        return ArduCopter()
+    return Unknown(autopilot, kind)
