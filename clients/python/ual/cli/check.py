@@ -38,6 +38,9 @@ def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], o
             for result in conformance.run(flight, checks, may_move=not no_motion, on_start=_show_start):
                 results.append(result)
                 _emit(session, result)
+        except conformance.CheckFailedError as error:
+            note(f"ual: it did not land in the end: {error}")
+            raise click.exceptions.Exit(REFUSED) from error
         except KeyboardInterrupt:
             note("ual: interrupted: the UAV holds its position if it flies; `ual land` lands it")
             raise

@@ -137,6 +137,20 @@ class Flight:
                 raise CheckFailedError(f"{what}: not within {limit_s:.0f} s; {describe(sample)}")
         raise AssertionError("samples never end")
 
+    def wait_until_rests_at(self, where: Vector3, what: str) -> None:
+        """Until it has been at a position, slow, for 1 s of the vehicle's time."""
+        since_s: float | None = None
+
+        def rests(sample: Telemetry) -> bool:
+            nonlocal since_s
+            if (position(sample) - where).norm() > self.tolerances.position_m or not self.is_slow(sample):
+                since_s = None
+                return False
+            since_s = sample.stamp_s if since_s is None else since_s
+            return sample.stamp_s - since_s >= 1.0
+
+        self.wait(rests, what)
+
     def wait_for_state(self, *states: State, limit_s: float = 30.0) -> Telemetry:
         """The first sample from now on in one of the states."""
         names = " or ".join(state.name for state in states)

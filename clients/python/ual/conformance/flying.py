@@ -136,11 +136,8 @@ def holds_a_pose_reference(flight: Flight) -> None:
     """A pose reference returns at once, is what reference_pose says, and is flown and held."""
     goal = flight.goal(1.0, 0.0)
     flight.uav.set_pose(goal)
-    sample = flight.wait(
-        lambda each: (position(each) - goal.position).norm() <= flight.tolerances.position_m and flight.is_slow(each),
-        "at the reference",
-    )
-    require(sample.task is None, "a pose reference is no task")
+    flight.wait_until_rests_at(goal.position, "rest at the reference")
+    require(flight.uav.is_idle(), "a pose reference is no task")
     reference = flight.uav.reference_pose()
     require(reference is not None, "reference_pose() is None")
     assert reference is not None

@@ -10,8 +10,6 @@ from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Run
 from ual.errors import UalError
 from ual.types import State
 
-_FLYING = (State.TAKING_OFF, State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
-
 
 def why_not(flight: Flight, check: Check, may_move: bool = True) -> str:
     """Why a check cannot run over this UAV; empty if it can."""
@@ -50,7 +48,8 @@ def run(
     may_move: bool = True,
     on_start: Callable[[Check], None] = lambda _: None,
 ) -> Iterator[Result]:
-    """Runs checks and yields how each ended; in the end the UAV lands if they made it fly.
+    """Runs checks and yields how each ended; in the end the UAV lands if it flies. Raises `CheckFailedError` or a
+    `UalError` if it cannot.
 
     Once the safety pilot of a real UAV has taken over, or the UAV is not ready any more, nothing more is flown.
     """
@@ -72,6 +71,15 @@ def run(
         except UalError as error:
             outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
         yield Result(check, outcome, why, time.monotonic() - started_s)
-    if may_move and not over and flight.uav.state() in _FLYING:
+    if may_move and not over:
+        _land(flight)
+
+
+def _land(flight: Flight) -> None:
+    state = flight.uav.state()
+    # A real safety pilot who flies lands it himself.
+    if state in (State.TAKING_OFF, State.FLYING_AUTO, State.LANDING) or (
+        state is State.FLYING_MANUAL and flight.has_pilot
+    ):
         with flight.observing():
             flight.land()
