@@ -9,15 +9,20 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 
 from ual.errors import LinkLostError, UalError
+from ual_daemon import logs
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink.commands import Command
 from ual_daemon.backends.mavlink.conversation import Conversation
 from ual_daemon.backends.mavlink.dialect import Dialect
-from ual_daemon.backends.mavlink.link import UdpLink
+from ual_daemon.backends.mavlink.endpoints import parse_url
+from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.setpoints import SetpointStream
-from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url, parse_url
+from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
+from ual_daemon.backends.mavlink.signing import Signer, read_key
+from ual_daemon.backends.mavlink.supervision import LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
 from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
@@ -29,8 +34,6 @@ TICK_S = 0.05
 PAUSE_S = 1.0
 """When this thread had no turn for so long (a stopped process, a starved computer), what it finds waiting is old: PX4
 may have left OFFBOARD meanwhile, and a setpoint sent by what it said before would bring it back there."""
-REOPEN_S = 1.0
-"""How often it is tried to take a port that another program has."""
 
 
 class MonotonicClock:
@@ -50,36 +53,47 @@ class MavlinkBackend(Backend):
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
         self.url = options.url or self._settings.url or default_url(options.ns)
         super().__init__(dataclasses.replace(options, url=self.url))
-        self._endpoint = parse_url(self.url)
+        self._new_link = partial(make_link, parse_url(self.url))
+        self._new_link()  # so that a missing extra is told now
+        key_file = self._settings.signing_key_file
+        self._signer = None if key_file is None else Signer(read_key(key_file))
         self.clock = MonotonicClock()
         self._stream = SetpointStream()
-        self._link: UdpLink | None = None
+        self._supervision = Supervision(self.url, self.freshness.link_s)
+        self._connection: Connection | None = None
         self._conversation: Conversation | None = None
         self._posted: deque[Callable[[float], None]] = deque()
         self._thread: threading.Thread | None = None
         self._is_closing = False
         self._snapshot = Snapshot(time_s=self.clock.now_s())
         self._info = VehicleInfo()
-        self._trouble = ""
 
     def open(self, on_update: UpdateCallback) -> None:
-        link = self._link = UdpLink(self._endpoint)
-        conversation = self._conversation = Conversation(self._settings, link, self._stream.duration_s)
+        connection = self._connection = Connection(self._new_link(), self.url)
+        conversation = self._conversation = Conversation(
+            self._settings, connection, self._stream.duration_s, self._supervision, self._signer
+        )
         self._thread = threading.Thread(
-            target=self._run, args=(link, conversation, on_update), name=f"mavlink {self.options.ns}", daemon=True
+            target=self._run, args=(connection, conversation, on_update), name=f"mavlink {self.options.ns}", daemon=True
         )
         self._thread.start()
 
     def close(self) -> None:
-        thread, link = self._thread, self._link
+        thread, connection = self._thread, self._connection
         self._is_closing = True
-        if link is not None:
-            link.wake()
+        if connection is not None:
+            connection.wake()
         if thread is not None and thread is not threading.current_thread():
             thread.join()
 
     def info(self) -> VehicleInfo:
         return self._info
+
+    def link_statistics(self) -> LinkStatistics:
+        """How well the link is. From any thread."""
+        conversation = self._conversation
+        corrupt_count = 0 if conversation is None else conversation.corrupt_count
+        return self._supervision.statistics(self.clock.now_s(), corrupt_count)
 
     def snapshot(self) -> Snapshot:
         return dataclasses.replace(self._snapshot, time_s=self.clock.now_s())
@@ -111,8 +125,8 @@ class MavlinkBackend(Backend):
     def _command(self, what: str, make: Callable[[Dialect], Command]) -> Future[None]:
         """Hands a command to the thread that converses; its future ends there."""
         result: Future[None] = Future()
-        vehicle, link = self._vehicle_in_reach(self.clock.now_s()), self._link
-        if vehicle is None or link is None:
+        vehicle, connection = self._vehicle_in_reach(self.clock.now_s()), self._connection
+        if vehicle is None or connection is None:
             result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
             return result
         try:
@@ -126,7 +140,7 @@ class MavlinkBackend(Backend):
             acknowledged.add_done_callback(lambda done: _pass_on(done, result))
 
         self._posted.append(submit)
-        link.wake()
+        connection.wake()
         return result
 
     def _vehicle_in_reach(self, now_s: float) -> MavlinkVehicle | None:
@@ -135,31 +149,32 @@ class MavlinkBackend(Backend):
         heard_s = None if vehicle is None else vehicle.telemetry.heard_s
         return vehicle if heard_s is not None and now_s - heard_s <= self.freshness.link_s else None
 
-    def _run(self, link: UdpLink, conversation: Conversation, on_update: UpdateCallback) -> None:
+    def _run(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
         try:
-            self._converse(link, conversation, on_update)
+            self._converse(connection, conversation, on_update)
         finally:
-            link.close()
-            if conversation.corrupt_count:
-                _log.warning("%d bytes or frames from %s were no messages", conversation.corrupt_count, self.url)
+            connection.close()
+            _log_statistics(self.link_statistics())
 
-    def _converse(self, link: UdpLink, conversation: Conversation, on_update: UpdateCallback) -> None:
-        next_tick_s = next_open_s = updated_s = turn_s = self.clock.now_s()
+    def _converse(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
+        next_tick_s = updated_s = turn_s = self.clock.now_s()
+        sessions_count = 0
         pose_time_s: float | None = None
         while not self._is_closing:
-            datagrams = link.receive(next_tick_s - self.clock.now_s())
+            chunks = connection.receive(next_tick_s - self.clock.now_s(), self.clock.now_s())
             turn_s, last_turn_s = self.clock.now_s(), turn_s
             if turn_s - last_turn_s > PAUSE_S:
                 _log.warning("this thread had no turn for %.1f s: asking the autopilot anew", turn_s - last_turn_s)
-                link.discard()
+                connection.discard(turn_s)
                 conversation.forget()
-                datagrams = []
-            for datagram, address in datagrams:
-                conversation.receive(datagram, address, self.clock.now_s(), time.time())
+                chunks = []
+            if connection.sessions_count != sessions_count:
+                sessions_count = connection.sessions_count
+                conversation.reconnected()
+            for data, address in chunks:
+                conversation.receive(data, address, self.clock.now_s(), time.time())
             now_s = self.clock.now_s()
-            if not link.is_open and now_s >= next_open_s:
-                next_open_s = now_s + REOPEN_S
-                self._open(link)
+            self._supervise(connection, now_s)
             while self._posted:
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
@@ -173,28 +188,30 @@ class MavlinkBackend(Backend):
             newest_s = None if vehicle is None else vehicle.telemetry.pose_time_s
             if newest_s != pose_time_s or now_s - updated_s >= TICK_S:
                 pose_time_s, updated_s = newest_s, now_s
-                self._update(vehicle, now_s, on_update)
+                self._update(vehicle, connection.trouble, now_s, on_update)
 
-    def _open(self, link: UdpLink) -> None:
-        """Takes the port, or says why it cannot."""
-        try:
-            link.open()
-        except OSError as error:
-            trouble = f"{error}; trying again (does another program use this port?)"
-            if trouble != self._trouble:
-                _log.warning("%s", trouble)
-            self._trouble = trouble
-        else:
-            self._trouble = ""
-            _log.info("waiting for an autopilot at %s", self.url)
+    def _supervise(self, connection: Connection, now_s: float) -> None:
+        heard_s = self._supervision.heard_s
+        if heard_s is not None:
+            connection.heard(heard_s)
+        connection.tick(now_s)
 
-    def _update(self, vehicle: MavlinkVehicle | None, now_s: float, on_update: UpdateCallback) -> None:
-        snapshot = Snapshot(now_s, status_text=self._trouble) if vehicle is None else vehicle.snapshot(now_s)
+    def _update(self, vehicle: MavlinkVehicle | None, trouble: str, now_s: float, on_update: UpdateCallback) -> None:
+        snapshot = Snapshot(now_s) if vehicle is None else vehicle.snapshot(now_s)
+        if trouble:
+            snapshot = dataclasses.replace(snapshot, status_text=trouble)
         self._snapshot = snapshot
         try:
             on_update(snapshot)
         except Exception:  # noqa: BLE001 - the conversation with the autopilot goes on, whatever is wrong above
             _log.exception("an update failed")
+
+
+def _log_statistics(statistics: LinkStatistics) -> None:
+    """Says at the end how well the link was, and louder when that was not well."""
+    is_well = not (statistics.corrupt_count or statistics.unsigned_count or statistics.lost_count)
+    fields = {**dataclasses.asdict(statistics), "state": statistics.state.value}
+    logs.event(_log, logging.DEBUG if is_well else logging.WARNING, "link_statistics", **fields)
 
 
 def _pass_on(done: Future[None], result: Future[None]) -> None:

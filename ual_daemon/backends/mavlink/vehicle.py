@@ -6,11 +6,13 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import Protocol
 
 from ual_daemon.backends.mavlink.commands import Command, Commands, request_message
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.interview import Interview
 from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
+from ual_daemon.backends.mavlink.supervision import Supervision
 from ual_daemon.backends.mavlink.telemetry import Telemetry
 from ual_daemon.backends.values import Control, Setpoint, Snapshot, VehicleInfo
 
@@ -24,6 +26,14 @@ SILENCE_S = 3.0
 
 STREAMLESS_S = 10.0
 """How often one that does not stream any more is asked everything anew."""
+_CONVERSATIONAL = {mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_TIMESYNC}
+"""Messages that are used by what is said, not by what they tell of the vehicle."""
+
+
+class Transmit(Protocol):
+    """Sends a message; false when it could not leave, or when it is perishable and would be late."""
+
+    def __call__(self, message: Message, *, is_perishable: bool = False) -> bool: ...
 
 
 class MavlinkVehicle:
@@ -35,8 +45,9 @@ class MavlinkVehicle:
         dialect: Dialect,
         pose_rate_hz: float,
         own_ids: tuple[int, int],
-        transmit: Callable[[Message], bool],
+        transmit: Transmit,
         setpoints_s: Callable[[float], float],
+        supervision: Supervision,
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
@@ -45,10 +56,10 @@ class MavlinkVehicle:
         self._own_ids = own_ids
         self._transmit = transmit
         self._setpoints_s = setpoints_s
+        self._supervision = supervision
         self._commands = Commands(dialect.name, self._send_command, setpoints_s)
         self._interview = self._new_interview()
         self._next_interview_s = -math.inf
-        self._boots_count = 0
         self._next_heartbeat_s: float | None = None
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
@@ -57,23 +68,25 @@ class MavlinkVehicle:
 
     def uses(self, message_id: int) -> bool:
         """Whether such a message is worth decoding; of others the arrival is enough."""
-        return message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK or self.telemetry.uses(message_id)
+        return message_id in _CONVERSATIONAL or self.telemetry.uses(message_id)
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
         telemetry = self.telemetry
         heard_s = telemetry.heard_s
         telemetry.update(message, now_s, utc_now_s)
-        if telemetry.boots_count != self._boots_count or (heard_s is not None and now_s - heard_s > SILENCE_S):
-            self._boots_count = telemetry.boots_count
-            _log.info("%s is heard again: asking it everything anew", self.dialect.name)
-            self._interview = self._new_interview()
         message_id = message.get_msgId()
+        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        has_booted = boot_ms > 0 and self._supervision.booted(boot_ms / 1000.0)
+        if has_booted or (heard_s is not None and now_s - heard_s > SILENCE_S):
+            self.ask_anew()
         if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
             if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
                 self._commands.on_ack(message, now_s)
         elif message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
             self._commands.on_text(telemetry.status_text)
+        elif message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC:
+            self._on_timesync(message, now_s, utc_now_s)
 
     def notice(self, message_id: int, now_s: float) -> None:
         """Takes the arrival of a message that is not decoded."""
@@ -87,6 +100,11 @@ class MavlinkVehicle:
         self.telemetry.forget()
         self._wants_heartbeat = True
 
+    def ask_anew(self) -> None:
+        """It may have booted, or have been connected anew: everything is asked again."""
+        _log.info("%s is heard again: asking it everything anew", self.dialect.name)
+        self._interview = self._new_interview()
+
     def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
         """Sends a command; see `Commands.submit`."""
         future = self._commands.submit(command, now_s, is_withdrawn)
@@ -95,13 +113,17 @@ class MavlinkVehicle:
 
     def send(self, setpoint: Setpoint, now_s: float) -> bool:
         """Sends a setpoint; false when it could not leave. From any thread."""
-        return self._transmit(self.dialect.setpoint(setpoint, self.system_id, int(now_s * 1000.0) & 0xFFFFFFFF))
+        message = self.dialect.setpoint(setpoint, self.system_id, int(now_s * 1000.0) & 0xFFFFFFFF)
+        return self._transmit(message, is_perishable=True)
 
     def tick(self, now_s: float) -> None:
         """Does what time asks for; to be called often."""
         if self._next_heartbeat_s is None or now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + HEARTBEAT_S
             self._transmit(heartbeat())
+        asked_ns = self._supervision.round_trip.request_ns(now_s)
+        if asked_ns is not None:
+            self._transmit(mavlink.MAVLink_timesync_message(0, asked_ns))
         if self._has_stopped_streaming(now_s):
             _log.info("%s is heard, but sends no attitude any more: asking it everything anew", self.dialect.name)
             self._next_interview_s = now_s + STREAMLESS_S
@@ -150,6 +172,12 @@ class MavlinkVehicle:
                 self._has_flown = False
                 self.submit(command, now_s)
         self._was_armed = telemetry.is_armed
+
+    def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        if message.tc1:  # an answer
+            self._supervision.round_trip.answered(message.ts1, now_s)
+        else:
+            self._transmit(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
     def _on_done(self, _: Future[None]) -> None:
         self._wants_heartbeat = True

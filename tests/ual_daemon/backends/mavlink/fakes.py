@@ -6,9 +6,11 @@ from typing import Any
 
 from ual_daemon.backends.mavlink.conversation import Conversation
 from ual_daemon.backends.mavlink.frames import split
-from ual_daemon.backends.mavlink.link import Address
+from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.signing import Signer
+from ual_daemon.backends.mavlink.supervision import Supervision
 from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
 
 UTC_S = 1.8e9
@@ -53,7 +55,8 @@ def ack(command: int, result: int, target: tuple[int, int] = (1, 191)) -> Messag
 class FakeLink:
     """Keeps what is sent."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_stream: bool = False) -> None:
+        self.is_stream = is_stream
         self.sent: list[bytes] = []
         self._peer: Address | None = None
 
@@ -61,10 +64,10 @@ class FakeLink:
     def peer(self) -> Address | None:
         return self._peer
 
-    def answer_to(self, address: Address) -> None:
+    def answer_to(self, address: Address | None) -> None:
         self._peer = address
 
-    def send(self, data: bytes) -> bool:
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         self.sent.append(data)
         return True
 
@@ -79,11 +82,16 @@ class FakeLink:
 class Talk:
     """A conversation with a scripted PX4 of system 1, on a clock that is moved by hand."""
 
-    def __init__(self, settings: MavlinkSettings | None = None) -> None:
+    def __init__(
+        self, settings: MavlinkSettings | None = None, *, is_stream: bool = False, signer: Signer | None = None
+    ) -> None:
         self.now_s = 0.0
         self.setpoints_s = 0.0
-        self.link = FakeLink()
-        self.conversation = Conversation(settings or MavlinkSettings(), self.link, lambda _: self.setpoints_s)
+        self.link = FakeLink(is_stream=is_stream)
+        self.supervision = Supervision("test", 1.0)
+        self.conversation = Conversation(
+            settings or MavlinkSettings(), self.link, lambda _: self.setpoints_s, self.supervision, signer
+        )
         self.pack = packer()
 
     def hear(self, *messages: Message, data: bytes = b"", address: Address = ADDRESS) -> None:

@@ -247,7 +247,7 @@ def test_udpout_calls_the_autopilot() -> None:
 
 
 def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_daemon.backends.mavlink.backend.REOPEN_S", 0.02)
+    monkeypatch.setattr("ual_daemon.backends.mavlink.links.connection.FIRST_PAUSE_S", 0.02)
     port = free_port()
     with contextlib.ExitStack() as stack:
         other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -259,14 +259,10 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
             "trying again (does another program use this port?)"
         )
         other.close()
+        wait_for(lambda: not backend.snapshot().status_text, "the port")
         autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
-
-        def meets() -> bool:
-            autopilot.say(heartbeat())
-            return backend.snapshot().armed is not None
-
-        wait_for(meets, "the autopilot")
-        assert backend.snapshot().status_text == ""
+        autopilot.say(heartbeat())
+        wait_for(lambda: backend.snapshot().armed is not None, "the autopilot")
 
 
 def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypatch: pytest.MonkeyPatch) -> None:

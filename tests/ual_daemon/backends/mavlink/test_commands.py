@@ -208,7 +208,7 @@ def test_the_mode_in_which_somebody_else_leaves_px4_is_not_ours_to_change() -> N
     assert talk.commands(SET_MODE) == []
 
 
-EVENT = b"\xfd\x01\x00\x00\x00\x01\x01" + (410).to_bytes(3, "little") + b"\x00\x00\x00"
+EVENT = b"\xfd\x01\x00\x00\x00\x01\x01" + (410).to_bytes(3, "little") + b"\x00\x48\xf5"
 ANSWERS = [
     mavlink.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0),
     mavlink.MAVLink_gps_global_origin_message(1, 1, 1),

@@ -1,0 +1,25 @@
+"""Checksums of frames: what tells a frame from garbage before anything in it is believed."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import all as mavlink
+
+_EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map.items()} | {
+    # What PX4 sends and no dialect of pymavlink has. Without its seed a frame cannot be told from garbage, so that its
+    # bytes would count as corrupt and its number as lost. All but 412 and 413 are verified with recorded flights.
+    8: 117,  # LINK_NODE_STATUS
+    380: 232,  # TIME_ESTIMATE_TO_TARGET
+    410: 160,  # EVENT
+    411: 106,  # CURRENT_EVENT_SEQUENCE
+    412: 33,  # REQUEST_EVENT
+    413: 77,  # RESPONSE_EVENT_ERROR
+}
+
+
+def is_right(message_id: int, covered: bytes, checksum: bytes) -> bool:
+    """Whether the checksum of a frame is that of what it covers (all but magic, checksum and signature).
+
+    A message that no dialect knows has no right checksum.
+    """
+    extra = _EXTRA.get(message_id)
+    return extra is not None and mavlink.x25crc(covered + bytes((extra,))).crc == int.from_bytes(checksum, "little")

@@ -1,0 +1,144 @@
+"""The addresses of autopilots, spelled as in MAVSDK and MAVROS. An ambiguous one is refused, never guessed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from ual_daemon.settings import ConfigError
+
+KEY = "mavlink.url"
+SUPPORTED = (
+    "udpin://HOST:PORT or udp://:PORT to listen, udpout://HOST:PORT to call, tcp://HOST:PORT to connect, "
+    "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD"
+)
+EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - where it is used, it was asked for
+
+_LISTENING = {"udp": True, "udpin": True, "udpout": False, "tcp": False, "tcpout": False, "tcpin": True}
+_FOREIGN = {
+    "tcp-l": "tcpin",
+    "udp-b": "udpout",
+    "udp-pb": "udpout",
+    "serial-hwfc": "serial",
+    "serial_flowcontrol": "serial",
+}
+_BAUDS = range(1200, 12_000_001)
+
+
+@dataclass(frozen=True, slots=True)
+class UdpEndpoint:
+    """A UDP address: to listen at, or to call."""
+
+    host: str
+    port: int
+    is_listening: bool
+
+    def __str__(self) -> str:
+        return f"UDP {_place(self.host, self.port)}"
+
+
+@dataclass(frozen=True, slots=True)
+class TcpEndpoint:
+    """A TCP address: to be connected to at, or to connect to."""
+
+    host: str
+    port: int
+    is_listening: bool
+
+    def __str__(self) -> str:
+        return f"TCP {_place(self.host, self.port)}"
+
+
+@dataclass(frozen=True, slots=True)
+class SerialEndpoint:
+    """A serial line, 8N1 without flow control."""
+
+    device: str
+    baud: int
+
+    def __str__(self) -> str:
+        return self.device
+
+
+Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
+
+
+def parse_url(url: str) -> Endpoint:
+    """The address that a URL names. Raises `ConfigError` that says what is wrong and how to spell it."""
+    if url.startswith("/dev/"):  # MAVROS's way
+        return _serial(url, url)
+    try:
+        parts = urlsplit(url)
+        scheme, host = url.partition(":")[0] if ":" in url else "", parts.hostname or ""
+        if scheme == "serial":
+            return _serial(url, url.partition(":")[2])
+        _refuse_foreign(url, scheme)
+        if parts.username is not None:
+            raise _refusal(url, "there is more than a host and a port in it", _of_mavros(parts.netloc))
+        port = parts.port
+    except ValueError as error:
+        raise _refusal(url, str(error)) from None
+    if port is None or not 0 < port < 65536:
+        raise _refusal(url, "it needs a port from 1 to 65535")
+    if parts.path or parts.query or parts.fragment:
+        raise _refusal(url, "there is more than a host and a port in it", f"{scheme}://{parts.netloc}")
+    if scheme == "udp" and host not in ("", EVERY_INTERFACE, "::"):
+        place = _place(host, port)
+        raise _refusal(
+            url, "udp:// with a host is ambiguous", f"udpin://{place} to listen there or udpout://{place} to call"
+        )
+    is_listening = _LISTENING[scheme]
+    if not host and not is_listening:
+        raise _refusal(url, f"{scheme}:// needs a host to call")
+    kind = UdpEndpoint if scheme.startswith("udp") else TcpEndpoint
+    return kind(host or EVERY_INTERFACE, port, is_listening)
+
+
+def _refuse_foreign(url: str, scheme: str) -> None:
+    if scheme in _FOREIGN:
+        raise _refusal(url, f"{scheme}:// is not supported", f"{_FOREIGN[scheme]}://")
+    if scheme not in _LISTENING:
+        raise _refusal(url, f"{scheme}:// is not supported" if scheme else "it has no scheme")
+    found = re.fullmatch(r"(\w+):([^/].*):(\d+)", url)  # pymavlink's and MAVProxy's way
+    if found:
+        name = {"udp": "udpin", "tcp": "tcp"}.get(found[1], found[1])
+        raise _refusal(url, "the two slashes are missing", f"{name}://{found[2]}:{found[3]}")
+
+
+def _of_mavros(netloc: str) -> str:
+    """What MAVROS's ``udp://HERE@THERE`` is in ours: it binds and calls at once, which we do one of."""
+    here, _, there = netloc.rpartition("@")
+    return f"udpout://{there} to call" if re.search(r":\d", there) and not there.startswith(":") else f"udpin://{here}"
+
+
+def _serial(url: str, rest: str) -> SerialEndpoint:
+    """The line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
+    path = "/" + rest.lstrip("/")
+    query = re.fullmatch(r"(/[^?]+)\?baud(?:rate)?=(\d+)", path)
+    comma = re.fullmatch(r"(/[^,]+),(\d+)", path)
+    if foreign := query or comma:
+        raise _refusal(url, "the baud rate goes behind a colon", f"serial://{foreign[1]}:{foreign[2]}")
+    device, _, baud = path.rpartition(":")
+    if not device or not re.fullmatch(r"[0-9]+", baud):
+        raise _refusal(
+            url, "it needs a baud rate", f"serial://{path.rstrip(':')}:57600, or the rate that the autopilot has"
+        )
+    if not device.startswith("/dev/") or not (rest.startswith(("///dev/", "/dev/")) and not rest.startswith("////")):
+        raise _refusal(url, "it needs the device's whole path", f"serial://{_device_path(device)}:{baud}")
+    if int(baud) not in _BAUDS:
+        raise _refusal(url, f"{baud} is no baud rate (usual are 57600, 115200, 921600)")
+    return SerialEndpoint(device, int(baud))
+
+
+def _device_path(device: str) -> str:
+    return device if device.startswith("/dev/") else f"/dev{device}"
+
+
+def _place(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _refusal(url: str, why: str, instead: str = "") -> ConfigError:
+    hint = f"; write {instead}" if instead else ""
+    return ConfigError(f"{url!r} cannot be used: {why}{hint}; supported: {SUPPORTED}", KEY)

@@ -1,0 +1,151 @@
+"""Keeps a link open: waits for it, opens it again with a growing pause after it broke, says each trouble once."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import select
+import socket
+
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+
+_log = logging.getLogger(__name__)
+
+FIRST_PAUSE_S = 0.2
+LONGEST_PAUSE_S = 3.0
+SILENCE_S = 5.0
+"""After a silence as long as this a connection counts as half-open: the other end is gone and did not say so. An
+autopilot sends a heartbeat each second."""
+
+
+class Connection:
+    """A link that heals by itself. `send` and `wake` are for any thread, the rest for the one that receives.
+
+    `trouble` is what is wrong with the link, for people; empty while nothing is known to be.
+    """
+
+    def __init__(self, link: Link, url: str) -> None:
+        self.trouble = ""
+        self._link = link
+        self._url = url
+        self._told = ""
+        self._is_open = False
+        self._next_open_s = float("-inf")
+        self._pause_s = FIRST_PAUSE_S
+        self._alive_s = float("-inf")
+        self._session = 0
+        self._waker, self._woken = socket.socketpair()
+        self._waker.setblocking(False)
+        self._woken.setblocking(False)
+        self._poll = select.poll()
+        self._poll.register(self._woken, select.POLLIN)
+        self._registered: dict[int, int] = {}
+
+    @property
+    def is_stream(self) -> bool:
+        return self._link.is_stream
+
+    @property
+    def sessions_count(self) -> int:
+        """How often there was a new other end."""
+        return self._link.sessions_count
+
+    @property
+    def peer(self) -> Address | None:
+        """Whom we send to; None while nobody is known."""
+        return self._link.peer
+
+    def answer_to(self, address: Address | None) -> None:
+        """From now on sends go to this address, where the link has a choice."""
+        self._link.answer_to(address)
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        """Sends a frame now; false when it cannot leave."""
+        return self._link.send(data, is_perishable=is_perishable)
+
+    def wake(self) -> None:
+        """Ends a running, or the next, `receive` at once."""
+        with contextlib.suppress(OSError):  # full of wake-ups that are not read yet, or closed: nobody to wake
+            self._waker.send(b"\0")
+
+    def close(self) -> None:
+        """Ends the link for good."""
+        self._link.close()
+        self._waker.close()
+        self._woken.close()
+
+    def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
+        """What has come, after waiting for it up to a time; empty when nothing has, or when woken."""
+        self._register()
+        ready = {descriptor for descriptor, _ in self._poll.poll(max(0.0, timeout_s) * 1000.0)}
+        if self._woken.fileno() in ready:
+            self._woken.recv(4096)
+        try:
+            return self._link.receive(now_s) if ready - {self._woken.fileno()} else []
+        except LinkError as error:
+            self._fail(str(error), now_s)
+            return []
+
+    def discard(self, now_s: float) -> None:
+        """Throws away all that has come and is not received yet."""
+        while self.receive(0.0, now_s):
+            pass
+
+    def heard(self, heard_s: float) -> None:
+        """Takes when the autopilot was last heard: if that is new, the link is well."""
+        if heard_s <= self._alive_s:
+            return
+        self._alive_s = heard_s
+        self._pause_s = FIRST_PAUSE_S
+        if self._told:
+            self._told = ""
+            _log.info("the link %s is well again", self._url)
+        self.trouble = ""
+
+    def tick(self, now_s: float) -> None:
+        """Opens the link when it is time; to be called often."""
+        if self._link.sessions_count != self._session:
+            self._session = self._link.sessions_count
+            self._alive_s = now_s
+            self.trouble = ""
+        if not self._is_open:
+            if now_s >= self._next_open_s:
+                self._open(now_s)
+        elif self._link.peer is None:
+            self._alive_s = now_s  # there is nobody yet whose silence could mean anything
+        elif self._link.needs_word and now_s - self._alive_s > SILENCE_S:
+            try:
+                self._link.drop_peer(f"nothing came from {self._url} for {SILENCE_S:.0f} s; connecting anew")
+            except LinkError as error:
+                self._fail(str(error), now_s)
+
+    def _open(self, now_s: float) -> None:
+        try:
+            self._link.open()
+        except LinkError as error:
+            self._fail(str(error), now_s)
+            return
+        self._is_open = True
+        self._alive_s = now_s
+        if not self._told:
+            _log.info("waiting for an autopilot at %s", self._url)
+
+    def _fail(self, trouble: str, now_s: float) -> None:
+        self._link.close()
+        self._is_open = False
+        self._next_open_s = now_s + self._pause_s
+        self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
+        self.trouble = trouble
+        if trouble != self._told:
+            self._told = trouble
+            _log.warning("%s", trouble)
+
+    def _register(self) -> None:
+        """Tells the poll what the link waits for now; a descriptor that was closed and taken anew is another one."""
+        wanted = dict(self._link.descriptors())
+        if wanted != self._registered:
+            for descriptor in self._registered:
+                self._poll.unregister(descriptor)
+            for descriptor, events in wanted.items():
+                self._poll.register(descriptor, events)
+            self._registered = wanted

@@ -1,0 +1,82 @@
+"""Serial lines: a radio, a USB cable, a UART of the companion computer."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ual_daemon.backends.mavlink.endpoints import KEY, SerialEndpoint
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.settings import ConfigError
+
+if TYPE_CHECKING:
+    from serial import Serial
+
+_CHUNK = 65536
+_HINTS = {
+    errno.EACCES: "permission denied (may this user open it? Usually the group dialout may)",
+    errno.ENOENT: "there is no such device (is it plugged in?)",
+    errno.EAGAIN: "another program uses it",
+    errno.EBUSY: "another program uses it",
+}
+
+
+class SerialLink(Link):
+    """A serial line. pyserial sets it up and locks it; what flows is read and written as any descriptor's."""
+
+    def __init__(self, endpoint: SerialEndpoint) -> None:
+        try:
+            import serial  # noqa: F401 - only whether it is there
+        except ImportError:
+            raise ConfigError("a serial line needs an extra: pip install 'ual-daemon[serial]'", KEY) from None
+        self._endpoint = endpoint
+        self._line: Serial | None = None
+        self._writer = StreamWriter(os.write)
+
+    def open(self) -> None:
+        import serial
+
+        try:
+            line = serial.Serial(self._endpoint.device, self._endpoint.baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:  # of OSError is pyserial's own; ValueError: a rate it cannot have
+            raise LinkError(f"cannot open {self._endpoint}: {_why(error)}; trying again") from None
+        self._line = line
+        self.sessions_count += 1
+        self._writer.attach(line.fileno())
+
+    def close(self) -> None:
+        self._writer.attach(None)
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
+
+    def descriptors(self) -> Mapping[int, int]:
+        return {} if self._line is None else {self._line.fileno(): select.POLLIN}
+
+    @property
+    def peer(self) -> Address | None:
+        return None if self._line is None else (self._endpoint.device, self._endpoint.baud)
+
+    def receive(self, now_s: float) -> list[Chunk]:
+        if self._line is None:
+            return []
+        try:
+            data = os.read(self._line.fileno(), _CHUNK)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise LinkError(f"{self._endpoint} broke: {error.strerror}; opening it anew") from None
+        if not data:  # ready to be read, and nothing there: that is how a line shows that its device is gone
+            raise LinkError(f"{self._endpoint} is gone (unplugged?); opening it anew")
+        return [(data, self.peer)]
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        return self._writer.write(data, is_perishable=is_perishable)
+
+
+def _why(error: OSError | ValueError) -> str:
+    code = error.errno if isinstance(error, OSError) else None
+    return str(error) if code is None else _HINTS.get(code, os.strerror(code))

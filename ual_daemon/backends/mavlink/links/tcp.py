@@ -1,0 +1,194 @@
+"""TCP: connects to an autopilot's (or a router's) server, or lets one of them connect to us."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import os
+import select
+import socket
+from collections.abc import Mapping
+
+from ual_daemon.backends.mavlink.endpoints import TcpEndpoint
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.resolve import resolve
+
+_log = logging.getLogger(__name__)
+
+_CHUNK = 65536
+HANDOVER_S = 1.5
+"""A connection silent for so long gives way to a new one: an autopilot sends a heartbeat each second."""
+
+
+class TcpClientLink(Link):
+    """A connection that we make."""
+
+    needs_word = True
+
+    def __init__(self, endpoint: TcpEndpoint) -> None:
+        self._endpoint = endpoint
+        self._address: Address | None = None
+        self._socket: socket.socket | None = None
+        self._writer = StreamWriter(os.write)
+
+    def open(self) -> None:
+        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_STREAM)
+        sock = socket.socket(family, socket.SOCK_STREAM)
+        _prepare(sock)
+        code = sock.connect_ex(address)
+        if code not in (0, errno.EINPROGRESS):
+            sock.close()
+            raise self._trouble(code)
+        self._socket, self._address = sock, address
+
+    def close(self) -> None:
+        self._writer.attach(None)
+        sock, self._socket = self._socket, None
+        if sock is not None:
+            sock.close()
+
+    def descriptors(self) -> Mapping[int, int]:
+        if self._socket is None:
+            return {}
+        return {self._socket.fileno(): select.POLLIN if self._writer.is_attached else select.POLLOUT}
+
+    @property
+    def peer(self) -> Address | None:
+        return None if self._socket is None else self._address
+
+    def receive(self, now_s: float) -> list[Chunk]:
+        sock = self._socket
+        if sock is None:
+            return []
+        if not self._writer.is_attached:
+            self._finish_connecting(sock)
+            return []
+        try:
+            data = sock.recv(_CHUNK)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise LinkError(f"the connection to {self._endpoint} broke: {error.strerror}; connecting anew") from None
+        if not data:
+            raise LinkError(f"{self._endpoint} closed the connection; connecting anew")
+        return [(data, self._address)]
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        return self._writer.write(data, is_perishable=is_perishable)
+
+    def _finish_connecting(self, sock: socket.socket) -> None:
+        code = sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code:
+            raise self._trouble(code)
+        try:
+            sock.getpeername()
+        except OSError:  # not connected yet
+            return
+        self.sessions_count += 1
+        self._writer.attach(sock.fileno())
+
+    def _trouble(self, code: int) -> LinkError:
+        why = "nobody listens there" if code == errno.ECONNREFUSED else os.strerror(code)
+        return LinkError(f"cannot connect to {self._endpoint}: {why}; trying again")
+
+
+class TcpServerLink(Link):
+    """A port at which one other end at a time can connect to us.
+
+    Others are turned away, but not by a connection that has fallen silent: an autopilot that comes back after its cable
+    was pulled must not be kept out by its own old one, which nobody ended.
+    """
+
+    needs_word = True
+
+    def __init__(self, endpoint: TcpEndpoint) -> None:
+        self._endpoint = endpoint
+        self._listener: socket.socket | None = None
+        self._client: socket.socket | None = None
+        self._address: Address | None = None
+        self._received_s = 0.0
+        self._writer = StreamWriter(os.write)
+
+    def open(self) -> None:
+        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_STREAM)
+        sock = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(address)
+            sock.listen(1)
+        except OSError as error:
+            sock.close()
+            raise LinkError(
+                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
+                "(does another program use this port?)"
+            ) from None
+        self._listener = sock
+
+    def close(self) -> None:
+        self._hang_up()
+        listener, self._listener = self._listener, None
+        if listener is not None:
+            listener.close()
+
+    def descriptors(self) -> Mapping[int, int]:
+        return {sock.fileno(): select.POLLIN for sock in (self._listener, self._client) if sock is not None}
+
+    @property
+    def peer(self) -> Address | None:
+        return self._address
+
+    def receive(self, now_s: float) -> list[Chunk]:
+        address, data = self._address, self._read()
+        if data:
+            self._received_s = now_s
+            return [(data, address)]
+        self._accept(now_s)  # only when nothing is left of the one before
+        return []
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        return self._writer.write(data, is_perishable=is_perishable)
+
+    def drop_peer(self, why: str) -> None:
+        self._hang_up()
+
+    def _read(self) -> bytes:
+        if self._client is None:
+            return b""
+        try:
+            data = self._client.recv(_CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._hang_up()
+        return data
+
+    def _accept(self, now_s: float) -> None:
+        if self._listener is None:
+            return
+        with contextlib.suppress(BlockingIOError, ConnectionError):  # nobody, or gone again
+            client, address = self._listener.accept()
+            if self._client is not None and now_s - self._received_s < HANDOVER_S:
+                _log.warning("%s tried to connect to %s, which is taken", address[0], self._endpoint)
+                client.close()
+                return
+            self._hang_up()
+            _prepare(client)
+            self._received_s = now_s
+            self.sessions_count += 1
+            self._client, self._address = client, address
+            self._writer.attach(client.fileno())
+
+    def _hang_up(self) -> None:
+        self._writer.attach(None)
+        client, self._client, self._address = self._client, None, None
+        if client is not None:
+            client.close()
+
+
+def _prepare(sock: socket.socket) -> None:
+    sock.setblocking(False)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # a setpoint does not wait to be sent with the next

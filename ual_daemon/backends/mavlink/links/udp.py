@@ -1,0 +1,89 @@
+"""UDP: listens for an autopilot and answers to where it sends from, or calls one."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import select
+import socket
+from collections.abc import Mapping
+
+from ual_daemon.backends.mavlink.endpoints import UdpEndpoint
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from ual_daemon.backends.mavlink.links.resolve import resolve
+
+_log = logging.getLogger(__name__)
+
+_DATAGRAM_SIZE = 65536
+_BATCH = 64
+"""Datagrams taken at once, so that a flood cannot keep the thread from its other work."""
+_RECEIVE_BUFFER = 1 << 20
+
+
+class UdpLink(Link):
+    """A UDP socket. Nothing that happens at the other end breaks it."""
+
+    is_stream = False
+
+    def __init__(self, endpoint: UdpEndpoint) -> None:
+        self._endpoint = endpoint
+        self._socket: socket.socket | None = None
+        self._peer: Address | None = None
+        self._is_sending_well = True
+
+    def open(self) -> None:
+        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_DGRAM)
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            if self._endpoint.is_listening:
+                sock.bind(address)
+            else:
+                self._peer = address
+        except OSError as error:
+            sock.close()
+            raise LinkError(
+                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
+                "(does another program use this port?)"
+            ) from None
+        self.sessions_count += 1
+        self._socket = sock
+
+    def close(self) -> None:
+        sock, self._socket = self._socket, None
+        if sock is not None:
+            sock.close()
+
+    def descriptors(self) -> Mapping[int, int]:
+        return {} if self._socket is None else {self._socket.fileno(): select.POLLIN}
+
+    @property
+    def peer(self) -> Address | None:
+        return self._peer
+
+    def answer_to(self, address: Address | None) -> None:
+        self._peer = address
+
+    def receive(self, now_s: float) -> list[Chunk]:
+        chunks: list[Chunk] = []
+        sock = self._socket
+        # No more, or an ICMP error to something sent: the other end is not there (yet).
+        with contextlib.suppress(OSError):
+            while sock is not None and len(chunks) < _BATCH:
+                chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
+        return chunks
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        sock, peer = self._socket, self._peer
+        if sock is None or peer is None:
+            return False
+        try:
+            sock.sendto(data, peer)
+        except OSError as error:
+            if self._is_sending_well:
+                self._is_sending_well = False
+                _log.warning("cannot send to %s: %s", peer[0], error.strerror)
+            return False
+        self._is_sending_well = True
+        return True
