@@ -141,6 +141,25 @@ def test_without_a_daemon_the_reason_is_one_line() -> None:
         assert part in line
 
 
+@pytest.mark.parametrize(
+    ("words", "environment", "ns"),
+    [
+        (["--ns", "uav_4", "state"], None, "uav_4"),
+        (["state", "--ns", "uav_5"], None, "uav_5"),
+        (["--ns", "uav_4", "state", "--ns", "uav_5"], None, "uav_5"),
+        (["state"], "uav_6", "uav_6"),
+        (["--ns", "uav_4", "state"], "uav_6", "uav_4"),
+        (["--ns", "uav_4", "sim", "fault", "list"], "uav_6", "uav_4"),
+    ],
+)
+def test_the_option_nearest_to_the_command_says_which_uav(
+    words: list[str], environment: str | None, ns: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if environment is not None:
+        monkeypatch.setenv("UAL_NS", environment)
+    assert f"no UAL daemon of {ns} answers" in run(*words).stderr
+
+
 def test_as_json_a_failure_is_an_object_too() -> None:
     result = run("state", "--json", "--address", "127.0.0.1:1")
     assert result.exit_code == 1

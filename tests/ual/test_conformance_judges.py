@@ -14,7 +14,7 @@ import pytest
 from ual import conformance
 from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
-from ual.errors import UalError, WrongStateError
+from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import Capability, State, Telemetry
 from ual_daemon import UAL
@@ -256,3 +256,15 @@ def test_a_real_safety_pilot_who_takes_over_ends_the_run(sabotaged: Sabotaged) -
     assert results[1].why == "nothing is flown after keeps_the_heading"
     assert sabotaged.uav.state() is State.FLYING_MANUAL
     sabotaged.uav.simulation.pilot_give_back()
+
+
+def test_a_daemon_that_may_not_arm_must_say_so(sabotaged: Sabotaged) -> None:
+    def refuse() -> None:
+        raise PermissionDeniedError("arming belongs to the safety pilot")
+
+    flight = Flight(sabotaged)
+    flight.info = replace(flight.info, is_arming_allowed=False)
+    with pytest.raises(CheckFailedError, match="but it was accepted"):
+        conformance.run_check(flight, CHECKS["arming_belongs_to_the_pilot"])
+    sabotaged.replaced["arm"] = refuse
+    conformance.run_check(flight, CHECKS["arming_belongs_to_the_pilot"])

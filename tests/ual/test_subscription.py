@@ -94,15 +94,17 @@ def test_a_failing_callback_is_logged_and_the_subscription_goes_on(
     daemon: FakeDaemon, uav: ual.Uav, caplog: pytest.LogCaptureFixture
 ) -> None:
     source = daemon.script()
-    received = Received()
+    received, has_failed = Received(), threading.Event()
 
     def callback(telemetry: Telemetry) -> None:
         if telemetry.sequence == 1:
+            has_failed.set()
             raise ZeroDivisionError("the user's mistake")
         received(telemetry)
 
     source.put(sample(1))
     with caplog.at_level(logging.ERROR), uav.subscribe(callback):
+        assert has_failed.wait(LIMIT_S)  # else the next one may take its place
         source.put(sample(2))
         source.put(sample(3))
         received.wait_for(3)
