@@ -171,11 +171,12 @@ class Flight:
     def _step_shutdown(self, snapshot: Snapshot, closing: Future[None]) -> None:
         if closing.done() or self._manoeuvre is not None:
             return
-        if self.raw_estimate(snapshot).state is State.FLYING_AUTO:
-            if self._hold is None:
-                self._hold = Command("hold its position", snapshot.time_s)
-                logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
-                self._hold.send(self._backend.hold)
+        if self.raw_estimate(snapshot).state is State.FLYING_AUTO and self._hold is None:
+            self._hold = Command("hold its position", snapshot.time_s)
+            logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
+            self._hold.send(self._backend.hold)
+            snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
+        if self.raw_estimate(snapshot).state is State.FLYING_AUTO and self._hold is not None:
             if snapshot.time_s - self._hold.sent_s < _HOLD_PATIENCE_S:
                 return
             failure = self._hold.failure(snapshot)

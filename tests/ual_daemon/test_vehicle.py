@@ -728,6 +728,11 @@ def test_shutdown_cancels_a_go_to_and_leaves_the_autopilot_holding(flying: Stepp
         flying.vehicle.recover_from_manual()
 
 
+def test_shutdown_needs_no_time_to_pass_in_a_simulation_that_stands_still(flying: Stepped) -> None:
+    assert flying.vehicle.prepare_shutdown().done()
+    assert flying.vehicle.telemetry().flight_mode == "HOLD"
+
+
 @pytest.mark.parametrize("phase", ["take_off", "land"])
 def test_shutdown_lets_take_off_and_landing_end(uav: Stepped, phase: str) -> None:
     uav.arm()
