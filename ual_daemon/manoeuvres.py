@@ -301,7 +301,7 @@ class TakeOff(Manoeuvre):
                     return _failed(failure)
                 return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
             self._climbing_since_s = snapshot.time_s
-        return self._climb_on(snapshot, self._climbing_since_s)
+        return self._climb_on(snapshot, estimate, self._climbing_since_s)
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
         assert snapshot.mode is not None
@@ -311,7 +311,7 @@ class TakeOff(Manoeuvre):
         is_answer_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
         return self._command.is_accepted or is_answer_lost
 
-    def _climb_on(self, snapshot: Snapshot, since_s: float) -> Step:
+    def _climb_on(self, snapshot: Snapshot, estimate: Estimate, since_s: float) -> Step:
         assert snapshot.mode is not None
         ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
         if snapshot.mode.value.control not in ours:
@@ -324,7 +324,8 @@ class TakeOff(Manoeuvre):
             distance_left_m=max(0.0, self._height_m - climbed_m),
         )
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
-        if not is_up:
+        # One that climbs by itself takes no references before it says that it is up.
+        if not is_up or (not self._on_setpoints and estimate.state is State.TAKING_OFF):
             self._up_since_s = None
         elif self._up_since_s is None:
             self._up_since_s = snapshot.time_s

@@ -66,11 +66,9 @@ class SafetyPilot:
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub))
         self._wait_sending(mavlink.MAV_CMD_DO_SET_MODE, params, lambda: self.main_mode == main, f"in mode {main}")
 
-    def order_mode(self, main: int, sub: int = 0) -> None:
-        """Returns at once: the command has left."""
-        self._command(
-            mavlink.MAV_CMD_DO_SET_MODE, (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub))
-        )
+    def take_over(self) -> None:
+        """Flips the switch to POSCTL, and returns at once."""
+        self._command(mavlink.MAV_CMD_DO_SET_MODE, (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(POSCTL)))
 
     def _wait_sending(self, command: int, params: tuple[float, ...], is_done: Callable[[], bool], what: str) -> None:
         deadline_s = time.monotonic() + PATIENCE_S
