@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
@@ -232,10 +233,9 @@ class _Subscription:
         rate_hz: float,
         on_close: Callable[[_Subscription], None],
     ) -> None:
-        self._clock = vehicle.backend.clock
         self._callback = callback
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
-        self._next_s = self._clock.now_s()
+        self._next_s = time.monotonic()  # as the server's streams, a caller's rate is by the wall
         self._on_close = on_close
         self._changed = threading.Condition()
         self._newest: Telemetry | None = None
@@ -246,7 +246,7 @@ class _Subscription:
         self._unsubscribe = vehicle.subscribe(self._offer)
 
     def _offer(self, sample: Telemetry) -> None:
-        now_s = self._clock.now_s()
+        now_s = time.monotonic()
         if now_s < self._next_s:
             return
         self._next_s = max(self._next_s + self._period_s, now_s)
