@@ -19,9 +19,12 @@ WINDOW_S = 10.0
 TIMESYNC_S = 1.0
 _ANSWER_LIMIT_S = 5.0
 """A later answer to a TIMESYNC is no measurement."""
+_PAUSE_S = 0.1
+"""Within less than this nobody sends so much that his numbers come round."""
 _SEQUENCES = 256
-_LATE_COUNT = 64
-"""A number that is at most this much behind the newest is a late or doubled frame; more is a gap the long way round."""
+_LATE_COUNT = 128
+"""A number that is at most this much behind the newest is a late or doubled frame; more is a gap the long way round. A
+jitter of 0.2 s reorders some 100 of PX4's messages."""
 
 
 class LinkState(Enum):
@@ -135,9 +138,10 @@ class Supervision:
 
     def heard(self, sequence: int, now_s: float) -> None:
         """A frame of the autopilot came."""
-        silence_s = None if self.heard_s is None else now_s - self.heard_s
-        if silence_s is not None and silence_s > self.lost_s:
-            self._gaps = SequenceGaps()  # silence is no loss of so many frames: the numbers came round meanwhile
+        before_s = now_s if self.heard_s is None else self.heard_s
+        silence_s = now_s - before_s
+        if silence_s > _PAUSE_S and silence_s * self._rate_hz(before_s) > _LATE_COUNT:
+            self._gaps = SequenceGaps()  # the numbers may have come round: they do not tell what was lost
         self.heard_s = now_s
         if not self._seconds or now_s - self._seconds[-1].since_s >= 1.0:
             self._seconds.append(_Second(now_s))
@@ -173,13 +177,12 @@ class Supervision:
 
     def statistics(self, now_s: float, corrupt_count: int = 0) -> LinkStatistics:
         """The numbers as of now."""
-        seconds = [each for each in list(self._seconds) if now_s - each.since_s <= WINDOW_S]
+        seconds = self._in_window(now_s)
         received = sum(each.received_count for each in seconds)
         lost = max(0, sum(each.lost_count for each in seconds))
-        span_s = max(1.0, now_s - seconds[0].since_s) if seconds else 1.0
         return LinkStatistics(
             state=self.state,
-            rate_hz=received / span_s,
+            rate_hz=self._rate_hz(now_s),
             loss=lost / (received + lost) if received else 0.0,
             round_trip_s=self.round_trip.newest_s,
             corrupt_count=corrupt_count,
@@ -188,10 +191,18 @@ class Supervision:
             lost_count=self.lost_count,
         )
 
-    def _change(self, state: LinkState, silence_s: float | None) -> None:
+    def _in_window(self, now_s: float) -> list[_Second]:
+        return [each for each in list(self._seconds) if now_s - each.since_s <= WINDOW_S]
+
+    def _rate_hz(self, now_s: float) -> float:
+        seconds = self._in_window(now_s)
+        span_s = max(1.0, now_s - seconds[0].since_s) if seconds else 1.0
+        return sum(each.received_count for each in seconds) / span_s
+
+    def _change(self, state: LinkState, silence_s: float) -> None:
         old, self.state = self.state, state
         level = {LinkState.LOST: logging.WARNING, LinkState.CONNECTED: logging.INFO}.get(state, logging.DEBUG)
         if old is LinkState.STALE and state is LinkState.CONNECTED:
             level = logging.DEBUG  # a hiccup
-        fields = {} if silence_s is None else {"silence_s": round(silence_s, 2)}
+        fields = {"silence_s": round(silence_s, 2)} if silence_s else {}
         logs.event(_log, level, "link_changed", old=old.value, new=state.value, url=self._url, **fields)

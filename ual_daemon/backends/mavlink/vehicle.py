@@ -12,7 +12,7 @@ from ual_daemon.backends.mavlink.commands import Command, Commands, request_mess
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.interview import Interview
 from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
-from ual_daemon.backends.mavlink.supervision import Supervision
+from ual_daemon.backends.mavlink.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.telemetry import Telemetry
 from ual_daemon.backends.values import Control, Setpoint, Snapshot, VehicleInfo
 
@@ -21,6 +21,8 @@ _log = logging.getLogger(__name__)
 HEARTBEAT_S = 1.0
 ASK_HEARTBEAT_S = 0.1
 """At most this often the autopilot is asked for a heartbeat out of turn."""
+HEARTBEAT_LATE_S = 1.3
+"""A heartbeat this late was lost. On a bad link three in a row can be, and nothing else tells whether it is armed."""
 SILENCE_S = 3.0
 """After a silence as long as this it is asked everything anew: it may have booted, or the link been another's."""
 
@@ -63,6 +65,7 @@ class MavlinkVehicle:
         self._next_heartbeat_s: float | None = None
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
+        self._heartbeat_s = -math.inf
         self._has_flown = False
         self._was_armed = False
 
@@ -85,6 +88,8 @@ class MavlinkVehicle:
                 self._commands.on_ack(message, now_s)
         elif message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
             self._commands.on_text(telemetry.status_text)
+        elif message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._heartbeat_s = now_s
         elif message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC:
             self._on_timesync(message, now_s, utc_now_s)
 
@@ -131,7 +136,8 @@ class MavlinkVehicle:
         self._interview.tick(now_s)
         self._commands.tick(now_s)
         self._end_flight(now_s)
-        if self._wants_heartbeat and (self._next_ask_s is None or now_s >= self._next_ask_s):
+        is_late = now_s - self._heartbeat_s > HEARTBEAT_LATE_S and self._supervision.state is not LinkState.LOST
+        if (self._wants_heartbeat or is_late) and (self._next_ask_s is None or now_s >= self._next_ask_s):
             self._wants_heartbeat = False
             self._next_ask_s = now_s + ASK_HEARTBEAT_S
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)

@@ -28,7 +28,7 @@ class Connection:
         self.trouble = ""
         self._link = link
         self._url = url
-        self._told = ""
+        self._told: set[str] = set()
         self._is_open = False
         self._next_open_s = float("-inf")
         self._pause_s = FIRST_PAUSE_S
@@ -98,7 +98,7 @@ class Connection:
         self._alive_s = heard_s
         self._pause_s = FIRST_PAUSE_S
         if self._told:
-            self._told = ""
+            self._told.clear()
             _log.info("the link %s is well again", self._url)
         self.trouble = ""
 
@@ -136,8 +136,8 @@ class Connection:
         self._next_open_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
         self.trouble = trouble
-        if trouble != self._told:
-            self._told = trouble
+        if trouble not in self._told:  # each once, until all is well: they may take turns
+            self._told.add(trouble)
             _log.warning("%s", trouble)
 
     def _register(self) -> None:

@@ -67,9 +67,9 @@ class SerialLink(Link):
             data = os.read(self._line.fileno(), _CHUNK)
         except BlockingIOError:
             return []
-        except OSError as error:
-            raise LinkError(f"{self._endpoint} broke: {error.strerror}; opening it anew") from None
-        if not data:  # ready to be read, and nothing there: that is how a line shows that its device is gone
+        except OSError:
+            data = b""
+        if not data:  # an error, or ready to be read and nothing there: how a line shows that its device is gone
             raise LinkError(f"{self._endpoint} is gone (unplugged?); opening it anew")
         return [(data, self.peer)]
 
