@@ -208,10 +208,12 @@ class MavlinkBackend(Backend):
 
 
 def _log_statistics(statistics: LinkStatistics) -> None:
-    """Says at the end how well the link was, and louder when that was not well."""
-    is_well = not (statistics.corrupt_count or statistics.unsigned_count or statistics.lost_count)
-    fields = {**dataclasses.asdict(statistics), "state": statistics.state.value}
-    logs.event(_log, logging.DEBUG if is_well else logging.WARNING, "link_statistics", **fields)
+    """Says at the end how well the link was."""
+    numbers = {
+        name: round(value, 3) if isinstance(value, float) else value
+        for name, value in dataclasses.asdict(statistics).items()
+    }
+    logs.event(_log, logging.INFO, "link_statistics", **{**numbers, "state": statistics.state.value})
 
 
 def _pass_on(done: Future[None], result: Future[None]) -> None:

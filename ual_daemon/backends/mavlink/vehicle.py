@@ -107,7 +107,7 @@ class MavlinkVehicle:
 
     def ask_anew(self) -> None:
         """It may have booted, or have been connected anew: everything is asked again."""
-        _log.info("%s is heard again: asking it everything anew", self.dialect.name)
+        _log.debug("asking %s everything anew", self.dialect.name)
         self._interview = self._new_interview()
 
     def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:

@@ -259,10 +259,12 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
             "trying again (does another program use this port?)"
         )
         other.close()
-        wait_for(lambda: not backend.snapshot().status_text, "the port")
+        waiting = f"waiting for an autopilot at udpin://127.0.0.1:{port}"
+        wait_for(lambda: backend.snapshot().status_text == waiting, "the port")
         autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
         autopilot.say(heartbeat())
         wait_for(lambda: backend.snapshot().armed is not None, "the autopilot")
+        wait_for(lambda: not backend.snapshot().status_text, "the end of the trouble")
 
 
 def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,7 +107,7 @@ class Connection:
         if self._link.sessions_count != self._session:
             self._session = self._link.sessions_count
             self._alive_s = now_s
-            self.trouble = ""
+            self.trouble = f"waiting for an autopilot at {self._url}" if self._told else ""
         if not self._is_open:
             if now_s >= self._next_open_s:
                 self._open(now_s)

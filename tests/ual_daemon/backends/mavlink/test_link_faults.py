@@ -1,0 +1,169 @@
+"""Bad links: messages lost, late, doubled, out of order and damaged, on a hand-moved clock; and TCP for real."""
+
+import contextlib
+import heapq
+import itertools
+import random
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, packer, position
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.mavlink import MavlinkBackend
+from ual_daemon.backends.mavlink.frames import FrameReader
+from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.supervision import LinkState
+
+T = TypeVar("T")
+PATIENCE_S = 20.0
+LOSS, CORRUPTION, DOUBLING, JITTER_S = 0.3, 0.1, 0.1, 0.2
+INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+class Weather:
+    """What a bad link makes of what is sent through it."""
+
+    def __init__(self, seed: int) -> None:
+        self.noise = random.Random(seed)
+        self.arrived_count = 0
+        self._count = itertools.count()
+        self._queue: list[tuple[float, int, bytes]] = []
+
+    def send(self, data: bytes, now_s: float) -> None:
+        if self.noise.random() < LOSS:
+            return
+        if self.noise.random() < CORRUPTION:
+            damaged = bytearray(data)
+            damaged[self.noise.randrange(len(data))] ^= self.noise.randrange(1, 256)
+            data = bytes(damaged)
+        else:
+            self.arrived_count += 1
+        for _ in range(2 if self.noise.random() < DOUBLING else 1):
+            heapq.heappush(self._queue, (now_s + self.noise.uniform(0.0, JITTER_S), next(self._count), data))
+
+    def receive(self, now_s: float) -> Iterator[bytes]:
+        while self._queue and self._queue[0][0] <= now_s:
+            yield heapq.heappop(self._queue)[2]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(seed: int) -> None:
+    talk, down, up = Talk(), Weather(seed), Weather(seed + 100)
+    asked: set[float] = set()
+    sent_count = 0
+    fresh_s: list[float] = []
+    for step in range(3000):  # 30 s
+        talk.now_s = step / 100
+        turned = attitude()
+        turned.time_boot_ms += int(talk.now_s * 1000)
+        said: list[Message] = [turned, position(talk.now_s, north=talk.now_s)]
+        if step % 100 == 0:
+            said.append(heartbeat(armed=True))
+        for data in talk.link.sent:
+            up.send(data, talk.now_s)
+        talk.link.sent.clear()
+        for data in up.receive(talk.now_s):
+            for frame in FrameReader().read(data):
+                command = Codec(1).decode(frame)
+                if command.get_type() == "COMMAND_LONG" and command.command == INTERVAL:
+                    asked.add(command.param1)
+                    said.append(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
+                elif command.get_type() == "COMMAND_LONG" and command.param1 == 0.0:
+                    said.append(heartbeat(armed=True))
+        for message in said:
+            sent_count += 1
+            down.send(talk.pack(message), talk.now_s)
+        for data in down.receive(talk.now_s):
+            talk.hear(data=data)
+        talk.conversation.tick(talk.now_s)
+        if talk.now_s > 3.0:
+            snapshot = talk.snapshot()
+            assert 0.0 <= talk.now_s - snapshot.pose.value.position.y < 1.0
+            assert snapshot.armed.value is True
+            fresh_s.append(talk.now_s - snapshot.armed.time_s)
+    assert asked == {436.0, 245.0, 230.0, 31.0, 32.0}
+    assert max(fresh_s) < 3.0  # a heartbeat that is late is asked for
+    found = talk.supervision.statistics(talk.now_s, talk.conversation.corrupt_count)
+    assert found.state is LinkState.CONNECTED
+    assert found.loss == pytest.approx(1 - down.arrived_count / sent_count, abs=0.04)
+    assert found.corrupt_count > 300
+
+
+class Simulator:
+    """A scripted autopilot behind a TCP server, which can be killed and started again."""
+
+    def __init__(self) -> None:
+        self.port = 0
+        self.start()
+
+    def start(self) -> None:
+        self._server = socket.socket()
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._server.bind(("127.0.0.1", self.port))
+        self._server.listen()
+        self._server.settimeout(PATIENCE_S)
+        self.port = self._server.getsockname()[1]
+
+    def accept(self) -> None:
+        self._client, _ = self._server.accept()
+        self._client.settimeout(PATIENCE_S)
+        self._reader = FrameReader()
+        self.pack = packer()
+
+    def kill(self) -> None:
+        self._client.close()
+        self._server.close()
+
+    def say(self, *messages: Message, garbage: bytes = b"") -> None:
+        """In pieces, as TCP may deliver them."""
+        data = garbage + b"".join(map(self.pack, messages))
+        for begin in range(0, len(data), 9):
+            self._client.sendall(data[begin : begin + 9])
+
+    def hear(self, kind: str, **fields: object) -> Any:
+        """The next message of a kind with such fields."""
+        while True:
+            for frame in self._reader.feed(self._client.recv(4096)):
+                message = Codec(1).decode(frame)
+                if message.get_type() == kind and all(getattr(message, n) == v for n, v in fields.items()):
+                    return message
+
+
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    with contextlib.closing(contextlib.ExitStack()) as stack:
+        simulator = Simulator()
+        stack.callback(simulator.kill)
+        yield simulator
+
+
+def wait_for(condition: Callable[[], T]) -> T:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.005)
+    return found
+
+
+def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) -> None:
+    backend = MavlinkBackend(BackendOptions("uav_1", f"tcp://127.0.0.1:{simulator.port}"))
+    backend.open(lambda _: None)
+    try:
+        for count in range(2):
+            simulator.accept()
+            simulator.say(heartbeat(armed=bool(count)), attitude(), position(0.0), garbage=b"\xfdInit V4.6\xfe\xff\n")
+            wait_for(lambda count=count: (armed := backend.snapshot().armed) and armed.value is bool(count))  # type: ignore[misc]
+            simulator.hear("COMMAND_LONG", command=INTERVAL)  # asked anew each time
+            simulator.hear("TIMESYNC", tc1=0)
+            simulator.say(heartbeat(armed=bool(count)))
+            wait_for(lambda: not backend.snapshot().status_text)
+            simulator.kill()
+            wait_for(lambda: backend.snapshot().status_text)
+            simulator.start()
+        simulator.accept()
+    finally:
+        backend.close()
