@@ -1,4 +1,4 @@
-"""The MAVLink backend: PX4 over UDP. See ``docs/backends/mavlink.md``."""
+"""The MAVLink backend: PX4 and ArduPilot multirotors. See ``docs/backends/mavlink.md``."""
 
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 

@@ -64,9 +64,13 @@ MULTIROTORS = frozenset(
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only a simulator has; nothing else that it says tells one from a vehicle."""
 
+ACCELERATION_SHARE = 0.6
+"""How much of ArduPilot's own acceleration limits our references may ask for. It follows them within the same limits:
+with nothing left to catch up by it overshoots, by 0.7 m at a goal and by 1.5 m where it is stopped on the way."""
+
 
 class ArduCopter(Dialect):
-    """ArduPilot multirotors, 4.6. See the class for what all dialects tell."""
+    """ArduPilot multirotors, 4.6."""
 
     name = "ArduPilot"
     capabilities = frozenset(Capability)
@@ -122,16 +126,16 @@ class ArduCopter(Dialect):
         """Its parameters are in cm and hundredths of degrees."""
         default = Limits()
 
-        def read(name: str, otherwise: float) -> float:
+        def read(name: str, otherwise: float, share: float = 1.0) -> float:
             value = parameters.get(name, 0.0) / 100.0
-            return value if value > 0.0 else otherwise
+            return value * share if value > 0.0 else otherwise
 
         return Limits(
             horizontal_speed_m_s=read("WPNAV_SPEED", default.horizontal_speed_m_s),
             climb_speed_m_s=read("WPNAV_SPEED_UP", default.climb_speed_m_s),
             descent_speed_m_s=read("WPNAV_SPEED_DN", default.descent_speed_m_s),
-            horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2),
-            vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2),
+            horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2, ACCELERATION_SHARE),
+            vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2, ACCELERATION_SHARE),
             yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
         )
 
