@@ -15,6 +15,7 @@ from typing import Any
 import click
 import pytest
 from click.testing import CliRunner, Result
+from typing_extensions import Self
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
@@ -325,6 +326,14 @@ class Terminal:
         os.close(its)
         self.text = ""
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self._ours)
+
     def wait_for(self, text: str) -> None:
         while text not in self.text:
             assert self._read(), f"{text!r} never came:\n{self.text}"
@@ -336,7 +345,6 @@ class Terminal:
     def wait(self) -> int:
         while self._read():
             pass
-        os.close(self._ours)
         return self.process.wait(LIMIT_S)
 
     def _read(self) -> bool:
@@ -349,24 +357,23 @@ class Terminal:
 
 
 def test_a_long_manoeuvre_shows_its_progress_and_ctrl_c_cancels_it(flying: DaemonProcess) -> None:
-    terminal = Terminal("goto", "1000", "0", "3")
-    terminal.wait_for("m left")
-    assert "FLYING_AUTO" in terminal.text
-    terminal.interrupt()
-    assert terminal.wait() == 130
+    with Terminal("goto", "1000", "0", "3") as terminal:
+        terminal.wait_for("m left")
+        assert "FLYING_AUTO" in terminal.text
+        terminal.interrupt()
+        assert terminal.wait() == 130
     assert "cancelled: the UAV holds its position" in terminal.text
     flying.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
 
 
 def test_ctrl_c_stops_a_velocity_at_once(flying: DaemonProcess) -> None:
-    terminal = Terminal("velocity", "0.5", "0", "0", "--for", "600")
-    with ual.Uav() as uav:
+    with Terminal("velocity", "0.5", "0", "0", "--for", "600") as terminal, ual.Uav() as uav:
         deadline_s = time.monotonic() + LIMIT_S
         while uav.velocity().twist.linear.x < 0.4:
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
-    terminal.interrupt()
-    assert terminal.wait() == 130
+        terminal.interrupt()
+        assert terminal.wait() == 130
     assert "interrupted: the UAV stops" in terminal.text
     flying.wait_for("velocity_ended")
 
@@ -374,18 +381,18 @@ def test_ctrl_c_stops_a_velocity_at_once(flying: DaemonProcess) -> None:
 def test_watch_is_one_screen_of_every_uav(start_daemon: StartDaemon) -> None:
     for ns in ("uav_1", "uav_2"):
         start_daemon(ns=ns).wait_for("listening")
-    terminal = Terminal("watch", "--all")
-    for text in ("uav_1", "uav_2", "battery", "LANDED_DISARMED"):
-        terminal.wait_for(text)
-    terminal.interrupt()
-    assert terminal.wait() == 130
+    with Terminal("watch", "--all") as terminal:
+        for text in ("uav_1", "uav_2", "battery", "LANDED_DISARMED"):
+            terminal.wait_for(text)
+        terminal.interrupt()
+        assert terminal.wait() == 130
 
 
 def test_tables_are_drawn_on_a_terminal(daemon: DaemonProcess) -> None:
     del daemon
     for words, texts in ((["list"], ["backend", "uav_1"]), (["info"], ["horizontal speed"]), (["frames"], ["parent"])):
-        terminal = Terminal(*words)
-        assert terminal.wait() == 0
+        with Terminal(*words) as terminal:
+            assert terminal.wait() == 0
         for text in texts:
             assert text in terminal.text
 
