@@ -140,7 +140,9 @@ class ArduCopter(Dialect):
         )
 
     def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
-        return local_target(setpoint, system_id, time_ms)
+        # Without the acceleration: when setpoints end (a killed daemon), ArduPilot goes on with the last one, and would
+        # gain speed for GUID_TIMEOUT; the last velocity only keeps it.
+        return local_target(setpoint, system_id, time_ms, with_acceleration=False)
 
     def arm(self, *, is_arming: bool) -> Command:
         return arm_or_disarm(is_arming=is_arming)

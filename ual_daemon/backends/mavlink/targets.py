@@ -13,14 +13,15 @@ POSITION_MASK = 0
 VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 
 
-def local_target(setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
-    """Position, velocity, acceleration, heading and yaw rate, all of them; or velocity and yaw rate, and only they.
+def local_target(setpoint: Setpoint, system_id: int, time_ms: int, *, with_acceleration: bool = True) -> Message:
+    """Position, velocity, acceleration (or not), heading and yaw rate, all of them; or velocity and yaw rate, and only
+    they.
 
     The yaw rate is always there: without it, and without a heading, ArduPilot turns its nose to where it flies.
     """
     velocity = swap_local(*setpoint.velocity)
     if isinstance(setpoint, PositionSetpoint):
-        mask = POSITION_MASK
+        mask = POSITION_MASK if with_acceleration else _IGNORE_ACCELERATION
         position, acceleration = swap_local(*setpoint.position), swap_local(*setpoint.acceleration)
         yaw_rad = swap_yaw(setpoint.yaw_rad)
     else:
