@@ -35,7 +35,7 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     ("grpc.keepalive_permit_without_calls", 1),
     ("grpc.http2.max_pings_without_data", 0),
     # A client may look after us as often.
-    ("grpc.http2.min_recv_ping_interval_without_data_ms", 1000),
+    ("grpc.http2.min_ping_interval_without_data_ms", 1000),
     # Hardly any setpoint waits in buffers: those that came while the daemon could not read (a stopped process, a busy
     # machine) would all be flown late. By default some 600 fit; now at most 5 do, and the client drops the rest.
     ("grpc.http2.lookahead_bytes", 512),
