@@ -31,6 +31,8 @@ def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> 
     del runtime_dir
     for name in ("UAL_NS", "UAL_ADDRESS", "UAL_TLS_CA"):
         monkeypatch.delenv(name, raising=False)
+    # A shell lets what it starts in the background ignore SIGINT; our programs would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def run(*words: str | Path, stdin: str | None = None) -> Result:

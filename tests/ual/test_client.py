@@ -15,7 +15,8 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from ual import TaskStatus, _calls, errors
+from ual import TaskStatus, _calls, _connection, errors
+from ual._target import CHANNEL_OPTIONS
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -26,6 +27,8 @@ def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> 
     del runtime_dir
     for name in ("UAL_NS", "UAL_ADDRESS"):
         monkeypatch.delenv(name, raising=False)
+    # A shell lets what it starts in the background ignore SIGINT.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def wait_until(uav: ual.Uav, condition: Callable[[Telemetry], bool]) -> Telemetry:
@@ -153,6 +156,19 @@ def test_when_the_time_is_over_the_task_is_cancelled(daemon: DaemonProcess) -> N
             uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=0.3)
         wait_until(uav, lambda sample: sample.task is None)
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_a_client_that_waits_for_long_may_look_after_its_daemon(
+    daemon: DaemonProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del daemon
+    # Often enough that a daemon which takes it for abuse would say so within these seconds.
+    often = (("grpc.keepalive_time_ms", 1100), *(each for each in CHANNEL_OPTIONS if "keepalive_time" not in each[0]))
+    monkeypatch.setattr(_connection, "CHANNEL_OPTIONS", often)
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        with pytest.raises(errors.UalTimeoutError):
+            uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=7.0)
 
 
 def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -> None:
