@@ -21,8 +21,9 @@ NS_METADATA_KEY = "ual-ns"
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # A daemon that was restarted is found again within this.
     ("grpc.initial_reconnect_backoff_ms", 100),
-    ("grpc.min_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 500),
+    # By its name the same, but it is how long an attempt may take: a busy computer needs more than a few ms.
+    ("grpc.min_reconnect_backoff_ms", 3000),
     # Each client has connections of its own, which end with it.
     ("grpc.use_local_subchannel_pool", 1),
     # A daemon's computer that vanished without a word (cable, radio) is noticed within 8 s.
