@@ -358,7 +358,6 @@ class Land(Manoeuvre):
 
     def __init__(self, task: VehicleTask, command: Command, reference: Reference, start: Snapshot) -> None:
         super().__init__("land", task)
-        self._task = task
         self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False
