@@ -9,10 +9,10 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install run test lint format proto proto-check bench clean
+.PHONY: help install run test test-clients lint format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
@@ -26,14 +26,25 @@ run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simula
 	$(BIN)/ual-daemon --backend light --ns uav_1 --auto-arm
 
 test: $(INSTALLED)  ## The tests, but those that need a real autopilot
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n $$((2 * $$(nproc)))  # two for each processor: most of them wait for a flight
 
-lint: $(INSTALLED) tools/node_modules  ## Style, types, import contracts, the contract's style
+test-clients: $(INSTALLED) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi
+	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients $(if $(CLIENTS),-k '$(CLIENTS)')
+
+tools/bin/grpcurl:
+	@if command -v grpcurl >/dev/null; then mkdir -p $(@D) && ln -sf "$$(command -v grpcurl)" $@; \
+	elif command -v go >/dev/null; then GOBIN=$(CURDIR)/$(@D) go install github.com/fullstorydev/grpcurl/cmd/grpcurl@v1.9.4 \
+		|| echo 'grpcurl cannot be installed: its test is skipped'; \
+	else echo 'no grpcurl, and no Go to install it with: its test is skipped'; fi
+
+lint: $(INSTALLED) tools/node_modules  ## Style, types, import contracts, the contract's style and that it breaks no program
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	tools/node_modules/.bin/buf lint
+	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb
 
 tools/node_modules: tools/package.json
 	npm install --prefix tools --no-package-lock --no-fund --no-audit
@@ -52,9 +63,27 @@ proto-check: $(INSTALLED)  ## Fails when the committed stubs are not those of th
 	diff -r --exclude=__pycache__ --exclude=__init__.py build/proto/ual/v1 $(STUBS) \
 		|| { echo 'the stubs are out of date: make proto'; exit 1; }
 
-bench: $(INSTALLED)  ## How fast setpoints are
-	$(BIN)/python benchmarks/setpoints.py
+proto-baseline: tools/node_modules wire  ## At a release: the contract, as it is now, is what must stay compatible
+	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb
+	tools/node_modules/.bin/buf build --exclude-source-info --output proto/baseline.binpb
+
+wire: $(INSTALLED)  ## Records bytes of what is new in the contract, in tests/data/wire
+	$(BIN)/python -m tests.wire
+
+bench: $(INSTALLED) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
+	$(BIN)/python -m benchmarks $(BENCH)
+
+bench-fleet: $(INSTALLED)  ## Whether many UAVs in one daemon keep real time, and what each costs
+	$(BIN)/python -m benchmarks.fleet
+
+bench-tracker: $(INSTALLED)  ## How straight and how fast it flies: light, and real autopilots where UAL_TEST_*_URL is set
+	$(BIN)/python -m benchmarks.tracker $(BENCH)
+
+$(VENV)/.bench: benchmarks/requirements.txt $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $< && touch $@ \
+		|| echo 'not all of $< could be installed: what needs the rest is not measured'
 
 clean:  ## Everything that was made here
-	rm -rf $(VENV) build dist tools/node_modules .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf clients/*/build clients/*/dist clients/*/gen clients/*/src/gen clients/*/node_modules clients/*/target
+	rm -rf $(VENV) build dist tools/node_modules tools/bin .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -31,7 +31,9 @@ hypothesis.settings.load_profile("deterministic")
 class DaemonProcess:
     """One ``ual-daemon`` process; its log, one JSON object a line, tells tests what it does."""
 
-    def __init__(self, flags: tuple[str, ...], ns: str, environment: dict[str, str]) -> None:
+    def __init__(
+        self, flags: tuple[str, ...], ns: str, environment: dict[str, str], module: str = "ual_daemon"
+    ) -> None:
         self.ns = ns
         self.events: list[dict[str, Any]] = []
         self.stderr = ""
@@ -39,7 +41,7 @@ class DaemonProcess:
         self._has_ended = False
         self._resources = ExitStack()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "ual_daemon", "--ns", ns, "--log-format", "json", *flags],
+            [sys.executable, "-m", module, "--ns", ns, "--log-format", "json", *flags],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

@@ -1,36 +1,51 @@
-"""A simulated safety pilot who arms whenever the UAV stands ready, so that one person at a desk can fly."""
+"""Lets a simulated safety pilot arm whenever the UAV stands ready, so that one person at a desk can fly."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 
-from ual.errors import UalError
+from ual.errors import PermissionDeniedError, UalError
 from ual.types import State
 from ual_daemon import logs
+from ual_daemon.backends.base import Clock, SafetyPilot
 from ual_daemon.server.updates import Updates
-from ual_daemon.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
 
 _STANDS_S = 1.0
+_LOOK_PERIOD_S = 0.1
 
 
-async def auto_arm(vehicle: Vehicle, updates: Updates) -> None:
-    """Arms once the UAV has stood disarmed for 1 s of its own time, again and again, until cancelled."""
-    simulation = vehicle.simulation()
+async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
+    """Arms once the UAV has stood disarmed and ready for 1 s of its own time, again and again, until cancelled.
+
+    Ends, without anything sent, as soon as the vehicle turns out not to be simulated. Costs nothing while it does not
+    stand disarmed.
+    """
     since_s: float | None = None
-    with updates.reader() as reader:
-        while True:
-            sample, _ = await reader.read()
-            if sample.telemetry.state is not State.LANDED_DISARMED:
-                since_s = None
-                continue
-            now_s = vehicle.backend.clock.now_s()
-            since_s = now_s if since_s is None else since_s
-            if now_s - since_s >= _STANDS_S:
-                since_s = None
-                try:
-                    await asyncio.to_thread(simulation.pilot_arm)
-                except UalError as error:
+    refused = ""
+    while True:
+        if updates.state is not State.LANDED_DISARMED:
+            since_s = None
+            await updates.change()
+            continue
+        try:
+            may_arm = pilot.may_arm()
+        except PermissionDeniedError as error:
+            logs.event(_log, logging.ERROR, "auto_arm_ended", why=error)
+            return
+        now_s = clock.now_s()
+        since_s = (now_s if since_s is None else since_s) if may_arm else None
+        if since_s is not None and now_s - since_s >= _STANDS_S:
+            since_s = None
+            try:
+                await asyncio.to_thread(pilot.arm)
+            except UalError as error:
+                if str(error) != refused:
                     logs.event(_log, logging.WARNING, "auto_arm_refused", why=error)
+                refused = str(error)
+            else:
+                refused = ""
+        # A simulation's clock may run, stand or be stepped: it can only be looked at now and then.
+        await updates.change(_LOOK_PERIOD_S)

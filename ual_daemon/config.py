@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from ual import discovery
-from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, Settings, VehicleSettings, convert
+from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, NotNegative, Settings, VehicleSettings, convert
 
 
 class DaemonSettings(Settings, frozen=True, kw_only=True):
@@ -25,6 +25,8 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
 
     backend: str = "light"
     ns: Annotated[str, Meta(pattern=NAMESPACE_PATTERN)] = "uav_1"
+    fleet: Annotated[int, Meta(ge=1)] | None = None
+    fleet_spacing_m: NotNegative = 3.0
     url: str | None = None
     listen: tuple[str, ...] = ()
     insecure: bool = False
@@ -50,7 +52,11 @@ class Configuration:
 
     @property
     def listen(self) -> tuple[str, ...]:
-        """The addresses to listen on; the default follows from the namespace."""
+        """The addresses to listen on, for a fleet as templates (`ual_daemon.fleet.addresses`); the default follows from
+        the namespace.
+        """
+        if self.daemon.fleet is not None:
+            return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
         return self.daemon.listen or (discovery.default_address(self.daemon.ns),)
 
     def as_yaml(self) -> str:

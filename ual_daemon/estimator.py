@@ -50,6 +50,8 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
         return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
+    if _is_all_fresh(snapshot, freshness):
+        return None
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
         return Estimate(
@@ -71,6 +73,24 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
     if why is None and snapshot.landed is not None:  # an autopilot may have no landed state at all
         why = _why_stale("whether it is landed", snapshot.landed, freshness.landed_s, snapshot.time_s)
     return None if why is None else Estimate(State.UNINITIALIZED, why)
+
+
+def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
+    """Whether nothing is wrong: the usual case, fast, as every setpoint and update asks. Else it is asked what is."""
+    now_s = snapshot.time_s
+    heard_s, landed = snapshot.heard_s, snapshot.landed
+    armed, mode, estimator, pose = snapshot.armed, snapshot.mode, snapshot.estimator, snapshot.pose
+    if heard_s is None or armed is None or mode is None or estimator is None or pose is None:
+        return False
+    return (
+        now_s - heard_s <= freshness.link_s
+        and now_s - armed.time_s <= freshness.mode_s
+        and now_s - mode.time_s <= freshness.mode_s
+        and now_s - estimator.time_s <= freshness.estimator_s
+        and estimator.value.is_good
+        and now_s - pose.time_s <= freshness.pose_s
+        and (landed is None or now_s - landed.time_s <= freshness.landed_s)
+    )
 
 
 def _why_stale(what: str, sample: Sample[object] | None, limit_s: float, now_s: float) -> str | None:

@@ -12,16 +12,19 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
+from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
 from ual.types import Limits, State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Control, Setpoint, Snapshot
+from ual_daemon.backends.values import Control, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.estimator import Estimate, estimate
+from ual_daemon.fitting import fitted
+from ual_daemon.geofence import Geofence
 from ual_daemon.manoeuvres import Command, Manoeuvre, Step
-from ual_daemon.references import VELOCITY_TIMEOUT_S, Reference, Velocity, brake, measured_motion
+from ual_daemon.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity, brake, measured_motion
 from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
@@ -29,6 +32,7 @@ _log = logging.getLogger(__name__)
 _SEND_PERIOD_S = 0.018
 """Setpoints go out at most so often (50 Hz with a margin for the updates' own jitter)."""
 _NEAR_REFERENCE_M = 1.0
+_NEAR_REFERENCE_S = 0.5
 _HOLD_PATIENCE_S = 5.0
 
 
@@ -42,12 +46,24 @@ class _Watch:
         self.future.set_running_or_notify_cancel()  # nobody but us ends it
 
 
+class Turn(NamedTuple):
+    """The how manieth command it was, and which."""
+
+    number: int
+    command: str
+
+    def after(self, command: str) -> Turn:
+        """The next one."""
+        return Turn(self.number + 1, command)
+
+
 class Flight:
     """What one UAV is busy with. Every member may be called from any thread, but `step` from the update thread only."""
 
-    def __init__(self, backend: Backend, limits: Callable[[], Limits]) -> None:
+    def __init__(self, backend: Backend, limits: Callable[[], Limits], geofence: Geofence | None = None) -> None:
         self._backend = backend
         self._limits = limits
+        self._geofence = geofence
         self._lock = threading.Lock()
         self._manoeuvre: Manoeuvre | None = None
         self._reference: Reference | None = None
@@ -55,6 +71,7 @@ class Flight:
         self._closing: Future[None] | None = None
         self._hold: Command | None = None
         self._sent_s = float("-inf")
+        self._turn = Turn(0, "")
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -66,6 +83,11 @@ class Flight:
         """The state that a snapshot says, our own manoeuvre considered."""
         manoeuvre = self._manoeuvre
         return estimate(snapshot, self._backend.freshness, None if manoeuvre is None else manoeuvre.declares)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the next update has something to do."""
+        return not (self._manoeuvre is None and self._reference is None and not self._watches and self._closing is None)
 
     def task_info(self) -> TaskInfo | None:
         """The running task."""
@@ -86,7 +108,15 @@ class Flight:
         if reference is None:
             return measured
         motion = reference.motion(snapshot)
-        return motion if (motion.position - measured.position).norm() <= _NEAR_REFERENCE_M else measured
+        near_m = _NEAR_REFERENCE_M + _NEAR_REFERENCE_S * motion.velocity.norm()  # it may lag behind a fast reference
+        return motion if (motion.position - measured.position).norm() <= near_m else measured
+
+    def brake(self, snapshot: Snapshot) -> Reference:
+        """What comes to rest from the motion that is flown. From that of the UAV where it was only given a pose: it may
+        be anywhere on its way there.
+        """
+        start = measured_motion(snapshot) if isinstance(self._flown(), Hold) else self.start(snapshot)
+        return brake(snapshot, self._limits(), start)
 
     def _flown(self) -> Reference | None:
         manoeuvre = self._manoeuvre
@@ -105,16 +135,31 @@ class Flight:
         if manoeuvre is not None and not manoeuvre.is_replaceable:
             raise _not_replaceable(manoeuvre, command)
 
-    def begin(self, manoeuvre: Manoeuvre) -> None:
-        """Makes a manoeuvre what is flown, and ends the one that was; see `require_replaceable`."""
+    @property
+    def turn(self) -> Turn:
+        """The command that was the last to begin; see `begin`."""
+        return self._turn
+
+    def begin(self, manoeuvre: Manoeuvre, turn: Turn | None = None) -> None:
+        """Makes a manoeuvre what is flown, and ends the one that was; see `require_replaceable` and `shutting_down`.
+
+        With the `turn` at which it was commanded, `TaskAbortedError` where another command (an abort, too) began since:
+        that one was the newer.
+        """
+        error: UalError | None = None
         with self._lock:
             old = self._manoeuvre
-            is_free = old is None or old.is_replaceable
-            if is_free:
+            if self._closing is not None:  # since the checks: nobody would end it any more
+                error = shutting_down(manoeuvre.name)
+            elif old is not None and not old.is_replaceable:
+                error = _not_replaceable(old, manoeuvre.name)
+            elif turn is not None and turn is not self._turn:
+                by = self._turn.command
+                error = TaskAbortedError(f"{manoeuvre.name}: replaced by {by}, while it was planned", {"by": by})
+            else:
                 self._manoeuvre, self._reference = manoeuvre, None
-        if not is_free:
-            assert old is not None
-            error = _not_replaceable(old, manoeuvre.name)
+                self._turn = self._turn.after(manoeuvre.name)
+        if error is not None:
             self._end(manoeuvre, error)
             raise error
         if old is not None:
@@ -123,16 +168,21 @@ class Flight:
     def refer(self, reference: Reference, by: str, snapshot: Snapshot, *, only_task_id: str = "") -> None:
         """Makes a reference what is flown, in place of a manoeuvre, and sends its setpoint.
 
-        With `only_task_id` nothing happens unless that task is the running one. Raises as `require_replaceable`.
+        With `only_task_id` nothing happens unless that task is the running one. Raises as `require_replaceable`, and
+        `shutting_down`.
         """
+        setpoint = reference.setpoint(snapshot)  # before the update thread knows it, which then is the one to ask it
         with self._lock:
             old = self._manoeuvre
             if only_task_id and (old is None or old.task is None or old.task.id != only_task_id):
                 return
+            if self._closing is not None:
+                raise shutting_down(by)
             if old is not None and not old.is_replaceable:
                 raise _not_replaceable(old, by)
             self._manoeuvre, self._reference = None, reference
-        self._backend.send(reference.setpoint(snapshot))
+            self._turn = self._turn.after(by)
+        self._tell(setpoint, snapshot)
         if old is not None:
             self._end(old, _replaced(old, by))
 
@@ -149,6 +199,8 @@ class Flight:
         """Waits for the effect of a command; the future ends when it shows, or with the error that it failed by."""
         watch = _Watch(command, is_done)
         with self._lock:
+            if self._closing is not None:
+                raise shutting_down(command.what)
             self._watches = (*self._watches, watch)
         return watch.future
 
@@ -181,6 +233,8 @@ class Flight:
                 return
             failure = self._hold.failure(snapshot)
             logs.event(_log, logging.ERROR, "hold_failed", why=str(failure or "its mode did not change"))
+        if self._hold is not None and self.raw_estimate(snapshot).state is State.FLYING_MANUAL:
+            self._hold.withdraw()  # it holds, or the safety pilot flies: repeated, it would take the UAV from him
         with self._lock:
             self._reference = None
         with suppress(InvalidStateError):  # another thread was first
@@ -244,12 +298,32 @@ class Flight:
         flown = reference
         if reference is None:
             flown = brake(snapshot, self._limits())
-        elif isinstance(reference, Velocity) and snapshot.time_s > reference.expires_s:
+        elif isinstance(reference, Velocity) and (why := self._why_ended(reference, snapshot)):
             flown = brake(snapshot, self._limits())
-            logs.event(_log, logging.INFO, "velocity_ended", why=f"no new one within {VELOCITY_TIMEOUT_S:g} s")
+            logs.event(_log, logging.INFO, "velocity_ended", why=why)
         assert flown is not None
         if flown is reference or self._exchange(reference, flown):
-            self._send(flown.setpoint(snapshot), snapshot)
+            try:
+                setpoint = flown.setpoint(snapshot)
+            except Exception:  # noqa: BLE001  told loudly
+                # The UAV must not be left without references: it stops.
+                _log.exception("a reference failed; this is a defect of UAL, please report it")
+                stop = brake(snapshot, self._limits())
+                if not self._exchange(flown, stop):
+                    return
+                setpoint = stop.setpoint(snapshot)
+            self._send(setpoint, snapshot)
+
+    def _why_ended(self, velocity: Velocity, snapshot: Snapshot) -> str:
+        """Why a velocity may not go on; empty while it may."""
+        if snapshot.time_s > velocity.expires_s:
+            return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
+        if self._geofence is not None:
+            try:
+                self._geofence.admit("velocity", velocity, self._limits(), snapshot)
+            except UalError as error:  # the fence, or that it is not known any more where it lies
+                return str(error)
+        return ""
 
     def _exchange(self, old: Reference | None, new: Reference | None) -> bool:
         """Replaces a reference, unless somebody gave another meanwhile."""
@@ -262,7 +336,13 @@ class Flight:
     def _send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
             self._sent_s = snapshot.time_s
-            self._backend.send(setpoint)
+            self._tell(setpoint, snapshot)
+
+    def _tell(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
+        """Sends a setpoint as the autopilot takes it."""
+        if not isinstance(setpoint, VelocitySetpoint):
+            setpoint = fitted(setpoint, self._backend.info().takes, snapshot, self._limits())
+        self._backend.send(setpoint)
 
     def _step_watch(self, watch: _Watch, snapshot: Snapshot) -> None:
         is_done = watch.is_done(snapshot)
@@ -301,6 +381,11 @@ def _may_refer(snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:
         return True
     is_ours = snapshot.mode is not None and snapshot.mode.value.control is Control.REFERENCES
     return is_begun and is_ours and raw.state is State.LANDED_ARMED
+
+
+def shutting_down(command: str) -> WrongStateError:
+    """The refusal of a command that comes once the end has begun."""
+    return WrongStateError(f"{command}: UAL is shutting down and takes no more commands")
 
 
 def _not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:

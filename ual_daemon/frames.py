@@ -4,23 +4,58 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
-from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
+from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3, wrap_angle
 from ual.types import Frame
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 MAP = "map"
 
 
+CARRIED_ON_S = 0.5
+"""A frame that a client moves goes on as it went for so long after it was last told where it is; then it stands."""
+_SMOOTHED_S = 0.2
+_FASTEST_M_S = 100.0
+"""What moves faster has not moved: it was put elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How a frame that a client moves goes on in its parent, from `since_s` (backend clock) on."""
+
+    since_s: float
+    velocity: Vector3 = field(default_factory=Vector3)
+    yaw_rate_rad_s: float = 0.0
+
+    def carry_on(self, link: Transform, now_s: float) -> Transform:
+        """Where the frame is by now."""
+        passed_s = max(0.0, min(CARRIED_ON_S, now_s - self.since_s))
+        if passed_s == 0.0:
+            return link
+        turn = Quaternion.from_yaw(self.yaw_rate_rad_s * passed_s)
+        return replace(link, translation=link.translation + self.velocity * passed_s, rotation=turn * link.rotation)
+
+
 @dataclass(frozen=True, slots=True)
 class _Link:
-    """Where a frame hangs; `transform` takes it to its parent, None where that is not known yet (or the body's)."""
+    """Where a frame hangs; `transform` takes it to its parent, None where that is not known yet (or the body's).
+
+    `drift` is set once a client has moved it, and `told_s` is when it was last told where it is.
+    """
 
     parent: str
     transform: Transform | None
+    drift: Drift | None = None
+    told_s: float = 0.0
+
+    def at(self, now_s: float | None) -> Transform | None:
+        """The transform at a time; None: as it was told last."""
+        if self.drift is None or self.transform is None or now_s is None:
+            return self.transform
+        return self.drift.carry_on(self.transform, now_s)
 
 
 _Links = Mapping[str, _Link]
@@ -79,8 +114,19 @@ class FrameTree:
         """Whether it is known where ``<ns>/odom`` lies."""
         return self._links[self.odom].transform is not None
 
-    def add(self, transform: Transform) -> None:
-        """Adds a frame, or moves one that was added before; an empty parent means ``map``.
+    def is_fixed(self, name: str) -> bool:
+        """Whether a frame is built in or configured, and no body: it stays where it is."""
+        return name in self._fixed and name != self.body
+
+    def is_moving(self, name: str) -> bool:
+        """Whether a client has moved a frame, or one that it hangs on: it may move on. Not what hangs on the body."""
+        links = self._links
+        chain = _chain(name, links)
+        return self.body not in chain and any(each != MAP and links[each].drift is not None for each in chain)
+
+    def add(self, transform: Transform, now_s: float = 0.0) -> None:
+        """Adds a frame, or moves one that was added before, at a time of the backend's clock; an empty parent means
+        ``map``. From one move to the next, its velocity is learnt.
 
         Raises `UnknownFrameError` for the parent, `InvalidArgumentError` for a built-in or configured frame and for a
         loop.
@@ -99,10 +145,11 @@ class FrameTree:
                     f"transform.header.frame_id: {child} cannot hang below itself ({parent} lies below it)",
                     {"field": "transform.header.frame_id"},
                 )
-            self._replace(Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s))
+            link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
+            self._replace(link, _drift(self._links.get(child), link, now_s), now_s)
 
-    def _replace(self, link: Transform) -> None:
-        self._links = MappingProxyType({**self._links, link.child_frame_id: _Link(link.frame_id, link)})
+    def _replace(self, link: Transform, drift: Drift | None = None, told_s: float = 0.0) -> None:
+        self._links = MappingProxyType({**self._links, link.child_frame_id: _Link(link.frame_id, link, drift, told_s)})
 
     def names(self) -> list[str]:
         """All frames, the root first."""
@@ -113,11 +160,13 @@ class FrameTree:
         result = [Frame(MAP, "", None, True)]
         for name, link in self._links.items():
             transform = self._body_transform(body) if name == self.body else link.transform
-            result.append(Frame(name, link.parent, transform, name != self.body))
+            result.append(Frame(name, link.parent, transform, name != self.body and link.drift is None))
         return result
 
-    def lookup(self, target: str, source: str, body: Pose | None) -> Transform:
+    def lookup(self, target: str, source: str, body: Pose | None, now_s: float | None = None) -> Transform:
         """What takes coordinates in the source frame to the target frame.
+
+        With `now_s` (backend clock), moving frames are where they have gone on to by then.
 
         Raises `UnknownFrameError`, and `WrongStateError` where a link of the chain is not known (yet).
         """
@@ -128,17 +177,19 @@ class FrameTree:
             return Transform(Vector3(), IDENTITY, target, source)
         up_from_target = _chain(target, links)
         common = next(name for name in _chain(source, links) if name in up_from_target)
-        to_common = self._climb(source, common, links, body)
-        return self._climb(target, common, links, body).inverse().compose(to_common)
+        to_common = self._climb(source, common, links, body, now_s)
+        if common == target:
+            return to_common
+        return self._climb(target, common, links, body, now_s).inverse().compose(to_common)
 
-    def _climb(self, name: str, ancestor: str, links: _Links, body: Pose | None) -> Transform:
+    def _climb(self, name: str, ancestor: str, links: _Links, body: Pose | None, now_s: float | None) -> Transform:
         result = Transform(Vector3(), IDENTITY, name, name)
         while result.frame_id != ancestor:
             child = result.frame_id
-            transform = self._body_transform(body) if child == self.body else links[child].transform
+            transform = self._body_transform(body) if child == self.body else links[child].at(now_s)
             if transform is None:
                 raise WrongStateError(f"it is not known yet where the frame {child} is in {links[child].parent}")
-            result = transform.compose(result)
+            result = transform.compose(result) if result.frame_id != name else _as_given(transform, name)
         return result
 
     def _body_transform(self, body: Pose | None) -> Transform | None:
@@ -149,6 +200,33 @@ class FrameTree:
     def require(self, name: str) -> None:
         """Raises `UnknownFrameError` unless there is such a frame."""
         _require(name, self._links)
+
+
+def _as_given(link: Transform, child: str) -> Transform:
+    """A link as the first of a chain: it is the chain."""
+    return Transform(link.translation, link.rotation, link.frame_id, child)
+
+
+def _drift(old: _Link | None, link: Transform, now_s: float) -> Drift | None:
+    """How a frame goes on that is told where it is again: smoothed, by the client's stamps where it gives them."""
+    if old is None or old.transform is None or old.parent != link.frame_id:
+        return None
+    before = old.transform
+    are_stamped = before.stamp_s > 0.0 and link.stamp_s > 0.0
+    passed_s = link.stamp_s - before.stamp_s if are_stamped else now_s - old.told_s
+    last = old.drift or Drift(now_s)
+    if passed_s <= 0.0:  # told twice, or out of order
+        return replace(last, since_s=now_s)
+    velocity = (link.translation - before.translation) / passed_s
+    yaw_rate = wrap_angle((link.rotation * before.rotation.inverse()).yaw_rad) / passed_s
+    if velocity.norm() > _FASTEST_M_S or passed_s > 2 * CARRIED_ON_S:
+        return Drift(now_s)
+    share = passed_s / (passed_s + _SMOOTHED_S)  # the first time, too: two places close in time tell little
+    return Drift(
+        now_s,
+        last.velocity + (velocity - last.velocity) * share,
+        last.yaw_rate_rad_s + (yaw_rate - last.yaw_rate_rad_s) * share,
+    )
 
 
 def _require(name: str, links: _Links) -> None:

@@ -23,6 +23,9 @@ Format = Literal["text", "json"]
 caller: ContextVar[str] = ContextVar("ual_caller", default="in-process")
 """Who gave the command that is being worked on: the peer's address, or ``in-process``."""
 
+uav: ContextVar[str] = ContextVar("ual_uav", default="")
+"""Which UAV it is about, where a process flies several; else empty."""
+
 _TALKATIVE = ("asyncio", "grpc")
 """Libraries whose debug messages would bury ours."""
 _QUEUE_SIZE = 10_000
@@ -33,10 +36,13 @@ _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -> None:
     """Logs that something happened: a name in snake_case, and what there is to say of it as fields.
 
-    A caller other than ``in-process`` becomes the field ``caller``.
+    A caller other than ``in-process`` becomes the field ``caller``, one UAV of several the field ``ns``.
     """
     if not logger.isEnabledFor(level):
         return
+    which = uav.get()
+    if which:
+        fields = {"ns": which, **fields}
     who = caller.get()
     if who != "in-process":
         fields.setdefault("caller", who)

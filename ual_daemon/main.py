@@ -10,14 +10,14 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import click
 from click.core import ParameterSource
 
 from ual_daemon import config, logs
 from ual_daemon.config import Configuration, ConfigurationError, FlagSource, Source
-from ual_daemon.settings import ConfigError
+from ual_daemon.settings import ConfigError, VehicleSettings
 
 if TYPE_CHECKING:
     import grpc
@@ -46,6 +46,7 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 )
 @click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
 @click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
+@click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns, in this one process.")
 @click.option("--url", help="Where the autopilot is, as the backend expects it.")
 @click.option(
     "--listen",
@@ -89,7 +90,7 @@ def main(
     print_config: bool,
     **flags: object,
 ) -> None:
-    """Flies one UAV, for callers in any process, on any host and in any language.
+    """Flies one UAV, or a simulated fleet, for callers in any process, on any host and in any language.
 
     Each flag has an environment variable: UAL_BACKEND, UAL_NS, ... Flags win over the environment, that over the
     file, the file over the defaults. SIGTERM and SIGINT end it in a way that is safe for the UAV; a second one ends
@@ -126,50 +127,92 @@ def _given_as(name: str, origin: ParameterSource) -> str:
 def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # gRPC's own words on stderr are no log lines; what concerns users is told by the daemon.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    # One thread less on the way of each message: docs/decisions/0010.
+    os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
     from ual_daemon.backends import registry
-    from ual_daemon.backends.base import BackendOptions
-    from ual_daemon.server import addresses, tls
+    from ual_daemon.server import tls
 
     configuration = config.resolve(sources, registry.names())
     settings = configuration.daemon
     try:
-        listen = [addresses.parse(text) for text in configuration.listen]
+        uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
-        _refuse_exposure(listen, is_safe=settings.insecure or credentials is not None)
-        backend = registry.make(
-            settings.backend,
-            BackendOptions(settings.ns, settings.url, configuration.backends.get(settings.backend, {})),
-        )
-        if settings.auto_arm and backend.simulation() is None:
-            raise ConfigError(f"the {settings.backend} backend flies a real UAV: its safety pilot arms", "auto_arm")  # noqa: TRY301
+        _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
+        if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
+            where = f" at {settings.url}" if settings.url else ""
+            raise ConfigError(  # noqa: TRY301
+                f"the {settings.backend} backend flies a real UAV{where}: its safety pilot arms", "auto_arm"
+            )
     except ConfigError as error:
         raise config.located(error, sources) from None
     if print_config:
         click.echo(configuration.as_yaml(), nl=False)
         return
     logs.setup(settings.log_level, settings.log_format)
-    _serve(configuration, backend, listen, credentials)
+    _serve(configuration, uavs, credentials)
+
+
+class _Planned(NamedTuple):
+    """One UAV that is to fly."""
+
+    backend: Backend
+    vehicle: VehicleSettings
+    listen: list[Address]
+
+
+def _one(configuration: Configuration) -> _Planned:
+    from ual_daemon.backends import registry
+    from ual_daemon.backends.base import BackendOptions
+    from ual_daemon.server import addresses
+
+    settings = configuration.daemon
+    listen = [addresses.parse(text) for text in configuration.listen]
+    options = BackendOptions(settings.ns, settings.url, configuration.backends.get(settings.backend, {}))
+    return _Planned(registry.make(settings.backend, options), configuration.vehicle, listen)
+
+
+def _fleet(configuration: Configuration) -> list[_Planned]:
+    from ual_daemon import fleet
+    from ual_daemon.backends import registry
+    from ual_daemon.backends.base import BackendOptions
+    from ual_daemon.server import addresses
+
+    settings = configuration.daemon
+    assert settings.fleet is not None
+    if settings.url is not None:
+        raise ConfigError("a fleet is simulated: there is no autopilot to look for", "url")
+    section = configuration.backends.get(settings.backend, {})
+    names = fleet.names(settings.ns, settings.fleet)
+    places = fleet.places(settings.fleet, settings.fleet_spacing_m)
+    listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
+    backends = registry.make_fleet(settings.backend, [BackendOptions(ns, None, section) for ns in names], places)
+    fleet.allow_files(settings.fleet, len(configuration.listen))
+    return [
+        _Planned(backend, fleet.placed(configuration.vehicle, place), where)
+        for backend, place, where in zip(backends, places, listen, strict=True)
+    ]
 
 
 def _serve(
-    configuration: Configuration,
-    backend: Backend,
-    listen: Sequence[Address],
-    credentials: grpc.ServerCredentials | None,
+    configuration: Configuration, planned: Sequence[_Planned], credentials: grpc.ServerCredentials | None
 ) -> None:
     import asyncio
+    from contextlib import ExitStack
 
-    from ual_daemon.daemon import Daemon
+    from ual_daemon.daemon import Daemon, Uav
     from ual_daemon.namespace import Namespace, NamespaceError
     from ual_daemon.server.addresses import ListenError
     from ual_daemon.vehicle import Vehicle
 
     settings = configuration.daemon
     try:
-        with Namespace(settings.ns) as namespace:
-            vehicle = Vehicle(backend, configuration.vehicle, allow_arming=settings.allow_arming)
-            daemon = Daemon(vehicle, namespace, listen, credentials, is_auto_arming=settings.auto_arm)
-            asyncio.run(daemon.run())
+        with ExitStack() as held:
+            uavs = []
+            for each in planned:
+                namespace = held.enter_context(Namespace(each.backend.options.ns))
+                vehicle = Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming)
+                uavs.append(Uav(vehicle, namespace, each.listen))
+            asyncio.run(Daemon(uavs, credentials, is_auto_arming=settings.auto_arm).run())
     except (ListenError, NamespaceError) as error:
         _fail(str(error), _CANNOT_START)
 

@@ -7,19 +7,22 @@ send and, once, with how it ended. It never blocks and sends nothing itself.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.estimator import Estimate
+from ual_daemon.pursuit import Pursuit
 from ual_daemon.references import LONGEST_STOP_S, Follow, Hold, Reference, brake, measured_motion
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tasks import VehicleTask
-from ual_daemon.trajectory import Line, Trajectory
+from ual_daemon.tasks import Progress, VehicleTask
+from ual_daemon.trajectory import Line, Motion, Trajectory
 
 COMMAND_PATIENCE_S = 5.0
 """How long a command may take to show its effect. A PX4 answers within 15 ms, and shows a mode within 1 s."""
@@ -44,7 +47,8 @@ class Step:
     then: Reference | None = None
 
 
-def _failed(error: UalError) -> Step:
+def failed(error: UalError) -> Step:
+    """The end, by an error."""
     return Step(has_ended=True, error=error)
 
 
@@ -53,21 +57,27 @@ class Command:
 
     def __init__(self, what: str, now_s: float) -> None:
         self.sent_s = now_s
-        self._what = what
+        self.what = what
         self._ack: Future[None] | None = None
+        self._is_withdrawn = False
 
     def send(self, sender: Callable[[], Future[None]]) -> None:
-        """Sends it. What the backend raises counts as its refusal."""
+        """Sends it, unless it was withdrawn before. What the backend raises counts as its refusal."""
+        if self._is_withdrawn:
+            return
         try:
             self._ack = sender()
         except UalError as error:
             self._ack = Future()
             self._ack.set_exception(error)
+        if self._is_withdrawn:  # meanwhile, by another thread that may not have seen the future
+            self._ack.cancel()
 
     def withdraw(self) -> None:
         """Takes it back as far as it was not sent: it must not be sent again once nobody wants its effect any more (an
         OFFBOARD that is repeated for want of an answer would take the UAV from the safety pilot).
         """
+        self._is_withdrawn = True
         if self._ack is not None:
             self._ack.cancel()
 
@@ -84,19 +94,24 @@ class Command:
     def _error(self) -> BaseException | None:
         return None if self._ack is None or not self.is_answered else self._ack.exception()
 
+    def refusal(self) -> UalError | None:
+        """The autopilot's no, if it has said it."""
+        error = self._error()
+        return error if error is None or isinstance(error, UalError) else UalError(f"{self.what}: {error}")
+
     def failure(self, snapshot: Snapshot) -> UalError | None:
         """Why it has failed, if it has: it was refused, or shows no effect in time."""
-        error = self._error()
-        if error is not None:
-            return error if isinstance(error, UalError) else UalError(f"{self._what}: {error}")
+        refusal = self.refusal()
+        if refusal is not None:
+            return refusal
         if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
             return None
         words = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
         if self.is_answered:
             return RejectedByAutopilotError(
-                f"the autopilot accepted to {self._what}, but has not after {COMMAND_PATIENCE_S:g} s{words}"
+                f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{words}"
             )
-        return UalTimeoutError(f"the autopilot did not answer when told to {self._what}{words}")
+        return UalTimeoutError(f"the autopilot did not answer when told to {self.what}{words}")
 
 
 class Manoeuvre(ABC):
@@ -168,45 +183,68 @@ def _taken(snapshot: Snapshot, during: str) -> TaskAbortedError:
 
 
 class _Arrival:
-    """Judges arrival: within tolerance, and slow, for a while."""
+    """Judges arrival: within tolerance, and slow, on the mean of a while: an estimate is noisy, and a moment's luck (or
+    bad luck) shall not count.
+    """
 
     def __init__(self, position: Vector3, yaw_rad: float, tolerance: ToleranceSettings) -> None:
         self._position, self._yaw_rad, self._tolerance = position, yaw_rad, tolerance
-        self._since_s: float | None = None
+        self._seen: deque[tuple[float, Vector3, float, Vector3]] = deque()  # time, and how far off: place, turn, speed
+
+    def look(self, snapshot: Snapshot) -> None:
+        """Takes in where the UAV is; to be told at each update."""
+        motion = measured_motion(snapshot)
+        turn = wrap_angle(motion.yaw_rad - self._yaw_rad)
+        self._seen.append((snapshot.time_s, motion.position - self._position, turn, motion.velocity))
+        # One that is older than the while stays: so the others span it.
+        while len(self._seen) > 1 and snapshot.time_s - self._seen[1][0] >= self._tolerance.dwell_s:
+            self._seen.popleft()
 
     def has_arrived(self, snapshot: Snapshot) -> bool:
-        """To be asked at each update."""
-        motion = measured_motion(snapshot)
-        there = (
-            (motion.position - self._position).norm() <= self._tolerance.position_m
-            and abs(wrap_angle(motion.yaw_rad - self._yaw_rad)) <= self._tolerance.heading_rad
-            and motion.velocity.norm() <= self._tolerance.speed_m_s
-        )
-        if not there:
-            self._since_s = None
+        """Whether it is there."""
+        if not self._seen or snapshot.time_s - self._seen[0][0] < self._tolerance.dwell_s:
             return False
-        if self._since_s is None:
-            self._since_s = snapshot.time_s
-        return snapshot.time_s - self._since_s >= self._tolerance.dwell_s
+        place, turn, velocity = self._mean()
+        tolerance = self._tolerance
+        return (
+            place.norm() <= tolerance.position_m
+            and abs(turn) <= tolerance.heading_rad
+            and velocity.norm() <= tolerance.speed_m_s
+        )
 
-    def gap(self, snapshot: Snapshot) -> str:
+    def _mean(self) -> tuple[Vector3, float, Vector3]:
+        place, turn, velocity, count = Vector3(), 0.0, Vector3(), len(self._seen)
+        for _, offset, turned, speed in self._seen:
+            place, turn, velocity = place + offset, turn + turned, velocity + speed
+        return place / count, turn / count, velocity / count
+
+    def gap(self) -> str:
         """How far it is off, for people."""
-        motion = measured_motion(snapshot)
-        distance_m = (motion.position - self._position).norm()
-        turn_rad = abs(wrap_angle(motion.yaw_rad - self._yaw_rad))
-        return f"{distance_m:.2f} m and {turn_rad:.2f} rad off, at {motion.velocity.norm():.2f} m/s"
+        place, turn, velocity = self._mean()
+        return f"{place.norm():.2f} m and {abs(turn):.2f} rad off, at {velocity.norm():.2f} m/s"
 
 
 class FollowTrajectory(Manoeuvre):
     """A go-to or a path."""
 
-    def __init__(self, name: str, task: VehicleTask, trajectory: Trajectory, tolerance: ToleranceSettings) -> None:
+    def __init__(
+        self,
+        name: str,
+        task: VehicleTask,
+        trajectory: Trajectory,
+        tolerance: ToleranceSettings,
+        tracker: type[Follow | Pursuit] = Follow,
+        planned_s: float | None = None,
+    ) -> None:
+        """`planned_s` is when the UAV was told the motion that the trajectory begins with; None: as it begins."""
         super().__init__(name, task)
+        self._tracker = tracker
+        self._planned_s = planned_s
         self._task = task
         end = trajectory.end()
         self._trajectory = trajectory
         self._tolerance = tolerance
-        self._follow: Follow | None = None
+        self._follow: Follow | Pursuit | None = None
         self._then = Hold(end.position, end.yaw_rad)
         self._arrival = _Arrival(end.position, end.yaw_rad, tolerance)
         stops_s = len(trajectory.stops_s) * LONGEST_STOP_S
@@ -216,38 +254,36 @@ class FollowTrajectory(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_not_ours(snapshot, estimate, self.name)
         if lost is not None:
-            return _failed(lost)
+            return failed(lost)
         if self._follow is None or self._started_s is None:
-            self._follow = Follow(self._trajectory, snapshot.time_s, self._tolerance)
+            planned_s = snapshot.time_s if self._planned_s is None else self._planned_s
+            self._follow = self._tracker(self._trajectory, planned_s, self._tolerance)
             self._started_s = snapshot.time_s
         follow = self._follow
         setpoint = follow.setpoint(snapshot)
-        self._report(snapshot, follow)
+        self._task.report(partial(self._progress, snapshot, follow.motion(snapshot), follow.time_s))
+        self._arrival.look(snapshot)
         if follow.is_finished and self._arrival.has_arrived(snapshot):
             return Step(setpoint, has_ended=True, then=self._then)
         if snapshot.time_s - self._started_s > self._longest_s:
-            return _failed(
+            return failed(
                 UalTimeoutError(
-                    f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.gap(snapshot)}",
+                    f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.gap()}",
                     {"state": estimate.state.name},
                 )
             )
         return Step(setpoint)
 
-    def _report(self, snapshot: Snapshot, follow: Follow) -> None:
-        motion = follow.motion(snapshot)
+    def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
+        """How far it has come where the reference has that motion, at a time of the trajectory."""
         lag_m = (measured_motion(snapshot).position - motion.position).norm()
-        left_m = self._trajectory.length_left_m(follow.time_s) + lag_m
+        left_m = self._trajectory.length_left_m(time_s) + lag_m
         length_m, duration_s = self._trajectory.length_m, self._trajectory.duration_s
         if length_m > 0.0:
             progress = max(0.0, 1.0 - left_m / length_m)
         else:
-            progress = follow.time_s / duration_s if duration_s > 0.0 else 1.0
-        self._task.report(
-            progress=min(1.0, progress),
-            distance_left_m=left_m,
-            waypoint_index=self._trajectory.waypoint_at(follow.time_s),
-        )
+            progress = time_s / duration_s if duration_s > 0.0 else 1.0
+        return Progress(min(1.0, progress), left_m, self._trajectory.waypoint_at(time_s))
 
     def pose_reference(self) -> Reference | None:
         return self._follow
@@ -284,6 +320,7 @@ class TakeOff(Manoeuvre):
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
         self._tolerance_m = max(_TAKE_OFF_LEAST_TOLERANCE_M, _TAKE_OFF_TOLERANCE * height_m)
         self._climb: Follow | None = None
+        self._was_ours = False
         self._climbing_since_s: float | None = None
         self._up_since_s: float | None = None
         self._longest_s = height_m / limits.climb_speed_m_s * _TIMEOUT_FACTOR + _TIMEOUT_MARGIN_S
@@ -291,17 +328,29 @@ class TakeOff(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = _why_blind(estimate, self.name)
         if lost is not None:
-            return _failed(lost)
+            return failed(lost)
         if estimate.state is State.LANDED_DISARMED:
-            return _failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
+            return failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
         if self._climbing_since_s is None:
             if not self._has_begun(snapshot):
+                if self._is_taken_before(snapshot):
+                    return failed(_taken(snapshot, self.name))
                 failure = self._command.failure(snapshot)
                 if failure is not None:
-                    return _failed(failure)
+                    return failed(failure)
                 return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
             self._climbing_since_s = snapshot.time_s
         return self._climb_on(snapshot, estimate, self._climbing_since_s)
+
+    def _is_taken_before(self, snapshot: Snapshot) -> bool:
+        """Whether the mode was right and is no more, before it was told to climb for sure. An autopilot that climbs by
+        itself may do so in other modes, too (ArduPilot in LOITER): it must not be told again.
+        """
+        assert snapshot.mode is not None
+        is_ours = snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)
+        is_taken = self._was_ours and not is_ours and not self._on_setpoints
+        self._was_ours = is_ours
+        return is_taken
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
         assert snapshot.mode is not None
@@ -315,14 +364,15 @@ class TakeOff(Manoeuvre):
         assert snapshot.mode is not None
         ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
         if snapshot.mode.value.control not in ours:
-            return _failed(_taken(snapshot, self.name))
+            return failed(_taken(snapshot, self.name))
+        refusal = self._command.refusal()  # one that came late, by a bad link
+        if refusal is not None and estimate.state is State.LANDED_ARMED:
+            return failed(refusal)
         setpoint = self._climb_setpoint(snapshot) if self._on_setpoints else None
         motion = measured_motion(snapshot)
         climbed_m = motion.position.z - self._ground_z
-        self._task.report(
-            progress=max(0.0, min(1.0, climbed_m / self._height_m)),
-            distance_left_m=max(0.0, self._height_m - climbed_m),
-        )
+        progress = max(0.0, min(1.0, climbed_m / self._height_m))
+        self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
         # One that climbs by itself takes no references before it says that it is up.
         if not is_up or (not self._on_setpoints and estimate.state is State.TAKING_OFF):
@@ -332,7 +382,7 @@ class TakeOff(Manoeuvre):
         if self._up_since_s is not None and snapshot.time_s - self._up_since_s >= self._dwell_s:
             return Step(setpoint, has_ended=True, then=self._top)
         if snapshot.time_s - since_s > self._longest_s:
-            return _failed(
+            return failed(
                 UalTimeoutError(
                     f"take_off: at {climbed_m:.2f} m after {self._longest_s:.0f} s, not at {self._height_m:g} m"
                 )
@@ -366,7 +416,7 @@ class Land(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = _why_blind(estimate, self.name)
         if lost is not None:
-            return _failed(lost)
+            return failed(lost)
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=True)
         assert snapshot.mode is not None
@@ -376,16 +426,16 @@ class Land(Manoeuvre):
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
             elif (failure := self._command.failure(snapshot)) is not None:
-                return _failed(failure)
+                return failed(failure)
             elif control is not Control.REFERENCES:
-                return _failed(_taken(snapshot, self.name))
+                return failed(_taken(snapshot, self.name))
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
-            return _failed(_taken(snapshot, self.name))
+            return failed(_taken(snapshot, self.name))
         descended_m = self._begin_z - measured_motion(snapshot).position.z
         if snapshot.time_s - self._command.sent_s > descended_m / _SLOWEST_LANDING_M_S + 3 * _TIMEOUT_MARGIN_S:
-            return _failed(UalTimeoutError("land: the UAV has stopped coming down, but reports no ground"))
+            return failed(UalTimeoutError("land: the UAV has stopped coming down, but reports no ground"))
         return Step()
 
     def pose_reference(self) -> Reference | None:
@@ -405,12 +455,12 @@ class Recover(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = _why_blind(estimate, self.name)
         if lost is not None:
-            return _failed(lost)
+            return failed(lost)
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, then=stop)
         if estimate.state is not State.FLYING_MANUAL:
-            return _failed(
+            return failed(
                 TaskAbortedError(
                     f"recover_from_manual: the state became {estimate.state.name}",
                     {"by": "autopilot", "state": estimate.state.name},
@@ -418,6 +468,6 @@ class Recover(Manoeuvre):
             )
         failure = self._command.failure(snapshot)
         if failure is not None:
-            return _failed(failure)
+            return failed(failure)
         motion = measured_motion(snapshot)
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))

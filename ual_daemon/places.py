@@ -6,24 +6,37 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ual.errors import NotSupportedError, WrongStateError
-from ual.geometry import Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
-from ual.types import AltitudeReference
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    wrap_angle,
+)
+from ual.types import AltitudeReference, GeoWaypoint
 from ual_daemon import logs, validation
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames import MAP, FrameTree, horizontal
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.trajectory import Waypoint
+from ual_daemon.trajectory import Motion, Waypoint
+
+_DIFFERENCE_S = 0.01
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal in a frame of the user's, checked; `turn` None keeps the heading."""
+    """A goal in a frame of the user's, checked; `turn` None keeps the heading. `field` is that of the position."""
 
     position: Vector3
     turn: Quaternion | None
@@ -65,18 +78,63 @@ class Places:
             validation.position(goal.pose.position, f"{field}.pose.position"),
             validation.orientation(goal.pose.orientation, f"{field}.pose.orientation"),
             goal.frame_id or self.tree.odom,
-            field,
+            f"{field}.pose.position",
         )
+
+    def point(self, point: PointStamped, field: str) -> Goal:
+        """Checks a point, as `goal` does."""
+        if not isinstance(point, PointStamped):
+            raise validation.refuse(field, f"{point!r} is neither a PointStamped nor a Vector3")
+        self._require_frame(point.frame_id, field)
+        position = validation.position(point.point, f"{field}.point")
+        return Goal(position, None, point.frame_id or self.tree.odom, f"{field}.point")
 
     def to_local(self, goal: Goal, snapshot: Snapshot) -> Waypoint:
         """A goal in the backend's local frame."""
+        (waypoint,) = self.all_to_local([goal], snapshot)
+        return waypoint
+
+    def is_moving(self, goal: Goal) -> bool:
+        """Whether a goal moves, because a client moves the frame that it is in."""
+        return self.tree.is_moving(goal.frame_id)
+
+    def moving_to_local(self, goal: Goal, now_s: float, kept_yaw_rad: float) -> Motion:
+        """A goal in a moving frame, in the backend's local frame: place and motion at a time of the backend's clock.
+
+        One without a heading has `kept_yaw_rad`.
+        """
+        here, soon = (self._in_local_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
+        velocity = (soon.position - here.position) / _DIFFERENCE_S
+        if here.yaw_rad is None or soon.yaw_rad is None:
+            return Motion(here.position, kept_yaw_rad, velocity)
+        turn = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
+        return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=turn)
+
+    def _in_local_at(self, goal: Goal, now_s: float) -> Waypoint:
+        return self._in_local(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s))
+
+    def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
+        """Goals in the backend's local frame, all of them at one time: each frame is looked up once."""
+        frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)} - {self.tree.odom}
+        to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
+        return [
+            self._in_local(goal, to_odom.get(goal.frame_id))
+            if isinstance(goal, Goal)
+            else self.geo_to_local(goal, snapshot)
+            for goal in goals
+        ]
+
+    def _in_local(self, goal: Goal, to_odom: Transform | None) -> Waypoint:
         position, turn = goal.position, goal.turn
-        if goal.frame_id != self.tree.odom:
-            to_odom = self._to_odom(goal.frame_id, snapshot)
-            field = f"{goal.field}.pose.position (in {self.tree.odom})"
-            position = validation.position(to_odom.apply(position), field)
+        if to_odom is not None:
+            position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
             turn = turn and to_odom.rotation * turn
         return Waypoint(position + self._origin, turn.yaw_rad if turn else None)
+
+    def frame_to_local(self, frame_id: str) -> Transform:
+        """What takes coordinates of a fixed frame to the backend's local frame."""
+        to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
+        return Transform(to_odom.translation + self._origin, to_odom.rotation, "", frame_id)
 
     def velocity(self, velocity: TwistStamped, field: str) -> tuple[Twist, str]:
         """Checks a velocity; with the frame that it is in."""
@@ -92,17 +150,18 @@ class Places:
         turn = self._to_odom(frame_id, snapshot).rotation
         return Twist(turn.rotate(twist.linear), turn.rotate(twist.angular))
 
-    def geo_to_local(
-        self, latitude_deg: float, longitude_deg: float, altitude_m: float, above: AltitudeReference, snapshot: Snapshot
-    ) -> Vector3:
-        """A geographic position in the backend's local frame, by the autopilot's own projection."""
+    def geo_to_local(self, goal: GeoWaypoint, snapshot: Snapshot) -> Waypoint:
+        """A geographic goal in the backend's local frame, by the autopilot's own projection."""
         if snapshot.projection is None:
             raise WrongStateError("the autopilot has not said where its local frame is on Earth")
-        return snapshot.projection.to_local(latitude_deg, longitude_deg, _amsl_m(altitude_m, above, snapshot))
+        altitude_m = _amsl_m(goal.altitude_m, goal.altitude_reference, snapshot)
+        position = snapshot.projection.to_local(goal.latitude_deg, goal.longitude_deg, altitude_m)
+        field = "latitude_deg, longitude_deg, altitude_m (in the local frame)"
+        return Waypoint(validation.position(position, field), goal.yaw_rad)
 
     def _to_odom(self, frame_id: str, snapshot: Snapshot) -> Transform:
         body = self.body(snapshot)
-        return self.tree.lookup(self.tree.odom, frame_id, body and horizontal(body))
+        return self.tree.lookup(self.tree.odom, frame_id, body and horizontal(body), snapshot.time_s)
 
     def _require_frame(self, frame_id: str, field: str) -> None:
         if frame_id:

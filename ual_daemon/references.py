@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import replace
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.pace import Pace
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
@@ -62,10 +62,14 @@ class Velocity(Reference):
         self._twist, self._in_body, self.expires_s = twist, in_body, expires_s
 
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        return VelocitySetpoint(self.velocity(snapshot), self._twist.angular.z)
+
+    def velocity(self, snapshot: Snapshot) -> Vector3:
+        """The velocity along the local axes."""
         velocity = self._twist.linear
         if self._in_body and snapshot.pose is not None:
-            velocity = Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
-        return VelocitySetpoint(velocity, self._twist.angular.z)
+            return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
+        return velocity
 
     def motion(self, snapshot: Snapshot) -> Motion:
         return measured_motion(snapshot)
@@ -77,8 +81,9 @@ class Velocity(Reference):
 class Follow(Reference):
     """Follows a trajectory in time.
 
-    Where the UAV lags behind (wind, weak motors), the reference waits for it; where the trajectory stands still at a
-    waypoint, until it is there and slow, too (within `tolerance`), so that it really stops.
+    Where the UAV lags behind (wind, weak motors), the reference waits for it, and slows down for that within the limits
+    (see `pace`); where the trajectory stands still at a waypoint, until the UAV is there and slow, too (within
+    `tolerance`), so that it really stops.
     """
 
     def __init__(self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings | None = None) -> None:
@@ -86,9 +91,13 @@ class Follow(Reference):
         self._tolerance = tolerance or ToleranceSettings()
         self._stops_s = [*trajectory.stops_s, math.inf]
         self._stopped_since_s: float | None = None
-        self.time_s = 0.0
         self._updated_s = now_s
-        self._motion = trajectory.at(0.0)
+        self._pace = Pace(trajectory)
+
+    @property
+    def time_s(self) -> float:
+        """How far in the trajectory's time it is."""
+        return self._pace.time_s
 
     @property
     def is_finished(self) -> bool:
@@ -98,21 +107,10 @@ class Follow(Reference):
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
         self._updated_s = snapshot.time_s
-        pace = self._pace(snapshot)
-        self._go_on(passed_s * pace, snapshot)
-        motion = self.trajectory.at(self.time_s)
-        self._motion = replace(
-            motion,
-            velocity=motion.velocity * pace,
-            acceleration=motion.acceleration * (pace * pace),
-            yaw_rate_rad_s=motion.yaw_rate_rad_s * pace,
-        )
+        self._go_on(passed_s, snapshot)
+        motion = self._pace.motion
         return PositionSetpoint(
-            self._motion.position,
-            self._motion.yaw_rad,
-            self._motion.velocity,
-            self._motion.acceleration,
-            self._motion.yaw_rate_rad_s,
+            motion.position, motion.yaw_rad, motion.velocity, motion.acceleration, motion.yaw_rate_rad_s
         )
 
     def _go_on(self, passed_s: float, snapshot: Snapshot) -> None:
@@ -122,7 +120,7 @@ class Follow(Reference):
                 return
             self._stopped_since_s = None
             self._stops_s.pop(0)
-        self.time_s = min(self.time_s + passed_s, self.trajectory.duration_s, self._stops_s[0])
+        self._pace.go_on(passed_s, self._stops_s[0], self._wanted_pace(snapshot))
         if self.time_s == self._stops_s[0]:
             self._stopped_since_s = snapshot.time_s
 
@@ -130,22 +128,23 @@ class Follow(Reference):
         measured = measured_motion(snapshot)
         return (
             measured.velocity.norm() <= self._tolerance.speed_m_s
-            and (measured.position - self._motion.position).norm() <= self._tolerance.position_m
+            and (measured.position - self._pace.motion.position).norm() <= self._tolerance.position_m
         )
 
-    def _pace(self, snapshot: Snapshot) -> float:
+    def _wanted_pace(self, snapshot: Snapshot) -> float:
         """1 while the UAV is close behind, 0 where it is too far off, in between on the way."""
         if snapshot.pose is None:
             return 0.0
-        lag_m = (self._motion.position - snapshot.pose.value.position).norm()
-        free_m = _FREE_LAG_M + _FREE_LAG_S * self._motion.velocity.norm()
+        motion = self._pace.motion
+        lag_m = (motion.position - snapshot.pose.value.position).norm()
+        free_m = _FREE_LAG_M + _FREE_LAG_S * motion.velocity.norm()
         return max(0.0, min(1.0, 1.0 - (lag_m - free_m) / _LONGEST_LAG_M))
 
     def motion(self, snapshot: Snapshot) -> Motion:
-        return self._motion
+        return self._pace.motion
 
     def pose(self) -> Pose | None:
-        return Pose(self._motion.position, Quaternion.from_yaw(self._motion.yaw_rad))
+        return Pose(self._pace.motion.position, Quaternion.from_yaw(self._pace.motion.yaw_rad))
 
 
 def measured_motion(snapshot: Snapshot) -> Motion:
@@ -158,6 +157,6 @@ def measured_motion(snapshot: Snapshot) -> Motion:
     return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
 
 
-def brake(snapshot: Snapshot, limits: Limits) -> Follow:
-    """Comes to rest from the measured motion, and holds there."""
-    return Follow(Brake(measured_motion(snapshot), limits), snapshot.time_s)
+def brake(snapshot: Snapshot, limits: Limits, start: Motion | None = None) -> Follow:
+    """Comes to rest from a motion (`start`: the one that is asked for now; None: the measured one), and holds there."""
+    return Follow(Brake(start or measured_motion(snapshot), limits), snapshot.time_s)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from ual.errors import WrongStateError
 from ual.geometry import Pose, Transform, Twist
-from ual.types import Odometry, Telemetry
+from ual.types import GeoPoint, Odometry, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.estimator import Estimate
 from ual_daemon.flight import Flight
@@ -39,9 +37,9 @@ def make_sample(
         pose=pose,
         velocity=velocity,
         odometry=_odometry(snapshot, places, body, twist),
-        transform=None if in_map is None else replace(in_map, stamp_s=snapshot.stamp_s),
+        transform=in_map and _stamped(in_map, snapshot.stamp_s),
         reference_pose=reference,
-        position_geo=snapshot.position_geo,
+        position_geo=snapshot.position_geo or _position_geo(snapshot),
         battery=snapshot.battery,
         gps=snapshot.gps,
         flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
@@ -49,6 +47,27 @@ def make_sample(
         task=flight.task_info(),
         sequence=sequence,
         status_text=snapshot.status_text,
+    )
+
+
+def _stamped(transform: Transform, stamp_s: float) -> Transform:
+    return Transform(transform.translation, transform.rotation, transform.frame_id, transform.child_frame_id, stamp_s)
+
+
+def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
+    """Where it is on Earth, by the autopilot's projection; None while the autopilot does not trust its position."""
+    is_known = snapshot.estimator is not None and snapshot.estimator.value.is_good
+    if not is_known or snapshot.pose is None or snapshot.projection is None:
+        return None
+    point = snapshot.projection.to_geo(snapshot.pose.value.position)
+    amsl_m, home_m, separation_m = point.altitude_amsl_m, snapshot.home_altitude_amsl_m, snapshot.geoid_separation_m
+    assert amsl_m is not None
+    return GeoPoint(
+        point.latitude_deg,
+        point.longitude_deg,
+        amsl_m,
+        None if home_m is None else amsl_m - home_m,
+        None if separation_m is None else amsl_m + separation_m,
     )
 
 

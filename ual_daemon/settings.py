@@ -7,22 +7,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from enum import Enum
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta
 
 FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z"
-NAMESPACE_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]{0,63}\Z"
+LONGEST_NAMESPACE = 64
+NAMESPACE_PATTERN = rf"^[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAMESPACE - 1}}}\Z"
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 FrameId = Annotated[str, Meta(pattern=FRAME_ID_PATTERN)]
 Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
+Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, Meta(ge=-180.0, le=180.0)]
 GeoPosition = tuple[
-    Annotated[float, Meta(ge=-90.0, le=90.0)],
-    Annotated[float, Meta(ge=-180.0, le=180.0)],
+    Latitude,
+    Longitude,
     Annotated[float, Meta(ge=-1e5, le=1e5)],
 ]
 
@@ -63,7 +67,7 @@ class LimitSettings(Settings, frozen=True, kw_only=True):
 
 
 class ToleranceSettings(Settings, frozen=True, kw_only=True):
-    """When a UAV counts as arrived, once its reference is at the goal: within these, for `dwell_s`.
+    """When a UAV counts as arrived, once its reference is at the goal: within these, on the mean of `dwell_s`.
 
     The defaults are for a satellite receiver without corrections: in PX4's simulator the estimate of a UAV that hovers
     wanders by 0.3 to 0.5 m and 0.4 m/s (docs/backends/mavlink.md).
@@ -73,6 +77,29 @@ class ToleranceSettings(Settings, frozen=True, kw_only=True):
     heading_rad: Positive = 0.1
     speed_m_s: Positive = 0.5
     dwell_s: NotNegative = 0.3
+
+
+class GeofenceSettings(Settings, frozen=True, kw_only=True):
+    """Where the UAV may be told to be: over a polygon, in a height band, or both.
+
+    `polygon` has x, y (metres) in `frame_id`, `polygon_geo` latitude and longitude (degrees) instead; the heights are z
+    in `frame_id`. None is ``<ns>/odom``.
+    """
+
+    frame_id: FrameId | None = None
+    polygon: tuple[tuple[Coordinate, Coordinate], ...] = ()
+    polygon_geo: tuple[tuple[Latitude, Longitude], ...] = ()
+    min_height_m: Coordinate | None = None
+    max_height_m: Coordinate | None = None
+
+
+class Tracker(Enum):
+    """How go-tos and paths are flown."""
+
+    REFERENCE = "reference"
+    """By a smooth reference in time, with the motion there as feed-forward. Straight and fast."""
+    PURSUIT = "pursuit"
+    """By pure pursuit: to a point of the path a little ahead of the UAV, without feed-forward."""
 
 
 class VehicleSettings(Settings, frozen=True, kw_only=True):
@@ -85,6 +112,8 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     frames: tuple[FrameSettings, ...] = ()
     limits: LimitSettings = LimitSettings()
     tolerance: ToleranceSettings = ToleranceSettings()
+    tracker: Tracker = Tracker.REFERENCE
+    geofence: GeofenceSettings | None = None
 
 
 S = TypeVar("S", bound=Settings)

@@ -5,10 +5,22 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError
 from ual.types import TaskInfo, TaskKind, TaskStatus
 from ual_daemon.backends.base import Clock
+
+
+class Progress(NamedTuple):
+    """How far a task has come: a share of 1, metres left, and the waypoint it is flying to."""
+
+    progress: float | None = None
+    distance_left_m: float | None = None
+    waypoint_index: int | None = None
+
+
+_NO_PROGRESS: Callable[[], Progress] = Progress
 
 
 class VehicleTask:
@@ -30,11 +42,14 @@ class VehicleTask:
         self._on_cancel = on_cancel
         self._started_s = clock.now_s()
         self._ended_s: float | None = None
-        self._progress: tuple[float | None, float | None, int | None] = (None, None, None)
+        self._progress = _NO_PROGRESS
+        self._told: float | None = None
 
     def info(self) -> TaskInfo:
         """How it stands now."""
-        progress, distance_left_m, waypoint_index = self._progress
+        progress, distance_left_m, waypoint_index = self._progress()
+        if progress is not None:  # what a noisy estimate takes back of it is left
+            progress = self._told = max(progress, self._told or 0.0)
         status, error = self._status()
         ended_s = self._clock.now_s() if self._ended_s is None else self._ended_s
         return TaskInfo(
@@ -64,14 +79,9 @@ class VehicleTask:
         """
         self._on_cancel(self)
 
-    def report(
-        self, *, progress: float | None = None, distance_left_m: float | None = None, waypoint_index: int | None = None
-    ) -> None:
-        """Says how far it has come (by the update thread). What a noisy estimate takes back of the progress is left."""
-        before = self._progress[0]
-        if progress is not None and before is not None:
-            progress = max(progress, before)
-        self._progress = (progress, distance_left_m, waypoint_index)
+    def report(self, progress: Callable[[], Progress]) -> None:
+        """Says how far it has come (by the update thread): a pure function, called when somebody asks."""
+        self._progress = progress
 
     def end(self, error: UalError | None) -> None:
         """Ends it. Runs the callbacks of its future, so no lock may be held."""

@@ -15,12 +15,24 @@ from typing_extensions import Self
 
 from ual import views
 from ual.errors import UalTimeoutError
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.interface import Simulation
-from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
+from ual.types import (
+    AltitudeReference,
+    Frame,
+    Info,
+    Odometry,
+    PathHeading,
+    State,
+    TaskInfo,
+    TaskKind,
+    Telemetry,
+    Waypoints,
+)
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
+from ual_daemon.dry_run import DryRun, stamped_point, stamped_pose, stamped_twist, stamped_waypoints
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
@@ -129,15 +141,21 @@ class UAL:
         _wait(self.vehicle.disarm(), timeout_s, "disarm")
 
     def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.take_off(height_m), blocking, timeout_s)
+        return _handle(self.vehicle.motions.take_off(height_m).begin(), blocking, timeout_s)
 
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.land(), blocking, timeout_s)
+        return _handle(self.vehicle.motions.land().begin(), blocking, timeout_s)
 
     def go_to_waypoint(
-        self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
+        self,
+        waypoint: PoseStamped | Pose,
+        *,
+        max_speed_m_s: float | None = None,
+        blocking: bool = True,
+        timeout_s: float | None = None,
     ) -> _Task:
-        return _handle(self.vehicle.go_to_waypoint(_stamped(waypoint)), blocking, timeout_s)
+        motion = self.vehicle.motions.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s)
+        return _handle(motion.begin(), blocking, timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -147,31 +165,45 @@ class UAL:
         altitude_reference: AltitudeReference = AltitudeReference.HOME,
         *,
         yaw_rad: float | None = None,
+        max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> _Task:
-        task = self.vehicle.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
-        return _handle(task, blocking, timeout_s)
+        motion = self.vehicle.motions.go_to_waypoint_geo(
+            latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad=yaw_rad, max_speed_m_s=max_speed_m_s
+        )
+        return _handle(motion.begin(), blocking, timeout_s)
 
     def follow_path(
         self,
-        waypoints: Sequence[PoseStamped | Pose],
+        waypoints: Waypoints,
         *,
         corner_radius_m: float = 0.0,
+        max_speed_m_s: float | None = None,
+        leg_speeds_m_s: Sequence[float] = (),
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        point_of_interest: PointStamped | Vector3 | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> _Task:
-        task = self.vehicle.follow_path([_stamped(waypoint) for waypoint in waypoints], corner_radius_m)
-        return _handle(task, blocking, timeout_s)
+        motion = self.vehicle.motions.follow_path(
+            stamped_waypoints(waypoints),
+            corner_radius_m=corner_radius_m,
+            max_speed_m_s=max_speed_m_s,
+            leg_speeds_m_s=leg_speeds_m_s,
+            heading=heading,
+            point_of_interest=stamped_point(point_of_interest),
+        )
+        return _handle(motion.begin(), blocking, timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
-        self.vehicle.set_pose(_stamped(pose))
+        self.vehicle.motions.set_pose(stamped_pose(pose)).begin()
 
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self.vehicle.set_velocity(TwistStamped(velocity) if isinstance(velocity, Twist) else velocity)
+        self.vehicle.motions.set_velocity(stamped_twist(velocity)).begin()
 
     def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        _wait(self.vehicle.recover_from_manual(), timeout_s, "recover_from_manual")
+        _wait(self.vehicle.motions.recover_from_manual().begin(), timeout_s, "recover_from_manual")
 
     def set_home(self, set_z: bool = False) -> None:
         self.vehicle.set_home(set_z)
@@ -181,6 +213,11 @@ class UAL:
 
     def task(self, task_id: str) -> _Task:
         return _Task(self.vehicle.task(task_id))
+
+    @property
+    def dry_run(self) -> DryRun:
+        """The motions, as questions: what would happen, without anything moving."""
+        return DryRun(self.vehicle.motions)
 
     @property
     def simulation(self) -> Simulation:
@@ -243,13 +280,10 @@ class _Subscription:
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="ual-subscription", daemon=True)
         self._thread.start()
-        self._unsubscribe = vehicle.subscribe(self._offer)
+        self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s)
 
     def _offer(self, sample: Telemetry) -> None:
-        now_s = time.monotonic()
-        if now_s < self._next_s:
-            return
-        self._next_s = max(self._next_s + self._period_s, now_s)
+        self._next_s = max(self._next_s + self._period_s, time.monotonic())
         with self._changed:
             if self._newest is not None:
                 self._missed += 1
@@ -284,10 +318,6 @@ class _Subscription:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
-
-
-def _stamped(pose: PoseStamped | Pose) -> PoseStamped:
-    return PoseStamped(pose) if isinstance(pose, Pose) else pose
 
 
 def _wait(future: Future[None], timeout_s: float | None, what: str) -> None:

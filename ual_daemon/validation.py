@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import SupportsFloat
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Quaternion, Transform, Twist, Vector3
-from ual.types import AltitudeReference
+from ual.types import AltitudeReference, GeoWaypoint, PathHeading
 from ual_daemon.settings import FRAME_ID_PATTERN
 
 MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
 MAX_TURN_RATE_RAD_S = 1000.0
 MAX_ANGLE_RAD = 1e6
+MAX_STAMP_S = 253_402_300_799.0
+"""The end of the year 9999, where protobuf's time ends."""
 
 _NORM_TOLERANCE = 0.05
 """How far from 1 the norm of a quaternion may be to count as a rotation slightly off."""
@@ -72,6 +75,33 @@ def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:
     return result
 
 
+def max_speed(value: SupportsFloat | None) -> float | None:
+    """A speed that is not to be exceeded in m/s, or None."""
+    return None if value is None else positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S)
+
+
+def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float | None]:
+    """One speed that is not to be exceeded in m/s for each waypoint, None where it is 0 or nothing is given."""
+    speeds = [not_negative(each, f"leg_speeds_m_s[{i}]", at_most=MAX_SPEED_M_S) for i, each in enumerate(values)]
+    if not speeds:
+        return [None] * waypoint_count
+    if len(speeds) != waypoint_count:
+        raise refuse("leg_speeds_m_s", f"{len(speeds)} for {waypoint_count} waypoints; give one for each, or none")
+    return [speed or None for speed in speeds]
+
+
+def path_heading(value: PathHeading, *, has_point: bool) -> PathHeading:
+    """Where the nose points on a path; a point of interest belongs to POINT_OF_INTEREST, and to that only."""
+    if not isinstance(value, PathHeading):
+        known = ", ".join(heading.name for heading in PathHeading)
+        raise refuse("heading", f"{_shown(value)} is no PathHeading ({known})")
+    if has_point and value is not PathHeading.POINT_OF_INTEREST:
+        raise refuse("point_of_interest", f"is given, but the heading is {value.name}, not POINT_OF_INTEREST")
+    if not has_point and value is PathHeading.POINT_OF_INTEREST:
+        raise refuse("point_of_interest", "is not given, but the heading is POINT_OF_INTEREST")
+    return value
+
+
 def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
     """A vector of finite components, its length not beyond a magnitude."""
     if type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most:
@@ -123,28 +153,40 @@ def orientation(value: Quaternion, field: str) -> Quaternion | None:
 def twist(value: Twist, field: str) -> Twist:
     """A velocity; of its turn, only the part about z is flown."""
     require_type(value, Twist, field)
-    return Twist(
-        vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S),
-        vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S),
-    )
+    linear = vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S)
+    angular = vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S)
+    is_clean = linear is value.linear and angular is value.angular
+    return value if is_clean else Twist(linear, angular)
 
 
-def latitude(value: SupportsFloat) -> float:
+def latitude(value: SupportsFloat, field: str = "latitude_deg") -> float:
     """Degrees, -90 to 90."""
-    return number(value, "latitude_deg", at_most=90.0)
+    return number(value, field, at_most=90.0)
 
 
-def longitude(value: SupportsFloat) -> float:
+def longitude(value: SupportsFloat, field: str = "longitude_deg") -> float:
     """Degrees, -180 to 180."""
-    return number(value, "longitude_deg", at_most=180.0)
+    return number(value, field, at_most=180.0)
 
 
-def altitude_reference(value: AltitudeReference) -> AltitudeReference:
+def altitude_reference(value: AltitudeReference, field: str = "altitude_reference") -> AltitudeReference:
     """What an altitude is measured from: none is guessed."""
     if not isinstance(value, AltitudeReference):
         known = ", ".join(reference.name for reference in AltitudeReference)
-        raise refuse("altitude_reference", f"{_shown(value)} is no AltitudeReference ({known})")
+        raise refuse(field, f"{_shown(value)} is no AltitudeReference ({known})")
     return value
+
+
+def geo_waypoint(value: GeoWaypoint, prefix: str = "") -> GeoWaypoint:
+    """A geographic position to fly to; `prefix` stands before the names of its fields."""
+    yaw_rad = value.yaw_rad
+    return GeoWaypoint(
+        latitude(value.latitude_deg, f"{prefix}latitude_deg"),
+        longitude(value.longitude_deg, f"{prefix}longitude_deg"),
+        number(value.altitude_m, f"{prefix}altitude_m", at_most=MAX_DISTANCE_M),
+        altitude_reference(value.altitude_reference, f"{prefix}altitude_reference"),
+        None if yaw_rad is None else number(yaw_rad, f"{prefix}yaw_rad", at_most=MAX_ANGLE_RAD),
+    )
 
 
 def frame_id(value: str, field: str) -> str:
@@ -162,5 +204,5 @@ def transform(value: Transform, field: str) -> Transform:
         rotation(value.rotation, f"{field}.rotation"),
         frame_id(value.frame_id, f"{field}.header.frame_id") if value.frame_id else "",
         frame_id(value.child_frame_id, f"{field}.child_frame_id"),
-        value.stamp_s,
+        not_negative(value.stamp_s, f"{field}.header.stamp", at_most=MAX_STAMP_S),
     )

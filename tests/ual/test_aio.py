@@ -16,8 +16,9 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
 from ual import TaskStatus, aio, errors, interface
+from ual.aio._dry_run import DryRun
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import State, Telemetry
+from ual.types import Plan, State, Telemetry
 
 T = TypeVar("T")
 
@@ -60,6 +61,7 @@ async def take_off(uav: aio.Uav) -> None:
 def test_it_has_the_members_of_the_interface() -> None:
     for protocol, kind in (
         (interface.Uav, aio.Uav),
+        (interface.DryRun, DryRun),
         (interface.Simulation, aio.Simulation),
         (interface.Task, aio.Task),
     ):
@@ -91,6 +93,30 @@ def test_a_whole_flight(daemon: DaemonProcess) -> None:
 
     run(fly, ns="uav_1")
     assert daemon.process.poll() is None
+
+
+def test_a_dry_run_moves_nothing(daemon: DaemonProcess) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)
+        assert (await uav.dry_run.take_off(3.0)).length_m == pytest.approx(3.0)
+        assert await uav.state() is State.LANDED_ARMED
+        await uav.take_off(3.0)
+        dry = uav.dry_run
+        assert (await dry.go_to_waypoint(Pose.at(3.0, 4.0, 3.0))).length_m == pytest.approx(5.0, abs=0.3)
+        slow = await dry.follow_path([Pose.at(3.0, 4.0, 3.0)], max_speed_m_s=0.1)
+        assert slow.duration_s is not None
+        assert slow.duration_s > 40.0
+        assert await dry.set_velocity(Twist(Vector3(1.0))) == Plan()
+        assert await dry.set_pose(Pose.at(1.0, 1.0, 3.0)) == await dry.land() == Plan()
+        with pytest.raises(errors.WrongStateError):
+            await dry.recover_from_manual()
+        with pytest.raises(errors.InvalidArgumentError):
+            await dry.go_to_waypoint_geo(91.0, 0.0, 3.0)
+        sample = await uav.telemetry()
+        assert sample.state is State.FLYING_AUTO
+        assert sample.task is None
+
+    run(fly, address=daemon.address)
 
 
 def test_refusals_are_the_same_errors(daemon: DaemonProcess) -> None:

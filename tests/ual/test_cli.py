@@ -103,6 +103,9 @@ def test_help_needs_no_grpc() -> None:
         ["path"],
         ["path", "1,2"],
         ["path", "1,2,3,4,5"],
+        ["path", "1,2,3", "--heading", "north"],
+        ["path", "1,2,3", "--speeds", "1,fast"],
+        ["goto", "1", "2", "3", "--max-speed", "fast"],
         ["velocity", "1", "0", "0"],
         ["takeoff", "3", "--timeout", "0"],
         ["goto-geo", "1", "2", "3", "--reference", "moon"],
@@ -290,6 +293,53 @@ def test_a_geographic_waypoint_is_flown_to(flying: DaemonProcess) -> None:
     assert (position.x, position.y, position.z) == pytest.approx((0.0, 1.11, 4.0), abs=0.3)
 
 
+def test_dry_runs_say_what_would_happen(daemon: DaemonProcess) -> None:
+    del daemon
+    wait_for_state(State.LANDED_ARMED)
+    assert done("takeoff", "3", "--dry-run").startswith("would be accepted, 3.00 m, ")
+    assert done("state") == "LANDED_ARMED\n"
+    refused = run("land", "--dry-run")
+    assert (refused.exit_code, refused.stderr.startswith("ual: WRONG_STATE: land needs ")) == (1, True)
+    done("takeoff", "3")
+    (plan,) = done_json("goto", "3", "4", "3", "--dry-run", "--max-speed", "0.5")
+    assert plan["length_m"] == pytest.approx(5.0, abs=0.3)
+    assert plan["duration_s"] > 9.0
+    (plan,) = done_json("path", "3,4,3", "0,0,3", "--dry-run", "--max-speed", "0.5")
+    assert plan["length_m"] == pytest.approx(10.0, abs=0.5)
+    for words in (["land"], ["pose", "1", "1", "3"], ["velocity", "1", "0", "0", "--for", "1"]):
+        assert done(*words, "--dry-run") == "would be accepted\n"
+    (sample,) = done_json("watch", "--once")
+    here = sample["position_geo"]
+    assert done("goto-geo", str(here["latitude_deg"]), str(here["longitude_deg"]), "8", "--dry-run").startswith(
+        "would "
+    )
+    for words in (
+        ["recover"],
+        ["takeoff", "3"],
+        ["goto-geo", "91", "0", "3"],
+        ["goto", "1", "0", "3", "--max-speed", "0"],
+    ):
+        assert run(*words, "--dry-run").exit_code == 1
+    with ual.Uav() as uav:
+        assert uav.is_idle()
+        assert uav.pose().pose.position.x == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_waypoint_file_is_flown_dry(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    file = tmp_path / "waypoints"
+    file.write_text("3,0,3\n3,4,3\n")
+    (plan,) = done_json("waypoints", "fly", file, "--dry-run", "--max-speed", "1", "--corner-radius", "0.5")
+    assert 6.0 < plan["length_m"] < 7.1
+    assert plan["duration_s"] > 6.0
+
+
+def test_speeds_are_kept(flying: DaemonProcess) -> None:
+    del flying
+    (task,) = done_json("goto", "2", "0", "3", "--max-speed", "0.5")
+    assert task["elapsed_s"] > 4.0
+
+
 def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
     result = run("goto", "1000", "0", "3", "--timeout", "0.3")
     assert result.exit_code == 1
@@ -302,6 +352,34 @@ def test_not_a_number_is_refused_by_the_daemon(flying: DaemonProcess) -> None:
     result = run("goto", "nan", "0", "3")
     assert result.exit_code == 1
     assert result.stderr.startswith("ual: INVALID_ARGUMENT: waypoint.pose.position.x")
+
+
+def test_a_plan_of_qgroundcontrol_is_flown_and_drawn(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    (sample,) = done_json("watch", "--once")
+    here = sample["position_geo"]
+    places = [(here["latitude_deg"] + 2e-5, here["longitude_deg"]), (here["latitude_deg"], here["longitude_deg"])]
+    items = [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, latitude_deg, longitude_deg, 3.0]}
+        for latitude_deg, longitude_deg in places
+    ]
+    file, picture = tmp_path / "mission.plan", tmp_path / "flown.svg"
+    landing = {"type": "SimpleItem", "command": 21, "frame": 3, "params": [0] * 7}
+    file.write_text(json.dumps({"fileType": "Plan", "mission": {"items": [*items, landing]}}))
+    result = run("path", "--file", file, "--plot", picture)
+    assert result.exit_code == 0
+    assert "not flown: item 3: landing" in result.stderr
+    assert result.stdout.startswith("FOLLOW_PATH SUCCEEDED")
+    assert "<svg" in picture.read_text()
+
+
+def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    result = run("goto", "5", "0", "3", "--plot", tmp_path / "flown.doc")
+    assert result.exit_code == 2
+    assert ".png" in result.stderr
+    with ual.Uav() as uav:
+        assert uav.pose().pose.position.x == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_waypoint_file_with_a_mistake_names_the_line(tmp_path: Path) -> None:

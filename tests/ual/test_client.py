@@ -15,6 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.ual import fake_daemon
 from ual import TaskStatus, _calls, _connection, errors
 from ual._target import CHANNEL_OPTIONS
 from ual.geometry import Pose, Twist, Vector3
@@ -49,6 +50,41 @@ def wait_until(uav: ual.Uav, condition: Callable[[Telemetry], bool]) -> Telemetr
 def take_off(uav: ual.Uav, height_m: float = 3.0) -> None:
     wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)
     uav.take_off(height_m)
+
+
+def test_a_speed_of_zero_is_not_taken_for_none() -> None:
+    calls: list[Callable[[], object]] = [
+        lambda: _calls.go_to_waypoint(Pose(), 0.0),
+        lambda: _calls.go_to_waypoint_geo(0.0, 0.0, 3.0, ual.AltitudeReference.HOME, None, 0.0),
+        lambda: _calls.follow_path([Pose()], 0.0, 0.0, (), ual.PathHeading.WAYPOINTS, None),
+    ]
+    for call in calls:
+        with pytest.raises(errors.InvalidArgumentError) as refused:
+            call()
+        assert refused.value.metadata["field"] == "max_speed_m_s"
+
+
+def test_a_dry_run_is_a_question_only(daemon: DaemonProcess) -> None:
+    with ual.Uav(address=daemon.address) as uav:
+        take_off(uav)
+        task = uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), blocking=False)
+        assert uav.dry_run.go_to_waypoint(Pose.at(0.0, 0.0, 3.0), max_speed_m_s=0.1).duration_s is not None
+        assert uav.dry_run.set_velocity(Twist(Vector3(1.0))) == ual.Plan()
+        assert not task.done()
+        with pytest.raises(errors.InvalidArgumentError, match="leg_speeds_m_s"):
+            uav.dry_run.follow_path([Pose()], leg_speeds_m_s=[1.0, 1.0])
+        with pytest.raises(errors.InvalidArgumentError, match="point_of_interest"):
+            uav.dry_run.follow_path([Pose()], point_of_interest=Vector3())
+        task.cancel()
+
+
+def test_a_daemon_that_knows_no_dry_runs_is_not_taken_for_one_that_moved_nothing() -> None:
+    with (
+        fake_daemon.running() as daemon,
+        ual.Uav("uav_1", address=daemon.address) as uav,
+        pytest.raises(errors.NotSupportedError, match="too old for dry runs"),
+    ):
+        uav.dry_run.set_velocity(Twist(Vector3(1.0)))  # answered without a plan
 
 
 # --- Finding a daemon -------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from ual.interface import Uav
 from ual_daemon import UAL
 
 # Fast, but so that a busy computer does not lose what the checks look for.
-SPEED_FACTOR = 5.0
+SPEED_FACTOR = 3.0
 
 
 def over_class(stack: ExitStack, directory: Path) -> Uav:

@@ -16,7 +16,7 @@ from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
-from ual.types import Capability, State, Telemetry
+from ual.types import Capability, Plan, State, Telemetry
 from ual_daemon import UAL
 
 CHECKS = {check.name: check for check in conformance.CHECKS}
@@ -36,7 +36,7 @@ class Sabotaged:
 
 @pytest.fixture(scope="module")
 def uav() -> Iterator[UAL]:
-    with UAL("light", "uav_1", backend_settings={"speed_factor": 20.0}) as uav:
+    with UAL("light", "uav_1", backend_settings={"speed_factor": 5.0}) as uav:
         yield uav
 
 
@@ -45,8 +45,11 @@ def sabotaged(uav: UAL) -> Sabotaged:
     return Sabotaged(uav)
 
 
-def run(sabotaged: Sabotaged, name: str) -> None:
-    conformance.run_check(Flight(sabotaged, replace(Tolerances.of_simulation(), patience=1.0)), CHECKS[name])
+EXACT, REAL = replace(Tolerances.of_simulation(), patience=1.0), replace(Tolerances(), patience=1.0)
+
+
+def run(sabotaged: Sabotaged, name: str, tolerances: Tolerances = EXACT) -> None:
+    conformance.run_check(Flight(sabotaged, tolerances), CHECKS[name])
 
 
 def plain(pose: PoseStamped | Pose) -> Pose:
@@ -89,8 +92,10 @@ def flies_around_the_corner(sabotaged: Sabotaged) -> None:
 
 def stops_short_of_the_goal(sabotaged: Sabotaged) -> None:
     def go_to_waypoint(waypoint: PoseStamped | Pose, **how: Any) -> object:
-        goal = plain(waypoint)
-        return sabotaged.uav.go_to_waypoint(replace(goal, position=goal.position * 0.8), **how)
+        if isinstance(waypoint, Pose):
+            return sabotaged.uav.go_to_waypoint(waypoint, **how)
+        short = replace(waypoint.pose, position=waypoint.pose.position * 0.8)
+        return sabotaged.uav.go_to_waypoint(replace(waypoint, pose=short), **how)
 
     sabotaged.replaced["go_to_waypoint"] = go_to_waypoint
 
@@ -104,27 +109,44 @@ def takes_nan_for_nothing(sabotaged: Sabotaged) -> None:
 
 
 def repeats_the_last_velocity_for_ever(sabotaged: Sabotaged) -> None:
-    given: list[TwistStamped | Twist] = []
-    is_over = threading.Event()
+    given = repeating(sabotaged)
 
     def set_velocity(velocity: TwistStamped | Twist) -> None:
         given.append(velocity)
         sabotaged.uav.set_velocity(velocity)
+
+    sabotaged.replaced["set_velocity"] = set_velocity
+
+
+def drifts_after_an_abort(sabotaged: Sabotaged) -> None:
+    given = repeating(sabotaged)
+
+    def abort(**_: Any) -> None:
+        sabotaged.uav.abort()
+        given.append(Twist(Vector3(-0.7, 0.0, 0.0)))
+
+    sabotaged.replaced["abort"] = abort
+
+
+def repeating(sabotaged: Sabotaged) -> list[TwistStamped | Twist]:
+    """What is put there last is flown, again and again."""
+    given: list[TwistStamped | Twist] = []
+    is_over = threading.Event()
 
     def repeat() -> None:
         while not is_over.wait(0.005):
             if given:
                 sabotaged.uav.set_velocity(given[-1])
 
-    repeating = threading.Thread(target=repeat)
-    repeating.start()
+    thread = threading.Thread(target=repeat)
+    thread.start()
 
     def end() -> None:
         is_over.set()
-        repeating.join()
+        thread.join()
 
-    sabotaged.replaced["set_velocity"] = set_velocity
     sabotaged.undo = end
+    return given
 
 
 def forgets_to_cancel(sabotaged: Sabotaged) -> None:
@@ -154,11 +176,41 @@ def invents_another_error(sabotaged: Sabotaged) -> None:
     sabotaged.replaced["transform"] = transform
 
 
+class DryRunThatFlies:
+    """A dry run that does what it is only asked about."""
+
+    def __init__(self, uav: UAL) -> None:
+        self.uav = uav
+
+    def __getattr__(self, name: str) -> Any:
+        def fly(*args: Any, **how: Any) -> Plan:
+            plan: Plan = getattr(self.uav.dry_run, name)(*args, **how)
+            if name == "go_to_waypoint":
+                self.uav.go_to_waypoint(*args, blocking=False, **how)
+            return plan
+
+        return fly
+
+
+def flies_dry_runs(sabotaged: Sabotaged) -> None:
+    sabotaged.replaced["dry_run"] = DryRunThatFlies(sabotaged.uav)
+
+
+def accepts_any_dry_run(sabotaged: Sabotaged) -> None:
+    class Yes:
+        def __getattr__(self, name: str) -> Any:
+            return lambda *_, **__: Plan()
+
+    sabotaged.replaced["dry_run"] = Yes()
+
+
 @pytest.mark.parametrize(
     ("sabotage", "name", "why"),
     [
+        (flies_dry_runs, "a_dry_run_moves_nothing", "a task runs"),
+        (accepts_any_dry_run, "a_dry_run_refuses_what_is_refused", "was accepted"),
         (says_it_is_somewhere_else, "telemetry_agrees_with_itself", "pose and odometry differ"),
-        (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "1 m ahead"),
+        (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "3.5 m ahead"),
         (flies_around_the_corner, "goes_straight_to_a_waypoint", "beside the line"),
         (stops_short_of_the_goal, "goes_to_a_waypoint_in_map", "from the goal"),
         (takes_nan_for_nothing, "bad_poses_are_refused", "but it was accepted"),
@@ -177,6 +229,27 @@ def test_a_check_finds_what_is_wrong(
     try:
         with pytest.raises(CheckFailedError, match=why):
             run(sabotaged, name)
+    finally:
+        sabotaged.undo()
+
+
+@pytest.mark.parametrize(
+    ("sabotage", "name", "why"),
+    [
+        (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "3.5 m ahead"),
+        (flies_around_the_corner, "goes_straight_to_a_waypoint", "beside the line"),
+        (repeats_the_last_velocity_for_ever, "flies_a_velocity_and_stops_without", "stop without a new velocity"),
+        (drifts_after_an_abort, "an_abort_stops", "m from its position"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_check_of_a_real_uav_whose_estimate_wanders_finds_it_too(
+    sabotaged: Sabotaged, sabotage: Callable[[Sabotaged], None], name: str, why: str
+) -> None:
+    sabotage(sabotaged)
+    try:
+        with pytest.raises(CheckFailedError, match=why):
+            run(sabotaged, name, REAL)
     finally:
         sabotaged.undo()
 

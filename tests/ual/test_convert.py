@@ -10,9 +10,32 @@ from hypothesis import given
 from tests.ual import values
 from ual import convert
 from ual.errors import InvalidArgumentError, UalError
-from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import (
+    IDENTITY,
+    KEEP_HEADING,
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+)
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Capability, Frame, GpsFix, Info, TaskInfo, TaskKind, TaskStatus, Telemetry
+from ual.types import (
+    AltitudeReference,
+    Capability,
+    Frame,
+    GeoWaypoint,
+    GpsFix,
+    Info,
+    PathHeading,
+    Plan,
+    TaskInfo,
+    TaskKind,
+    TaskStatus,
+    Telemetry,
+)
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
 
@@ -50,6 +73,14 @@ def test_durations_keep_their_microseconds(duration_s: float) -> None:
 def test_poses_come_back_as_they_were(pose: PoseStamped) -> None:
     assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
     assert convert.setpoint_from_proto(wire(convert.setpoint_to_proto(pose))) == pose
+
+
+@pytest.mark.parametrize("yaw_rad", [None, 0.0, -1.5])
+@pytest.mark.parametrize("reference", AltitudeReference)
+def test_geographic_waypoints_come_back_as_they_were(reference: AltitudeReference, yaw_rad: float | None) -> None:
+    waypoints = [GeoWaypoint(37.4, -6.0, 12.5, reference, yaw_rad), GeoWaypoint(0.0, 0.0, 0.0)]
+    request = pb.FollowPathRequest(geo_waypoints=[convert.geo_waypoint_to_proto(each) for each in waypoints])
+    assert convert.waypoints_from_proto(wire(request)) == waypoints
 
 
 @given(values.velocities)
@@ -161,6 +192,29 @@ def test_no_altitude_reference_is_home() -> None:
         assert convert.altitude_reference_from_proto(request) is reference
 
 
+@given(values.plans)
+def test_plans_come_back_as_they_were(plan: Plan) -> None:
+    back = convert.plan_from_proto(wire(convert.plan_to_proto(plan)))
+    assert back.length_m == plan.length_m
+    assert (back.duration_s is None) == (plan.duration_s is None)
+    assert back.duration_s == pytest.approx(plan.duration_s, abs=1e-6)
+
+
+@given(values.vectors, values.frame_ids)
+def test_points_of_interest_come_back_as_they_were(place: Vector3, frame_id: str) -> None:
+    point = PointStamped(place, frame_id)
+    request = pb.FollowPathRequest(point_of_interest=convert.point_stamped_to_proto(point))
+    assert convert.point_of_interest_from_proto(wire(request)) == point
+    assert convert.point_of_interest_from_proto(pb.FollowPathRequest()) is None
+
+
+def test_no_path_heading_is_that_of_the_waypoints() -> None:
+    assert convert.path_heading_from_proto(pb.FollowPathRequest()) is PathHeading.WAYPOINTS
+    for heading in PathHeading:
+        request = pb.FollowPathRequest(heading=convert.path_heading_to_proto(heading))
+        assert convert.path_heading_from_proto(request) is heading
+
+
 pose_without_position = pb.PoseStamped(pose=pb.Pose(orientation=pb.Quaternion(w=1.0)))
 pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
 
@@ -193,6 +247,14 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
         ),
         (lambda: convert.setpoint_from_proto(pb.StreamSetpointsRequest(pose=pb.PoseStamped())), "pose.pose"),
         (lambda: convert.new_frame_from_proto(pb.AddFrameRequest()), "transform"),
+        (
+            lambda: convert.point_of_interest_from_proto(pb.FollowPathRequest(point_of_interest=pb.PointStamped())),
+            "point_of_interest.point",
+        ),
+        (
+            lambda: convert.path_heading_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
+            "heading",
+        ),
         (lambda: convert.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
         (lambda: convert.fault_from_proto(sim_pb.Fault()), "fault.kind"),
         (

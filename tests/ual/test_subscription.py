@@ -4,6 +4,7 @@ import logging
 import queue
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -90,6 +91,65 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon:
     assert [(each.sequence, each.missed_count) for each in received.samples] == [(1, 0), (6, 4)]
 
 
+def test_subscriptions_of_one_rate_share_a_stream_and_the_latest_gets_the_newest_sample_at_once(
+    daemon: FakeDaemon, uav: ual.Uav
+) -> None:
+    streams = open_streams(daemon, sample(1, missed_count=3))
+    first, second = Received(), Received()
+    with uav.subscribe(first), uav.subscribe(second), uav.subscribe(print, rate_hz=5.0):
+        second.wait_for(1)
+        assert len(streams) == 2
+        streams[0].put(sample(2))
+        first.wait_for(2)
+        second.wait_for(2)
+    assert [each.missed_count for each in second.samples] == [0, 0]
+
+
+def test_one_of_two_subscriptions_ends_without_the_other(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    streams = open_streams(daemon, sample(1))
+    first, second = Received(), Received()
+    with uav.subscribe(first):
+        with uav.subscribe(second):
+            second.wait_for(1)
+        streams[0].put(sample(2))
+        first.wait_for(2)
+        assert [each.sequence for each in second.samples] == [1]
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+    with uav.subscribe(second):
+        assert len(streams) == 2
+
+
+def test_what_is_refused_to_one_can_be_asked_again(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    daemon.refusal = InvalidArgumentError("not now", {})
+    with pytest.raises(InvalidArgumentError):
+        uav.subscribe(print)
+    daemon.refusal = None
+    daemon.script().put(sample(1))
+    received = Received()
+    with uav.subscribe(received):
+        received.wait_for(1)
+
+
+def open_streams(
+    daemon: FakeDaemon, first: pb.StreamTelemetryResponse
+) -> list[queue.Queue[pb.StreamTelemetryResponse]]:
+    """What each stream sends, from the first sample on; grows with each that is opened."""
+    streams: list[queue.Queue[pb.StreamTelemetryResponse]] = []
+
+    def telemetry() -> Iterator[pb.StreamTelemetryResponse | None]:
+        source: queue.Queue[pb.StreamTelemetryResponse] = queue.Queue()
+        source.put(first)
+        streams.append(source)
+        while True:
+            try:
+                yield source.get(timeout=0.02)
+            except queue.Empty:
+                yield None
+
+    daemon.telemetry = telemetry
+    return streams
+
+
 def test_a_failing_callback_is_logged_and_the_subscription_goes_on(
     daemon: FakeDaemon, uav: ual.Uav, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -144,6 +204,35 @@ def test_it_goes_on_after_the_stream_broke_and_says_so_once(
         hold.set()
     messages = [record.getMessage() for record in caplog.records if record.name.startswith("ual")]
     assert [message.partition(":")[0] for message in messages] == ["telemetry is interrupted", "telemetry is back"]
+
+
+def test_who_joins_while_the_stream_is_broken_gets_no_old_sample_but_why(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    is_broken, is_back = threading.Event(), threading.Event()
+    sequences = iter([1, 2])
+
+    def telemetry() -> Iterator[pb.StreamTelemetryResponse | None]:
+        if is_broken.is_set() and not is_back.is_set():
+            raise RuntimeError("the daemon fails")
+        yield sample(next(sequences))
+        while not is_broken.wait(0.02) or is_back.is_set():
+            yield None  # lets the server see whether anybody still listens
+        raise RuntimeError("the daemon fails")
+
+    daemon.telemetry = telemetry
+    first, second = Received(), Received()
+    with uav.subscribe(first):
+        first.wait_for(1)
+        is_broken.set()
+        with suppress(UalError):
+            while True:  # until it is noticed
+                uav.subscribe(lambda _: None).close()
+        with pytest.raises(UalError):
+            uav.subscribe(second)
+        assert second.samples == []
+        is_back.set()
+        first.wait_for(2)
+        with uav.subscribe(second):
+            second.wait_for(2)
 
 
 def test_it_can_be_closed_from_its_own_callback(daemon: FakeDaemon, uav: ual.Uav) -> None:

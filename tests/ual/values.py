@@ -65,6 +65,7 @@ task_infos = st.builds(
     error=st.none(),
     description=texts,
 )
+plans = st.builds(types.Plan, st.none() | numbers, st.none() | durations)
 geo_points = st.builds(types.GeoPoint, numbers, numbers, st.none() | numbers, st.none() | numbers, st.none() | numbers)
 batteries = st.builds(types.Battery, st.none() | numbers, st.none() | numbers, st.none() | numbers)
 gps_infos = st.builds(

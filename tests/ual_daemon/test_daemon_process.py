@@ -197,7 +197,10 @@ def refusal(tmp_path: Path) -> Callable[..., str]:
             "ual-daemon: --tls-certificate: c.pem cannot be read: No such file or directory",
         ),
         (["--config", "no.yaml"], "ual-daemon: no.yaml: cannot be read: No such file or directory"),
-        (["--auto-arm", "--backend", "mavlink"], "ual-daemon: --auto-arm: the mavlink backend flies a real UAV"),
+        (
+            ["--auto-arm", "--backend", "mavlink", "--url", "serial:///dev/ttyACM0:57600"],
+            "ual-daemon: --auto-arm: the mavlink backend flies a real UAV at serial:///dev/ttyACM0:57600: its",
+        ),
     ],
 )
 def test_wrong_flags_are_told_in_one_line(refusal: Callable[..., str], flags: list[str], expected: str) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
@@ -297,3 +297,8 @@ def test_old_data_never_decides(given_snapshot: Snapshot, freshness: Freshness, 
         assert given_snapshot.mode is not None
         landed = None if given_snapshot.landed is None else given_snapshot.landed.value
         assert found is table(given_snapshot.armed.value, landed, given_snapshot.mode.value.control, manoeuvre)
+
+
+def test_a_snapshot_at_another_time_is_otherwise_the_same() -> None:
+    numbers = Snapshot(*range(len(fields(Snapshot))))
+    assert numbers.at(99.0) == replace(numbers, time_s=99.0)

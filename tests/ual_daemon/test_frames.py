@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import math
+import random
 import threading
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from tests.strategies import POSES, TRANSFORMS
 from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
-from ual_daemon.frames import MAP, FrameTree, horizontal
+from ual_daemon.frames import CARRIED_ON_S, MAP, FrameTree, horizontal
 from ual_daemon.settings import ConfigError, FrameSettings, VehicleSettings
 
 ODOM, BODY = "uav_1/odom", "uav_1/base_link"
@@ -191,6 +193,73 @@ def test_a_frame_that_is_moved_meanwhile_is_seen_where_it_was_or_where_it_is() -
         is_over.set()
         mover.join()
     assert seen <= {0.0, 2.0}
+
+
+# --- Frames that a client moves ---------------------------------------------------------------------------------------
+
+
+def moved(tree: FrameTree, times_s: Sequence[float], x: Callable[[float], float], *, stamped: bool = False) -> None:
+    """A car that drives along the x axis, and turns at 0.1 rad/s."""
+    for time_s in times_s:
+        turn = Quaternion.from_yaw(0.1 * time_s)
+        stamp_s = 1000.0 + time_s if stamped else 0.0
+        late_s = 0.03 * (time_s * 1000 % 3) if stamped else 0.0  # a network that is late now and then
+        tree.add(Transform(Vector3(x(time_s), 0.0, 0.0), turn, MAP, "car", stamp_s), time_s + late_s)
+
+
+def every(period_s: float, until_s: float) -> list[float]:
+    return [period_s * i for i in range(round(until_s / period_s) + 1)]
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_frame_that_is_moved_goes_on_until_it_is_told_no_more(stamped: bool) -> None:
+    frames = tree()
+    moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=stamped)
+    for later_s, x in ((0.2, 6.4), (CARRIED_ON_S, 7.0), (9.0, 7.0)):
+        found = frames.lookup(MAP, "car", None, 3.0 + later_s)
+        assert found.translation.x == pytest.approx(x, abs=0.13 if stamped else 1e-4)
+    turned = frames.lookup(MAP, "car", None, 3.2).rotation.yaw_rad
+    assert turned == pytest.approx(0.32, abs=0.01 if stamped else 1e-4)
+
+
+def test_without_a_time_it_is_where_it_was_told_to_be() -> None:
+    frames = tree()
+    moved(frames, every(0.1, 1.0), lambda t: 2.0 * t)
+    assert frames.lookup(MAP, "car", None).translation.x == pytest.approx(2.0)
+
+
+def test_noise_of_where_it_is_does_not_throw_it_about() -> None:
+    frames = tree()
+    rng = random.Random(1)
+    moved(frames, every(0.02, 5.0), lambda t: 3.0 * t + rng.gauss(0.0, 0.02))
+    ahead = frames.lookup(MAP, "car", None, 5.0 + CARRIED_ON_S).translation.x
+    assert ahead == pytest.approx(15.0 + 3.0 * CARRIED_ON_S, abs=0.5)
+
+
+def test_two_places_close_in_time_are_no_velocity_yet() -> None:
+    frames = tree()
+    for x, now_s in ((0.0, 0.0), (0.5, 0.02)):
+        frames.add(at(x, 0, 0, MAP, "car"), now_s)
+    assert frames.lookup(MAP, "car", None, 5.0).translation.x < 2.0
+
+
+@pytest.mark.parametrize("pause_s", [0.1, 5.0])
+def test_what_is_put_elsewhere_stands_there(pause_s: float) -> None:
+    frames = tree()
+    moved(frames, every(0.1, 1.0), lambda t: t)
+    frames.add(at(100.0 if pause_s < 1.0 else 2.0, 0, 0, MAP, "car"), 1.0 + pause_s)
+    place = frames.lookup(MAP, "car", None).translation
+    assert frames.lookup(MAP, "car", None, 1.0 + pause_s + 0.4).translation == place
+
+
+def test_which_frames_move() -> None:
+    frames = tree(VehicleSettings(frames=(FrameSettings(frame_id="site"),)))
+    moved(frames, every(0.1, 0.1), lambda t: t)
+    for parent, child in ((MAP, "once"), ("car", "roof"), (BODY, "camera")):
+        frames.add(at(1, 0, 0, parent, child))
+    frames.add(at(2, 0, 0, BODY, "camera"), 0.1)
+    assert [name for name in frames.names() if frames.is_moving(name)] == ["car", "roof"]
+    assert {frame.frame_id for frame in frames.frames(ORIGIN) if not frame.is_static} == {BODY, "car", "camera"}
 
 
 # --- The configuration ------------------------------------------------------------------------------------------------

@@ -135,6 +135,24 @@ def test_a_backend_that_raises_has_refused(autopilot: Autopilot) -> None:
 # --- Take-off ---------------------------------------------------------------------------------------------------------
 
 
+def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
+    command = Command("arm", 0.0)
+    command.withdraw()
+    command.send(lambda: pytest.fail("it was sent"))
+    assert not command.is_answered
+
+
+def test_a_command_that_is_withdrawn_while_it_is_sent_is_taken_back(ack: Future[None]) -> None:
+    command = Command("arm", 0.0)
+
+    def send() -> Future[None]:
+        command.withdraw()  # by another thread, which sees no future yet
+        return ack
+
+    command.send(send)
+    assert ack.cancelled()
+
+
 def take_off(autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool) -> TakeOff:
     return TakeOff(
         autopilot.task(TaskKind.TAKE_OFF),
@@ -198,6 +216,21 @@ def test_where_the_acknowledgement_is_lost_the_mode_alone_must_do(autopilot: Aut
     assert error.metadata["by"] == "safety pilot"
 
 
+def test_a_pilot_who_leaves_the_mode_before_the_climb_is_answered_is_not_lifted_off(
+    autopilot: Autopilot, ack: Future[None]
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=False)
+    assert not autopilot.step(climb).has_ended  # not in its mode yet
+    autopilot.control = Control.REFERENCES
+    assert not autopilot.step(climb).has_ended
+    autopilot.control = Control.OTHER
+    error = autopilot.step(climb).error
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"
+    climb.end(error)
+    assert ack.cancelled()  # it is not sent again
+
+
 @pytest.mark.parametrize(
     ("what", "kind"),
     [
@@ -224,6 +257,18 @@ def test_a_climb_that_comes_to_nothing_times_out_and_says_at_which_height(
     error = autopilot.until_end(climb)
     assert isinstance(error, UalTimeoutError)
     assert "at 1.00 m" in error.message
+
+
+def test_a_take_off_whose_refusal_comes_late_fails_by_it_while_it_still_stands(
+    autopilot: Autopilot, ack: Future[None]
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=False)
+    autopilot.control = Control.REFERENCES
+    for _ in range(15):  # no answer: the mode alone must do
+        assert not autopilot.step(climb).has_ended
+    refusal = RejectedByAutopilotError("refused to take off")
+    ack.set_exception(refusal)
+    assert autopilot.step(climb).error is refusal
 
 
 # --- Landing ----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import pytest
 
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.types import TaskKind, TaskStatus
-from ual_daemon.tasks import VehicleTask
+from ual_daemon.tasks import Progress, VehicleTask
 
 
 class HandClock:
@@ -49,8 +49,9 @@ def test_time_passes_until_it_ends_and_then_no_more(task: VehicleTask, clock: Ha
 
 
 def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTask) -> None:
-    task.report(progress=0.5, distance_left_m=4.0, waypoint_index=1)
-    task.report(progress=0.4, distance_left_m=4.1, waypoint_index=1)
+    task.report(lambda: Progress(0.5, 4.0, 1))
+    assert task.info().progress == 0.5
+    task.report(lambda: Progress(0.4, 4.1, 1))
     info = task.info()
     assert (info.progress, info.distance_left_m, info.waypoint_index) == (0.5, 4.1, 1)
 
@@ -67,7 +68,7 @@ def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTas
 def test_how_it_ended_shows_in_its_status_and_its_future(
     task: VehicleTask, error: UalError | None, status: TaskStatus
 ) -> None:
-    task.report(progress=0.5)
+    task.report(lambda: Progress(0.5))
     task.end(error)
     info = task.info()
     assert (info.status, info.error) == (status, error)

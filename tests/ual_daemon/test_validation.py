@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.strategies import ROTATIONS, vectors
 from ual.errors import InvalidArgumentError
 from ual.geometry import IDENTITY, KEEP_HEADING, Pose, Quaternion, Transform, Twist, Vector3
-from ual.types import AltitudeReference
+from ual.types import AltitudeReference, PathHeading
 from ual_daemon import validation
 
 NAN, INF = math.nan, math.inf
@@ -225,3 +225,34 @@ def test_what_is_refused_is_shown_in_one_short_line(check: Callable[[Any, str], 
     import numpy as np
 
     assert len(refusal(lambda: check(np.zeros((9, 9)), "t"), "t")) < 400
+
+
+# --- Paths ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_speed_of_its_own_for_each_leg_or_none() -> None:
+    assert validation.leg_speeds([], 2) == [None, None]
+    assert validation.leg_speeds([2, 0.0], 2) == [2.0, None]
+    assert "1 for 2 waypoints" in refusal(lambda: validation.leg_speeds([1.0], 2), "leg_speeds_m_s")
+    refusal(lambda: validation.leg_speeds([1.0, NAN], 2), "leg_speeds_m_s[1]")
+    refusal(lambda: validation.leg_speeds([1001.0], 1), "leg_speeds_m_s[0]")
+
+
+def test_a_speed_that_is_not_to_be_exceeded_is_none_or_more_than_zero() -> None:
+    assert validation.max_speed(None) is None
+    assert validation.max_speed(1000) == 1000.0
+    for value in (0.0, -1.0, NAN, INF, 1000.1):
+        refusal(lambda value=value: validation.max_speed(value), "max_speed_m_s")  # type: ignore[misc]
+
+
+def test_a_point_of_interest_belongs_to_its_heading() -> None:
+    for heading in PathHeading:
+        needs_point = heading is PathHeading.POINT_OF_INTEREST
+        assert validation.path_heading(heading, has_point=needs_point) is heading
+        message = refusal(
+            lambda heading=heading, has=not needs_point: validation.path_heading(heading, has_point=has),  # type: ignore[misc]
+            "point_of_interest",
+        )
+        assert heading.name in message
+    bad: Any = 3
+    assert "ALONG_PATH" in refusal(lambda: validation.path_heading(bad, has_point=False), "heading")

@@ -8,13 +8,15 @@ and commands (`ual_daemon.backends.values`). States, validation, tasks and track
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from ual.geometry import Vector3
 from ual.interface import Simulation
 from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.settings import ConfigError
 
 
 class Clock(Protocol):
@@ -35,6 +37,22 @@ class BackendOptions:
 UpdateCallback = Callable[[Snapshot], None]
 
 
+def _always() -> bool:
+    return True
+
+
+class SafetyPilot(Protocol):
+    """A simulated safety pilot, so that one person at a desk can fly a simulated vehicle (``--auto-arm``)."""
+
+    def may_arm(self) -> bool:
+        """Whether the vehicle is surely simulated, and stands ready to be armed. Raises `PermissionDeniedError` as soon
+        as it is known to be a real one, which he must never arm.
+        """
+
+    def arm(self) -> None:
+        """Arms, and returns when it is armed. Raises an error of `ual.errors` where that is refused."""
+
+
 class Backend(ABC):
     """The driver of one kind of autopilot.
 
@@ -51,6 +69,23 @@ class Backend(ABC):
 
     def __init__(self, options: BackendOptions) -> None:
         self.options = options
+        self.is_update_needed: Callable[[], bool] = _always
+        """Whether anybody waits for the next update; set by the vehicle above, never waits, and locks nothing.
+
+        While it says no, a backend may leave out updates in which neither armed, landed, mode nor estimator has
+        changed, as long as `snapshot` is the newest all the same: one with many vehicles saves most of their cost so.
+        """
+
+    @classmethod
+    def fleet(
+        cls,
+        options: Sequence[BackendOptions],  # noqa: ARG003  for those that can
+        places: Sequence[Vector3],  # noqa: ARG003
+    ) -> list[Backend]:
+        """Makes backends that share what they can, for ``--fleet``. `places` are where their vehicles stand from the
+        first one, metres east, north, up. Raises `ConfigError` where this backend has no such thing.
+        """
+        raise ConfigError(f"the {cls.name} backend flies one UAV for each daemon: start a daemon for each", "fleet")
 
     @abstractmethod
     def open(self, on_update: UpdateCallback) -> None:
@@ -99,6 +134,10 @@ class Backend(ABC):
     @abstractmethod
     def hold(self) -> Future[None]:
         """Makes the autopilot hold its position by itself, without references from us."""
+
+    def safety_pilot(self) -> SafetyPilot | None:
+        """A simulated safety pilot, where the vehicle can turn out to be simulated; None where it is surely real."""
+        return None
 
     def simulation(self) -> Simulation | None:
         """The world around a simulated vehicle; None for a real one."""

@@ -6,8 +6,9 @@ are x forward, y left, z up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
+from operator import attrgetter
 from typing import Generic, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
@@ -74,8 +75,10 @@ class Snapshot:
 
     `time_s` is when the snapshot was taken and `heard_s` when the autopilot was last heard, both on the backend's
     clock; `stamp_s` is the autopilot's own time of the pose as UTC since 1970. `velocity` is linear along the local
-    axes and angular in the body. `home_altitude_amsl_m` is what altitudes above home start from;
-    `geoid_separation_m` is the ellipsoid's height minus that above mean sea level, here.
+    axes and angular in the body. `position_geo` follows from the pose by the `projection` where the autopilot does not
+    tell it itself. `home_altitude_amsl_m` is what altitudes above home start from;
+    `geoid_separation_m` is the ellipsoid's height minus that above mean sea level, here. `sequence` numbers the updates
+    of a backend that leaves some out (`Backend.is_update_needed`), those included; 0 where the vehicle is to count.
     """
 
     time_s: float
@@ -94,6 +97,14 @@ class Snapshot:
     battery: Battery | None = None
     gps: GpsInfo | None = None
     status_text: str = ""
+    sequence: int = 0
+
+    def at(self, time_s: float) -> Snapshot:
+        """The same at another time: `dataclasses.replace`, but fast, as every setpoint asks for it."""
+        return Snapshot(time_s, *_ALL_BUT_TIME(self))
+
+
+_ALL_BUT_TIME = attrgetter(*(each.name for each in fields(Snapshot)[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +118,24 @@ class Freshness:
     estimator_s: float = 4.0
 
 
+class Takes(Enum):
+    """Which setpoints an autopilot takes."""
+
+    ALL = 1
+    """Positions with the motion there as feed-forward, and velocities."""
+    POSITIONS = 2
+    """Bare positions (and heading) only: it is flown by pure pursuit."""
+    VELOCITIES = 3
+    """Velocities only: it is flown by pure pursuit, and its place is held from here."""
+
+
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
     """What a backend knows of its vehicle; may grow while it is connected.
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the climb itself is flown with our setpoints (PX4
     OFFBOARD, the light simulation); else the autopilot climbs by itself and gets none until it is up (ArduPilot).
+    `takes` says which setpoints it is sent: no others are.
     """
 
     autopilot: str = ""
@@ -121,6 +144,7 @@ class VehicleInfo:
     capabilities: frozenset[Capability] = frozenset()
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
+    takes: Takes = Takes.ALL
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,11 +29,13 @@ SHUTTING_DOWN = "the daemon is shutting down"
 class Calls(grpc.aio.ServerInterceptor):
     """Stands before every call of the server.
 
-    `shutdown_refuses` are the beginnings of the methods that are refused once the shutdown has begun.
+    `log_name` is what the log calls the UAV. `shutdown_refuses` are the beginnings of the methods that are refused once
+    the shutdown has begun.
     """
 
-    def __init__(self, ns: str, shutdown_refuses: tuple[str, ...]) -> None:
+    def __init__(self, ns: str, shutdown_refuses: tuple[str, ...], log_name: str = "") -> None:
         self._ns = ns
+        self._log_name = log_name
         self._shutdown_refuses = shutdown_refuses
         self._is_shutting_down = False
         self._streams: set[asyncio.Task[Any]] = set()
@@ -97,6 +99,8 @@ class Calls(grpc.aio.ServerInterceptor):
     @asynccontextmanager
     async def _call(self, details: _Details, context: _Context, running: set[asyncio.Task[Any]]) -> AsyncIterator[None]:
         logs.caller.set(context.peer())
+        if self._log_name:
+            logs.uav.set(self._log_name)
         task = asyncio.current_task()
         assert task is not None
         running.add(task)
@@ -115,6 +119,8 @@ class Calls(grpc.aio.ServerInterceptor):
             await _abort(context, TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"}))
         except grpc.aio.AbortError:
             raise
+        except grpc.aio.InternalError as error:  # a message that could not be sent: the caller is gone
+            logs.event(_log, logging.DEBUG, "caller_gone", method=details.method, why=error)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
             _log.exception("%s failed unexpectedly", details.method)
             await _abort(context, UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}"))

@@ -17,7 +17,7 @@ from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.simulation_service import SimulationServicer
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import Updates
+from ual_daemon.server.updates import Hops, Updates
 from ual_daemon.vehicle import Vehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
@@ -47,15 +47,18 @@ _GRACE_S = 1.0
 
 
 class Server:
-    """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made."""
+    """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made.
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    Servers of one process share their `hops`.
+    """
+
+    def __init__(self, vehicle: Vehicle, hops: Hops | None = None) -> None:
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
         # A simulated safety pilot must be able to act until the end.
-        self._calls = Calls(vehicle.ns, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
+        self._calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
         self._health = HealthServicer(services)
-        self.updates = Updates(vehicle, self._on_state)
+        self.updates = Updates(vehicle, self._on_state, hops)
         self._server = grpc.aio.server(interceptors=[self._calls], options=_OPTIONS)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), self._server)
         if simulation is not None:

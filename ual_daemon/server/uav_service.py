@@ -76,39 +76,70 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.DisarmResponse()
 
     async def TakeOff(self, request: pb.TakeOffRequest, context: _Context) -> pb.TakeOffResponse:
-        task = self._vehicle.take_off(request.height_m)
-        return pb.TakeOffResponse(task=await _outcome(task, request.non_blocking))
+        motion = self._vehicle.motions.take_off(request.height_m)
+        if request.dry_run:
+            return pb.TakeOffResponse(plan=convert.plan_to_proto(motion.plan))
+        return pb.TakeOffResponse(task=await _outcome(motion.begin(), request.non_blocking))
 
     async def Land(self, request: pb.LandRequest, context: _Context) -> pb.LandResponse:
-        task = self._vehicle.land()
-        return pb.LandResponse(task=await _outcome(task, request.non_blocking))
+        motion = self._vehicle.motions.land()
+        if request.dry_run:
+            return pb.LandResponse(plan=convert.plan_to_proto(motion.plan))
+        return pb.LandResponse(task=await _outcome(motion.begin(), request.non_blocking))
 
     async def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: _Context) -> pb.GoToWaypointResponse:
-        task = self._vehicle.go_to_waypoint(convert.waypoint_from_proto(request))
-        return pb.GoToWaypointResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+        motion = self._vehicle.motions.go_to_waypoint(
+            convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
+        )
+        if request.dry_run:
+            return pb.GoToWaypointResponse(plan=convert.plan_to_proto(motion.plan))
+        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
+        return pb.GoToWaypointResponse(task=task)
 
     async def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: _Context
     ) -> pb.GoToWaypointGeoResponse:
-        task = self._vehicle.go_to_waypoint_geo(
+        motion = self._vehicle.motions.go_to_waypoint_geo(
             request.latitude_deg,
             request.longitude_deg,
             request.altitude_m,
             convert.altitude_reference_from_proto(request),
-            request.yaw_rad if request.HasField("yaw_rad") else None,
+            yaw_rad=request.yaw_rad if request.HasField("yaw_rad") else None,
+            max_speed_m_s=request.max_speed_m_s or None,
         )
-        return pb.GoToWaypointGeoResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+        if request.dry_run:
+            return pb.GoToWaypointGeoResponse(plan=convert.plan_to_proto(motion.plan))
+        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
+        return pb.GoToWaypointGeoResponse(task=task)
 
     async def FollowPath(self, request: pb.FollowPathRequest, context: _Context) -> pb.FollowPathResponse:
-        task = self._vehicle.follow_path(convert.waypoints_from_proto(request), request.corner_radius_m)
-        return pb.FollowPathResponse(task=await _outcome(task, request.non_blocking, ends_with_caller=True))
+        # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
+        motion = await asyncio.to_thread(
+            self._vehicle.motions.follow_path,
+            convert.waypoints_from_proto(request),
+            corner_radius_m=request.corner_radius_m,
+            max_speed_m_s=request.max_speed_m_s or None,
+            leg_speeds_m_s=request.leg_speeds_m_s,
+            heading=convert.path_heading_from_proto(request),
+            point_of_interest=convert.point_of_interest_from_proto(request),
+        )
+        if request.dry_run:
+            return pb.FollowPathResponse(plan=convert.plan_to_proto(motion.plan))
+        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
+        return pb.FollowPathResponse(task=task)
 
     async def SetPose(self, request: pb.SetPoseRequest, context: _Context) -> pb.SetPoseResponse:
-        self._vehicle.set_pose(convert.pose_from_proto(request))
+        motion = self._vehicle.motions.set_pose(convert.pose_from_proto(request))
+        if request.dry_run:
+            return pb.SetPoseResponse(plan=convert.plan_to_proto(motion.plan))
+        motion.begin()
         return pb.SetPoseResponse()
 
     async def SetVelocity(self, request: pb.SetVelocityRequest, context: _Context) -> pb.SetVelocityResponse:
-        self._vehicle.set_velocity(convert.velocity_from_proto(request))
+        motion = self._vehicle.motions.set_velocity(convert.velocity_from_proto(request))
+        if request.dry_run:
+            return pb.SetVelocityResponse(plan=convert.plan_to_proto(motion.plan))
+        motion.begin()
         return pb.SetVelocityResponse()
 
     async def StreamSetpoints(
@@ -118,16 +149,19 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         async for request in request_iterator:
             setpoint = convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
-                self._vehicle.set_velocity(setpoint)
+                self._vehicle.motions.set_velocity(setpoint).begin()
             else:
-                self._vehicle.set_pose(setpoint)
+                self._vehicle.motions.set_pose(setpoint).begin()
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
     async def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: _Context
     ) -> pb.RecoverFromManualResponse:
-        await ended(self._vehicle.recover_from_manual())
+        motion = self._vehicle.motions.recover_from_manual()
+        if request.dry_run:
+            return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(motion.plan))
+        await ended(motion.begin())
         return pb.RecoverFromManualResponse()
 
     async def SetHome(self, request: pb.SetHomeRequest, context: _Context) -> pb.SetHomeResponse:

@@ -1,12 +1,14 @@
 """The vehicle's updates, brought from its thread to the event loop and handed to whoever reads there.
 
-One hop for each update, and only while it matters to somebody; updates that come faster than the loop runs become
-one. A reader that is slow finds the newest sample and the number of those it lost; it holds up nobody.
+One hop for each update that is due for somebody; updates that come faster than the loop runs become one. A reader that
+is slow finds the newest sample and the number of those it lost; it holds up nobody.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
@@ -29,6 +31,41 @@ class Sample:
         return pb.StreamTelemetryResponse(telemetry=convert.telemetry_to_proto(self.telemetry))
 
 
+class Hops:
+    """Brings calls from other threads to the event loop that runs when this is made, in their order.
+
+    With `gather_s` calls that come so soon after each other go over together. A thread that wakes the loop lets go of
+    Python's lock, and may have to wait long to get it back: what flies many UAVs can afford that once in a step, but
+    not for each of them.
+    """
+
+    def __init__(self, gather_s: float = 0.0) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._gather_s = gather_s
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._is_under_way = False
+
+    def call(self, callback: Callable[[], None]) -> None:
+        """Calls it on the loop, soon; not at all once that is closed."""
+        self._waiting.append(callback)
+        if not self._is_under_way:
+            self._is_under_way = True
+            with suppress(RuntimeError):  # the loop is closed: nobody listens any more
+                self._loop.call_soon_threadsafe(self._begin)
+
+    def _begin(self) -> None:
+        if self._gather_s:
+            self._loop.call_later(self._gather_s, self._run)
+        else:
+            self._run()
+
+    def _run(self) -> None:
+        # First this: what comes from here on starts the next hop.
+        self._is_under_way = False
+        while self._waiting:
+            self._waiting.popleft()()
+
+
 class Reader:
     """Holds the newest sample for one reader until it is read, at most `rate_hz` of them (0: each)."""
 
@@ -41,6 +78,11 @@ class Reader:
         self._missed_count = 0
         self._filled = asyncio.Event()
         self._filled.set()
+
+    @property
+    def due_s(self) -> float:
+        """When it takes the next sample, by the loop's time."""
+        return self._due_s
 
     def offer(self, sample: Sample) -> None:
         """Takes the sample, unless the rate leaves it out."""
@@ -68,50 +110,83 @@ class Reader:
 
 
 class Updates:
-    """The updates of one vehicle, on the loop that runs when this is made. `on_state` is called there, too."""
+    """The updates of one vehicle, on the loop that runs when this is made. `on_state` is called there, too.
 
-    def __init__(self, vehicle: Vehicle, on_state: Callable[[State], None]) -> None:
+    Vehicles of one process share their `hops`.
+    """
+
+    def __init__(self, vehicle: Vehicle, on_state: Callable[[State], None], hops: Hops | None = None) -> None:
         self._vehicle = vehicle
+        self._hops = hops or Hops()
         self._on_state = on_state
         self._loop = asyncio.get_running_loop()
         self._readers: set[Reader] = set()
         self._state = State.UNINITIALIZED
-        # Written by the vehicle's thread, read by the loop: single references, so that no lock is needed.
+        self._changed = asyncio.Event()
+        # Written by one thread, the vehicle's or the loop's, and read by the other: single references, so that no lock
+        # is needed.
+        self._due_s = math.inf
         self._newest: Telemetry | None = None
         self._is_hop_under_way = False
-        self._unsubscribe = vehicle.subscribe(self._on_update)
+        self._end_state = vehicle.listen_to_state(self._on_change)
+        self._loop.call_soon(self._tell_state)  # it may be open already
+        self._unsubscribe = vehicle.subscribe(self._on_update, self._is_due)
 
     def close(self) -> None:
         """Ends the updates; readers get no more."""
+        self._end_state()
         self._unsubscribe()
+
+    @property
+    def state(self) -> State:
+        """The state as it was told last."""
+        return self._state
+
+    async def change(self, timeout_s: float | None = None) -> None:
+        """Waits until a state is told, or for so long."""
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._changed.wait(), timeout_s)
 
     @contextmanager
     def reader(self, rate_hz: float = 0.0) -> Iterator[Reader]:
         """A reader, whose first sample is there at once."""
         reader = Reader(rate_hz, Sample(self._vehicle.telemetry()))
         self._readers.add(reader)
+        self._plan()
         try:
             yield reader
         finally:
             self._readers.discard(reader)
+            self._plan()
+
+    def _plan(self) -> None:
+        self._due_s = min((reader.due_s for reader in self._readers), default=math.inf)
+
+    def _is_due(self) -> bool:
+        return self._loop.time() >= self._due_s
+
+    def _on_change(self, state: State) -> None:
+        self._hops.call(self._tell_state)
+
+    def _tell_state(self) -> None:
+        self._state = self._vehicle.state()
+        self._on_state(self._state)
+        # An event for each change, as one event would have to be cleared while some have not seen it.
+        self._changed.set()
+        self._changed = asyncio.Event()
 
     def _on_update(self, telemetry: Telemetry) -> None:
-        if not self._readers and telemetry.state is self._state:
-            return
         self._newest = telemetry
         if not self._is_hop_under_way:
             self._is_hop_under_way = True
-            with suppress(RuntimeError):  # the loop is closed: nobody listens any more
-                self._loop.call_soon_threadsafe(self._deliver)
+            self._hops.call(self._deliver)
 
     def _deliver(self) -> None:
         # First this: an update that comes from here on starts the next hop.
         self._is_hop_under_way = False
         telemetry = self._newest
         assert telemetry is not None
-        if telemetry.state is not self._state:
-            self._state = telemetry.state
-            self._on_state(telemetry.state)
         sample = Sample(telemetry)
         for reader in self._readers:
             reader.offer(sample)
+        self._plan()

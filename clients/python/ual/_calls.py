@@ -14,10 +14,21 @@ from typing import Any, Generic, TypeVar
 from google.protobuf.message import Message
 
 from ual import convert
-from ual.errors import InvalidArgumentError, UalError, UalTimeoutError
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, TaskInfo, TaskStatus, Telemetry
+from ual.types import (
+    AltitudeReference,
+    Frame,
+    GeoWaypoint,
+    Info,
+    PathHeading,
+    Plan,
+    TaskInfo,
+    TaskStatus,
+    Telemetry,
+    Waypoints,
+)
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
 
@@ -148,19 +159,21 @@ def get_task(task_id: str) -> Call[TaskInfo]:
 # Tasks: as non-blocking they are answered at once
 
 
-def take_off(height_m: float, blocking: bool) -> Call[TaskInfo]:
+def take_off(height_m: float, blocking: bool = True) -> Call[TaskInfo]:
     request = _built(lambda: pb.TakeOffRequest(height_m=height_m, non_blocking=not blocking), "height_m")
     return _task("TakeOff", request, blocking, _GOES_ON)
 
 
-def land(blocking: bool) -> Call[TaskInfo]:
+def land(blocking: bool = True) -> Call[TaskInfo]:
     return _task("Land", pb.LandRequest(non_blocking=not blocking), blocking, _GOES_ON)
 
 
-def go_to_waypoint(waypoint: PoseStamped | Pose, blocking: bool) -> Call[TaskInfo]:
+def go_to_waypoint(waypoint: PoseStamped | Pose, max_speed_m_s: float | None, blocking: bool = True) -> Call[TaskInfo]:
     request = _built(
         lambda: pb.GoToWaypointRequest(
-            waypoint=convert.pose_stamped_to_proto(stamped_pose(waypoint)), non_blocking=not blocking
+            waypoint=convert.pose_stamped_to_proto(stamped_pose(waypoint)),
+            max_speed_m_s=_speed(max_speed_m_s),
+            non_blocking=not blocking,
         ),
         "waypoint",
     )
@@ -173,7 +186,8 @@ def go_to_waypoint_geo(
     altitude_m: float,
     altitude_reference: AltitudeReference,
     yaw_rad: float | None,
-    blocking: bool,
+    max_speed_m_s: float | None,
+    blocking: bool = True,
 ) -> Call[TaskInfo]:
     request = _built(
         lambda: pb.GoToWaypointGeoRequest(
@@ -182,6 +196,7 @@ def go_to_waypoint_geo(
             altitude_m=altitude_m,
             altitude_reference=convert.altitude_reference_to_proto(altitude_reference),
             yaw_rad=yaw_rad,
+            max_speed_m_s=_speed(max_speed_m_s),
             non_blocking=not blocking,
         ),
         "waypoint",
@@ -189,16 +204,42 @@ def go_to_waypoint_geo(
     return _task("GoToWaypointGeo", request, blocking)
 
 
-def follow_path(waypoints: Sequence[PoseStamped | Pose], corner_radius_m: float, blocking: bool) -> Call[TaskInfo]:
+def follow_path(
+    waypoints: Waypoints,
+    corner_radius_m: float,
+    max_speed_m_s: float | None,
+    leg_speeds_m_s: Sequence[float],
+    heading: PathHeading,
+    point_of_interest: PointStamped | Vector3 | None,
+    blocking: bool = True,
+) -> Call[TaskInfo]:
     request = _built(
         lambda: pb.FollowPathRequest(
-            waypoints=[convert.pose_stamped_to_proto(stamped_pose(each)) for each in waypoints],
+            waypoints=[
+                convert.pose_stamped_to_proto(stamped_pose(each))
+                for each in waypoints
+                if not isinstance(each, GeoWaypoint)
+            ],
+            geo_waypoints=[convert.geo_waypoint_to_proto(each) for each in waypoints if isinstance(each, GeoWaypoint)],
             corner_radius_m=corner_radius_m,
+            max_speed_m_s=_speed(max_speed_m_s),
+            leg_speeds_m_s=leg_speeds_m_s,
+            heading=convert.path_heading_to_proto(heading),
+            point_of_interest=(
+                None if point_of_interest is None else convert.point_stamped_to_proto(stamped_point(point_of_interest))
+            ),
             non_blocking=not blocking,
         ),
         "waypoints",
     )
     return _task("FollowPath", request, blocking)
+
+
+def _speed(max_speed_m_s: float | None) -> float:
+    """In requests 0 stands for no speed; one that is given as 0 must not become that."""
+    if max_speed_m_s == 0.0:
+        raise InvalidArgumentError("max_speed_m_s: is zero; it must be more", {"field": "max_speed_m_s"})
+    return 0.0 if max_speed_m_s is None else max_speed_m_s
 
 
 def _task(method: str, request: Message, blocking: bool, at_timeout: str = _IS_CANCELLED) -> Call[TaskInfo]:
@@ -215,12 +256,35 @@ def has_ended(task: TaskInfo) -> bool:
     return task.status is not TaskStatus.RUNNING
 
 
+# Dry runs
+
+
+def dry_run(call: Call[Any]) -> Call[Plan]:
+    """The same call as a question: nothing moves."""
+    request: Any = call.request
+    request.dry_run = True
+    return Call(call.service, call.method, request, _read_plan)
+
+
+def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response has a type of its own)
+    if not response.HasField("plan"):
+        raise NotSupportedError(
+            "the daemon is too old for dry runs, and has taken this for the command itself; abort stops the UAV"
+        )
+    return convert.plan_from_proto(response.plan)
+
+
 # Setpoints
 
 
 def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
     """A pose without a frame is one in ``<ns>/odom``."""
     return PoseStamped(pose) if isinstance(pose, Pose) else pose
+
+
+def stamped_point(point: PointStamped | Vector3) -> PointStamped:
+    """A point without a frame is one in ``<ns>/odom``."""
+    return PointStamped(point) if isinstance(point, Vector3) else point
 
 
 def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:

@@ -1,7 +1,8 @@
-"""Subscriptions of the client: one thread drains the stream, another calls back with the newest sample.
+"""Subscriptions of the client: one thread drains a stream, one of each subscription calls back with the newest sample.
 
 Two threads, because a stream that is read only as fast as the callback returns fills gRPC's buffers with old samples:
-the subscriber would see the UAV as it was seconds ago.
+the subscriber would see the UAV as it was seconds ago. One stream for all subscriptions of a rate, because each costs
+the daemon: docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import grpc
@@ -19,62 +21,77 @@ from ual._calls import QUICK_S
 from ual._connection import Connection
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
-from ual.v1 import ual_pb2 as pb
 
 _log = logging.getLogger(__name__)
 
 RETRY_S = 0.25
 
 
-class Subscription:
-    """Calls back with new samples until it is closed; goes on by itself when the daemon comes back."""
+class Subscriptions:
+    """All subscriptions of one client. May be used from any thread."""
 
-    def __init__(
-        self,
-        connection: Connection,
-        callback: Callable[[Telemetry], None],
-        rate_hz: float,
-        on_close: Callable[[Subscription], None],
-    ) -> None:
+    def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._lock = threading.Lock()
+        self._feeds: dict[float, _Feed] = {}
+
+    def open(self, callback: Callable[[Telemetry], None], rate_hz: float) -> Subscription:
+        """A subscription that has begun. Raises where there is no daemon, or it refuses."""
+        subscription = Subscription(callback, lambda closed: self._leave(feed, closed))
+        with self._lock:
+            known = self._feeds.get(rate_hz)
+            feed = known or _Feed(self._connection, rate_hz)
+            self._feeds[rate_hz] = feed
+            feed.join(subscription)
+        subscription.start()
+        try:
+            if known is None:
+                feed.start()
+            feed.wait()
+        except BaseException:  # refused, or Ctrl-C
+            subscription.close()
+            raise
+        return subscription
+
+    def close(self) -> None:
+        """Closes them all."""
+        with self._lock:
+            subscriptions = [each for feed in self._feeds.values() for each in feed.subscriptions]
+        for subscription in subscriptions:
+            subscription.close()
+
+    def _leave(self, feed: _Feed, subscription: Subscription) -> None:
+        with self._lock:
+            feed.leave(subscription)
+            is_last = not feed.subscriptions
+            if is_last and self._feeds.get(feed.rate_hz) is feed:
+                del self._feeds[feed.rate_hz]
+        if is_last:
+            feed.close()
+
+
+class Subscription:
+    """Calls back with new samples, on a thread of its own, until it is closed."""
+
+    def __init__(self, callback: Callable[[Telemetry], None], on_close: Callable[[Subscription], None]) -> None:
         self._callback = callback
-        self._rate_hz = rate_hz
         self._on_close = on_close
         self._newest = _Newest()
-        self._closing = threading.Event()
-        self._answered = threading.Event()
-        self._refusal: UalError | None = None
-        self._call: Any = None
-        self._threads = (
-            threading.Thread(target=self._drain, name="ual telemetry", daemon=True),
-            threading.Thread(target=self._call_back, name="ual telemetry callback", daemon=True),
-        )
+        self._thread = threading.Thread(target=self._call_back, name="ual telemetry callback", daemon=True)
 
-    def open(self) -> None:
-        """Begins; returns with the first sample on its way. Raises where there is no daemon, or it refuses."""
-        for thread in self._threads:
-            thread.start()
-        try:
-            is_answered = self._answered.wait(QUICK_S)
-        except BaseException:  # Ctrl-C
-            self.close()
-            raise
-        refusal = self._refusal
-        if not is_answered:
-            refusal = UalTimeoutError(f"the daemon sent no telemetry within {QUICK_S:g} s")
-        if refusal is not None:
-            self.close()
-            raise refusal
+    def start(self) -> None:
+        """Begins to call back."""
+        self._thread.start()
+
+    def put(self, sample: Telemetry) -> None:
+        """Takes a new sample; see `_Newest`."""
+        self._newest.put(sample)
 
     def close(self) -> None:
         """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
-        self._closing.set()
         self._newest.close()
-        if self._call is not None:
-            self._call.cancel()
-        for thread in self._threads:
-            if thread is not threading.current_thread():
-                thread.join()
+        if self._thread is not threading.current_thread():
+            self._thread.join()
         self._on_close(self)
 
     def __enter__(self) -> Self:
@@ -83,15 +100,78 @@ class Subscription:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
+    def _call_back(self) -> None:
+        while True:
+            sample = self._newest.take()
+            if sample is None:
+                return
+            try:
+                self._callback(sample)
+            except Exception:  # noqa: BLE001 (whatever it is, it is the callback's)
+                _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
+
+
+class _Feed:
+    """One stream of telemetry, for all subscriptions of its rate; goes on by itself when the daemon comes back.
+
+    `join` and `leave` are called one at a time.
+    """
+
+    def __init__(self, connection: Connection, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
+        self.subscriptions: tuple[Subscription, ...] = ()
+        self._connection = connection
+        self._lock = threading.Lock()
+        self._sample: Telemetry | None = None
+        self._closing = threading.Event()
+        self._answered = threading.Event()
+        self._refusal: UalError | None = None
+        self._call: Any = None
+        self._thread = threading.Thread(target=self._drain, name="ual telemetry", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read."""
+        self._thread.start()
+
+    def wait(self) -> None:
+        """Returns once the first sample has come. Raises what the daemon refuses it by, or by which none come now."""
+        if not self._answered.wait(QUICK_S):
+            raise UalTimeoutError(f"the daemon sent no telemetry within {QUICK_S:g} s")
+        if self._refusal is not None:
+            raise self._refusal
+
+    def join(self, subscription: Subscription) -> None:
+        """From now on it gets the samples, the newest at once."""
+        with self._lock:
+            self.subscriptions = (*self.subscriptions, subscription)
+            sample = self._sample
+        if sample is not None:
+            subscription.put(replace(sample, missed_count=0))
+
+    def leave(self, subscription: Subscription) -> None:
+        """It gets no more."""
+        with self._lock:
+            self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
+
+    def close(self) -> None:
+        """Ends the stream."""
+        self._closing.set()
+        if self._call is not None:
+            self._call.cancel()
+        if self._thread.is_alive():
+            self._thread.join()
+
     def _drain(self) -> None:
         reported = ""
         while not self._closing.is_set():
             try:
                 reported = self._drain_once(reported)
             except UalError as error:
-                if not self._answered.is_set():
-                    self._refusal = error
-                    self._answered.set()
+                has_begun = self._answered.is_set()
+                with self._lock:
+                    self._sample, self._refusal = None, error  # what came last is old for who joins now
+                self._answered.set()
+                if not has_begun:
                     return
                 if not self._closing.is_set() and error.reason != reported:
                     reported = error.reason
@@ -100,12 +180,12 @@ class Subscription:
 
     def _drain_once(self, reported: str) -> str:
         """Reads one stream to its end."""
-        self._call = call = self._connection.stream_telemetry(self._rate_hz)
+        self._call = call = self._connection.stream_telemetry(self.rate_hz)
         if self._closing.is_set():  # closed before it could see the call
             call.cancel()
         try:
             for response in call:
-                self._newest.put(response)
+                self._hand_out(convert.telemetry_from_proto(response.telemetry, response.missed_count))
                 self._answered.set()
                 if reported:
                     reported = ""
@@ -114,15 +194,12 @@ class Subscription:
             raise self._connection.error(error) from error
         return reported
 
-    def _call_back(self) -> None:
-        while True:
-            taken = self._newest.take()
-            if taken is None:
-                return
-            try:
-                self._callback(convert.telemetry_from_proto(*taken))
-            except Exception:  # noqa: BLE001 (whatever it is, it is the callback's)
-                _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
+    def _hand_out(self, sample: Telemetry) -> None:
+        with self._lock:
+            self._sample, self._refusal = sample, None
+            subscriptions = self.subscriptions
+        for subscription in subscriptions:
+            subscription.put(sample)
 
 
 class _Newest:
@@ -130,25 +207,26 @@ class _Newest:
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._response: pb.StreamTelemetryResponse | None = None
+        self._sample: Telemetry | None = None
         self._missed_count = 0
         self._is_closed = False
 
-    def put(self, response: pb.StreamTelemetryResponse) -> None:
+    def put(self, sample: Telemetry) -> None:
         with self._changed:
-            self._missed_count += response.missed_count + (self._response is not None)
-            self._response = response
+            self._missed_count += sample.missed_count + (self._sample is not None)
+            self._sample = sample
             self._changed.notify()
 
-    def take(self) -> tuple[pb.Telemetry, int] | None:
-        """The newest sample and how many were missed before it, once there is one; None once closed."""
+    def take(self) -> Telemetry | None:
+        """The newest sample, with the number of those missed before it, once there is one; None once closed."""
         with self._changed:
-            self._changed.wait_for(lambda: self._response is not None or self._is_closed)
-            if self._is_closed or self._response is None:
+            while self._sample is None and not self._is_closed:
+                self._changed.wait()
+            if self._is_closed or self._sample is None:
                 return None
-            response, self._response = self._response, None
+            sample, self._sample = self._sample, None
             missed_count, self._missed_count = self._missed_count, 0
-            return response.telemetry, missed_count
+        return sample if sample.missed_count == missed_count else replace(sample, missed_count=missed_count)
 
     def close(self) -> None:
         with self._changed:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -12,13 +11,14 @@ from typing_extensions import Self
 
 from ual import _calls, views
 from ual._connection import Connection
+from ual._dry_run import DryRun
 from ual._setpoints import Setpoints
-from ual._subscription import Subscription
+from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, Telemetry
+from ual.types import AltitudeReference, Frame, Info, Odometry, PathHeading, State, TaskInfo, Telemetry, Waypoints
 
 _log = logging.getLogger(__name__)
 
@@ -38,10 +38,10 @@ class Uav:
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
+        self._dry_run = DryRun(self._connection)
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
-        self._lock = threading.Lock()
-        self._subscriptions: set[Subscription] = set()
+        self._subscriptions = Subscriptions(self._connection)
 
     @property
     def ns(self) -> str:
@@ -56,10 +56,7 @@ class Uav:
     def close(self) -> None:
         """Ends the setpoints, the subscriptions and the connection. The UAV goes on as the interface says."""
         self._setpoints.settle()
-        with self._lock:
-            subscriptions = list(self._subscriptions)
-        for subscription in subscriptions:
-            subscription.close()
+        self._subscriptions.close()
         self._connection.close()
 
     def __enter__(self) -> Self:
@@ -99,11 +96,7 @@ class Uav:
         return self._connection.run(_calls.get_telemetry())
 
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
-        subscription = Subscription(self._connection, callback, rate_hz, self._forget)
-        with self._lock:
-            self._subscriptions.add(subscription)
-        subscription.open()
-        return subscription
+        return self._subscriptions.open(callback, rate_hz)
 
     def frames(self) -> list[Frame]:
         return self._connection.run(_calls.list_frames())
@@ -124,9 +117,14 @@ class Uav:
         return self._command_task(_calls.land(blocking), timeout_s)
 
     def go_to_waypoint(
-        self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
+        self,
+        waypoint: PoseStamped | Pose,
+        *,
+        max_speed_m_s: float | None = None,
+        blocking: bool = True,
+        timeout_s: float | None = None,
     ) -> Task:
-        return self._command_task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
+        return self._command_task(_calls.go_to_waypoint(waypoint, max_speed_m_s, blocking), timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -136,21 +134,31 @@ class Uav:
         altitude_reference: AltitudeReference = AltitudeReference.HOME,
         *,
         yaw_rad: float | None = None,
+        max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        call = _calls.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, blocking)
+        call = _calls.go_to_waypoint_geo(
+            latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, max_speed_m_s, blocking
+        )
         return self._command_task(call, timeout_s)
 
     def follow_path(
         self,
-        waypoints: Sequence[PoseStamped | Pose],
+        waypoints: Waypoints,
         *,
         corner_radius_m: float = 0.0,
+        max_speed_m_s: float | None = None,
+        leg_speeds_m_s: Sequence[float] = (),
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        point_of_interest: PointStamped | Vector3 | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        return self._command_task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
+        call = _calls.follow_path(
+            waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, blocking
+        )
+        return self._command_task(call, timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
         self._setpoints.send(_calls.pose_setpoint(pose))
@@ -171,6 +179,11 @@ class Uav:
         return self._task(_calls.get_task(task_id), None)
 
     @property
+    def dry_run(self) -> DryRun:
+        """The motions, as questions: what would happen, without anything moving."""
+        return self._dry_run
+
+    @property
     def simulation(self) -> Simulation:
         """The world around a simulated UAV. `NotSupportedError` for a real one."""
         if not self._is_simulation:
@@ -188,10 +201,6 @@ class Uav:
 
     def _task(self, call: _calls.Call[TaskInfo], timeout_s: float | None) -> Task:
         return Task(self._connection, self._connection.run(call, timeout_s))
-
-    def _forget(self, subscription: Subscription) -> None:
-        with self._lock:
-            self._subscriptions.discard(subscription)
 
 
 class Simulation:

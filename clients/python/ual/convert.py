@@ -17,7 +17,18 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from ual import errors
 from ual.errors import InvalidArgumentError, UalError
-from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import (
+    IDENTITY,
+    KEEP_HEADING,
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+)
 from ual.simulation import (
     AckLate,
     AckLost,
@@ -36,11 +47,14 @@ from ual.types import (
     Capability,
     Frame,
     GeoPoint,
+    GeoWaypoint,
     GpsFix,
     GpsInfo,
     Info,
     Limits,
     Odometry,
+    PathHeading,
+    Plan,
     State,
     TaskInfo,
     TaskKind,
@@ -220,13 +234,60 @@ def waypoint_from_proto(request: pb.GoToWaypointRequest) -> PoseStamped:
     return pose_stamped_from_proto(request.waypoint, "waypoint")
 
 
-def waypoints_from_proto(request: pb.FollowPathRequest) -> list[PoseStamped]:
-    """The waypoints of FollowPath; an empty list is for the daemon's validation to refuse."""
-    return [pose_stamped_from_proto(message, f"waypoints[{i}]") for i, message in enumerate(request.waypoints)]
+def waypoints_from_proto(request: pb.FollowPathRequest) -> list[PoseStamped | GeoWaypoint]:
+    """The waypoints of FollowPath; none, and both kinds at once, are for the daemon's validation to refuse."""
+    poses = (pose_stamped_from_proto(message, f"waypoints[{i}]") for i, message in enumerate(request.waypoints))
+    return [*poses, *map(_geo_waypoint_from_proto, request.geo_waypoints)]
 
 
-def altitude_reference_from_proto(request: pb.GoToWaypointGeoRequest) -> AltitudeReference:
-    """The altitude reference of GoToWaypointGeo; UNSPECIFIED is HOME."""
+def _geo_waypoint_from_proto(message: pb.GeoWaypoint) -> GeoWaypoint:
+    return GeoWaypoint(
+        message.latitude_deg,
+        message.longitude_deg,
+        message.altitude_m,
+        altitude_reference_from_proto(message),
+        message.yaw_rad if message.HasField("yaw_rad") else None,
+    )
+
+
+def geo_waypoint_to_proto(waypoint: GeoWaypoint) -> pb.GeoWaypoint:
+    """A geographic position to fly to."""
+    return pb.GeoWaypoint(
+        latitude_deg=waypoint.latitude_deg,
+        longitude_deg=waypoint.longitude_deg,
+        altitude_m=waypoint.altitude_m,
+        altitude_reference=altitude_reference_to_proto(waypoint.altitude_reference),
+        yaw_rad=waypoint.yaw_rad,
+    )
+
+
+def path_heading_from_proto(request: pb.FollowPathRequest) -> PathHeading:
+    """Where the nose points in FollowPath; UNSPECIFIED is WAYPOINTS."""
+    value: int = request.heading
+    return _enum(PathHeading, value or PathHeading.WAYPOINTS.value, "heading")
+
+
+def point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped | None:
+    """The point that the nose points at in FollowPath, if there is one."""
+    if not request.HasField("point_of_interest"):
+        return None
+    message = request.point_of_interest
+    if not message.HasField("point"):
+        raise _not_set("point_of_interest.point")
+    header = message.header
+    return PointStamped(vector3_from_proto(message.point), header.frame_id, stamp_from_proto(header.stamp))
+
+
+def point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
+    """A point to look at. Its stamp is left out: the daemon ignores it."""
+    message = pb.PointStamped(point=vector3_to_proto(point.point))
+    if point.frame_id:
+        message.header.frame_id = point.frame_id
+    return message
+
+
+def altitude_reference_from_proto(request: pb.GoToWaypointGeoRequest | pb.GeoWaypoint) -> AltitudeReference:
+    """The altitude reference of a geographic goal; UNSPECIFIED is HOME."""
     value: int = request.altitude_reference
     return _enum(AltitudeReference, value or AltitudeReference.HOME.value, "altitude_reference")
 
@@ -278,8 +339,13 @@ def new_frame_from_proto(request: pb.AddFrameRequest) -> Transform:
     return transform_from_proto(request.transform)
 
 
+def path_heading_to_proto(heading: PathHeading) -> pb.PathHeading.ValueType:
+    """Where the nose points in FollowPath."""
+    return pb.PathHeading.ValueType(heading.value)
+
+
 def altitude_reference_to_proto(reference: AltitudeReference) -> pb.AltitudeReference.ValueType:
-    """The altitude reference of GoToWaypointGeo."""
+    """The altitude reference of a geographic goal."""
     return pb.AltitudeReference.ValueType(reference.value)
 
 
@@ -323,6 +389,25 @@ def task_from_proto(message: pb.Task) -> TaskInfo:
         waypoint_index=message.waypoint_index if message.HasField("waypoint_index") else None,
         error=task_error_from_proto(message.error) if message.HasField("error") else None,
         description=message.description,
+    )
+
+
+# Dry runs
+
+
+def plan_to_proto(plan: Plan) -> pb.Plan:
+    """What a motion would be."""
+    return pb.Plan(
+        length_m=plan.length_m,
+        duration=None if plan.duration_s is None else duration_to_proto(plan.duration_s),
+    )
+
+
+def plan_from_proto(message: pb.Plan) -> Plan:
+    """What a motion would be."""
+    return Plan(
+        message.length_m if message.HasField("length_m") else None,
+        duration_from_proto(message.duration) if message.HasField("duration") else None,
     )
 
 

@@ -44,11 +44,20 @@ def lock_file(ns: str) -> Path:
 
 def default_port(ns: str) -> int:
     """50050 + N for a namespace that ends in ``_N``, 50051 without a number."""
-    match = re.search(r"_(\d+)$", ns)
-    if match is None:
-        return _DEFAULT_PORT
-    port = _PORT_BEFORE_FIRST + int(match[1])
-    return port if port <= _LAST_PORT else _DEFAULT_PORT
+    _, number = split_number(ns)
+    return _PORT_BEFORE_FIRST + number if number is not None and has_own_port(ns) else _DEFAULT_PORT
+
+
+def has_own_port(ns: str) -> bool:
+    """Whether a namespace has a port that no other one has by default."""
+    _, number = split_number(ns)
+    return number is not None and _PORT_BEFORE_FIRST + number <= _LAST_PORT
+
+
+def split_number(ns: str) -> tuple[str, int | None]:
+    """``uav_7`` as ``uav`` and 7; None where a namespace has no number."""
+    match = re.fullmatch(r"(.*)_(\d+)", ns)
+    return (ns, None) if match is None else (match[1], int(match[2]))
 
 
 def default_address(ns: str) -> str:

@@ -114,9 +114,12 @@ class Quaternion:
 
     def rotate(self, v: Vector3) -> Vector3:
         """The vector, rotated (of a unit quaternion): v + 2 w (q x v) + 2 q x (q x v)."""
-        axis = Vector3(self.x, self.y, self.z)
-        t = axis.cross(v) * 2.0
-        return v + t * self.w + axis.cross(t)
+        # Written out, as it is most of what frames cost.
+        x, y, z, w = self.x, self.y, self.z, self.w
+        tx, ty, tz = 2.0 * (y * v.z - z * v.y), 2.0 * (z * v.x - x * v.z), 2.0 * (x * v.y - y * v.x)
+        return Vector3(
+            v.x + tx * w + (y * tz - z * ty), v.y + ty * w + (z * tx - x * tz), v.z + tz * w + (x * ty - y * tx)
+        )
 
     @property
     def yaw_rad(self) -> float:
@@ -176,6 +179,15 @@ class PoseStamped:
     """A pose in a frame (empty: ``<ns>/odom``); `stamp_s` is UTC since 1970, ignored in requests."""
 
     pose: Pose = field(default_factory=Pose)
+    frame_id: str = ""
+    stamp_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PointStamped:
+    """A position (m) in a frame (empty: ``<ns>/odom``); `stamp_s` as in `PoseStamped`."""
+
+    point: Vector3 = field(default_factory=Vector3)
     frame_id: str = ""
     stamp_s: float = 0.0
 

@@ -12,9 +12,21 @@ from typing import Protocol
 
 from typing_extensions import Self
 
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, TaskKind, Telemetry
+from ual.types import (
+    AltitudeReference,
+    Frame,
+    Info,
+    Odometry,
+    PathHeading,
+    Plan,
+    State,
+    TaskInfo,
+    TaskKind,
+    Telemetry,
+    Waypoints,
+)
 
 
 class Task(Protocol):
@@ -92,6 +104,46 @@ class Simulation(Protocol):
     def set_wind(self, velocity_m_s: Vector3) -> None: ...
 
 
+class DryRun(Protocol):
+    """The members of `Uav` that move it, with the same arguments, as questions: nothing moves, begins, or is sent. Each
+    raises what the member of `Uav` would raise at once, or tells what the motion would be.
+    """
+
+    def take_off(self, height_m: float) -> Plan: ...
+
+    def land(self) -> Plan: ...
+
+    def go_to_waypoint(self, waypoint: PoseStamped | Pose, *, max_speed_m_s: float | None = None) -> Plan: ...
+
+    def go_to_waypoint_geo(
+        self,
+        latitude_deg: float,
+        longitude_deg: float,
+        altitude_m: float,
+        altitude_reference: AltitudeReference = AltitudeReference.HOME,
+        *,
+        yaw_rad: float | None = None,
+        max_speed_m_s: float | None = None,
+    ) -> Plan: ...
+
+    def follow_path(
+        self,
+        waypoints: Waypoints,
+        *,
+        corner_radius_m: float = 0.0,
+        max_speed_m_s: float | None = None,
+        leg_speeds_m_s: Sequence[float] = (),
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        point_of_interest: PointStamped | Vector3 | None = None,
+    ) -> Plan: ...
+
+    def set_pose(self, pose: PoseStamped | Pose) -> Plan: ...
+
+    def set_velocity(self, velocity: TwistStamped | Twist) -> Plan: ...
+
+    def recover_from_manual(self) -> Plan: ...
+
+
 class Uav(Protocol):
     """One UAV, whatever its autopilot. For states, errors and units see ``ual/v1/ual.proto``, which is the manual."""
 
@@ -144,7 +196,10 @@ class Uav(Protocol):
     def frames(self) -> list[Frame]: ...
 
     def add_frame(self, transform: Transform) -> None:
-        """Adds, or moves, the frame `transform.child_frame_id` in its parent `transform.frame_id` (empty: ``map``)."""
+        """Adds, or moves, the frame `transform.child_frame_id` in its parent `transform.frame_id` (empty: ``map``).
+
+        It may be moved often (50 Hz); `transform.stamp_s` is when it was there, 0 where that is not known.
+        """
         ...
 
     def arm(self, *, timeout_s: float | None = None) -> None: ...
@@ -156,8 +211,17 @@ class Uav(Protocol):
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task: ...
 
     def go_to_waypoint(
-        self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
-    ) -> Task: ...
+        self,
+        waypoint: PoseStamped | Pose,
+        *,
+        max_speed_m_s: float | None = None,
+        blocking: bool = True,
+        timeout_s: float | None = None,
+    ) -> Task:
+        """Flies straight to a pose, at most at `max_speed_m_s` (more than 0) in any direction, and within the limits of
+        the UAV; None: only these.
+        """
+        ...
 
     def go_to_waypoint_geo(
         self,
@@ -167,18 +231,31 @@ class Uav(Protocol):
         altitude_reference: AltitudeReference = AltitudeReference.HOME,
         *,
         yaw_rad: float | None = None,
+        max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task: ...
 
     def follow_path(
         self,
-        waypoints: Sequence[PoseStamped | Pose],
+        waypoints: Waypoints,
         *,
         corner_radius_m: float = 0.0,
+        max_speed_m_s: float | None = None,
+        leg_speeds_m_s: Sequence[float] = (),
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        point_of_interest: PointStamped | Vector3 | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
-    ) -> Task: ...
+    ) -> Task:
+        """Flies through waypoints.
+
+        It leaves the straight legs at most `corner_radius_m` from a corner, or (0) stops at each. `max_speed_m_s` is as
+        in `go_to_waypoint`; `leg_speeds_m_s`, empty or one for each waypoint, is the same for the leg that ends there
+        (0: only `max_speed_m_s`). The nose points as `heading` says, where only `PathHeading.WAYPOINTS` heeds the
+        orientations of the waypoints; `point_of_interest` belongs to `PathHeading.POINT_OF_INTEREST`.
+        """
+        ...
 
     def set_pose(self, pose: PoseStamped | Pose) -> None: ...
 
@@ -192,6 +269,11 @@ class Uav(Protocol):
 
     def task(self, task_id: str) -> Task:
         """A task, running or ended lately, by its id. `InvalidArgumentError` if there is none."""
+        ...
+
+    @property
+    def dry_run(self) -> DryRun:
+        """The motions, as questions: what would happen, without anything moving."""
         ...
 
     @property

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
 from ual.errors import UalError
-from ual.geometry import Pose, Transform, Twist
+from ual.geometry import Pose, PoseStamped, Transform, Twist
 
 
 class State(Enum):
@@ -27,6 +28,15 @@ class AltitudeReference(Enum):
     HOME = 1
     AMSL = 2
     ELLIPSOID = 3
+
+
+class PathHeading(Enum):
+    """Where the nose points on a path: as each waypoint says, as at the beginning, along the path, or at a point."""
+
+    WAYPOINTS = 1
+    FIXED = 2
+    ALONG_PATH = 3
+    POINT_OF_INTEREST = 4
 
 
 class TaskKind(Enum):
@@ -83,6 +93,21 @@ class GeoPoint:
 
 
 @dataclass(frozen=True, slots=True)
+class GeoWaypoint:
+    """A geographic position to fly to, and the heading there, counter-clockwise from east (None: the one before)."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    altitude_reference: AltitudeReference = AltitudeReference.HOME
+    yaw_rad: float | None = None
+
+
+Waypoints = Sequence[PoseStamped | Pose] | Sequence[GeoWaypoint]
+"""Of a path: poses, in any frames, or geographic positions."""
+
+
+@dataclass(frozen=True, slots=True)
 class Battery:
     """The flight battery; the current is positive while discharging. What is not reported is None."""
 
@@ -129,6 +154,14 @@ class TaskInfo:
     waypoint_index: int | None = None
     error: UalError | None = None
     description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a motion would be: the way in metres and how long it takes in seconds, None where that cannot be told."""
+
+    length_m: float | None = None
+    duration_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

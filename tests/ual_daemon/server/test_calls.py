@@ -13,10 +13,11 @@ import pytest
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
-from ual.types import State, Telemetry
+from ual.types import Plan, State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
+from ual_daemon.motions import Prepared
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
@@ -34,11 +35,18 @@ class FakeVehicle:
         self.callers: list[str] = []
         self.setpoints: list[TwistStamped] = []
         self.has_setpoint = asyncio.Event()
+        self.motions = self
 
     def telemetry(self) -> Telemetry:
         return Telemetry(State.LANDED_DISARMED)
 
-    def subscribe(self, _: object) -> Any:
+    def state(self) -> State:
+        return State.LANDED_DISARMED
+
+    def subscribe(self, *_: object) -> Any:
+        return lambda: None
+
+    def listen_to_state(self, _: object) -> Any:
         return lambda: None
 
     def set_home(self, set_z: bool) -> None:
@@ -49,15 +57,22 @@ class FakeVehicle:
     def frames(self) -> object:
         raise RuntimeError("a defect")
 
+    def task(self, task_id: str) -> object:
+        raise grpc.aio.InternalError(f"{task_id}: what a write raises once the caller is gone")
+
     def arm(self) -> Future[None]:
         self.is_arming.set()
         return self.arming
 
-    def set_velocity(self, velocity: TwistStamped) -> None:
+    def set_velocity(self, velocity: TwistStamped) -> Prepared[None]:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
-        self.setpoints.append(velocity)
-        self.has_setpoint.set()
+
+        def begin() -> None:
+            self.setpoints.append(velocity)
+            self.has_setpoint.set()
+
+        return Prepared(Plan(), begin)
 
 
 class Served:
@@ -121,6 +136,17 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(caplog: pytest.LogCa
     (record,) = caplog.records
     assert record.exc_info is not None
     assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
+
+
+def test_a_caller_that_is_gone_is_no_defect(caplog: pytest.LogCaptureFixture) -> None:
+    async def run() -> None:
+        async with served() as it:
+            async for _ in it.stub.WatchTask(pb.WatchTaskRequest(task_id="1")):
+                raise AssertionError("nothing was written")
+
+    with caplog.at_level(logging.INFO, "ual_daemon"):
+        asyncio.run(run())
+    assert not caplog.records
 
 
 def test_another_uavs_name_is_refused() -> None:

@@ -15,20 +15,33 @@ class FakeVehicle:
 
     def __init__(self) -> None:
         self.newest = Telemetry(State.UNINITIALIZED)
-        self.subscribers: list[Callable[[Telemetry], None]] = []
+        self.subscribers: list[tuple[Callable[[Telemetry], None], Callable[[], bool]]] = []
+        self.listeners: list[Callable[[State], None]] = []
 
     def telemetry(self) -> Telemetry:
         return self.newest
 
-    def subscribe(self, callback: Callable[[Telemetry], None]) -> Callable[[], None]:
-        self.subscribers.append(callback)
-        return lambda: self.subscribers.remove(callback)
+    def state(self) -> State:
+        return self.newest.state
+
+    def subscribe(self, callback: Callable[[Telemetry], None], is_due: Callable[[], bool]) -> Callable[[], None]:
+        subscriber = (callback, is_due)
+        self.subscribers.append(subscriber)
+        return lambda: self.subscribers.remove(subscriber)
+
+    def listen_to_state(self, callback: Callable[[State], None]) -> Callable[[], None]:
+        self.listeners.append(callback)
+        return lambda: self.listeners.remove(callback)
 
     def update(self, state: State = State.LANDED_DISARMED, count: int = 1) -> None:
         for _ in range(count):
-            self.newest = Telemetry(state, sequence=self.newest.sequence + 1)
-            for callback in self.subscribers:
-                callback(self.newest)
+            last, self.newest = self.newest, Telemetry(state, sequence=self.newest.sequence + 1)
+            if state is not last.state:
+                for listener in self.listeners:
+                    listener(state)
+            for callback, is_due in self.subscribers:
+                if is_due():
+                    callback(self.newest)
 
 
 class Clock(asyncio.SelectorEventLoop):
@@ -112,6 +125,7 @@ def test_what_never_reached_the_loop_counts_as_missed() -> None:
             assert (newest.telemetry.sequence, missed_count) == (6, 0)
         updates.close()
         assert not vehicle.subscribers
+        assert not vehicle.listeners
 
     asyncio.run(run())
 
@@ -133,6 +147,7 @@ def test_states_are_told_from_any_thread_though_nobody_reads() -> None:
         states: asyncio.Queue[State] = asyncio.Queue()
         vehicle = FakeVehicle()
         updates = Updates(cast("Vehicle", vehicle), states.put_nowait)
+        assert await states.get() is State.UNINITIALIZED
         for state in (State.LANDED_DISARMED, State.UNINITIALIZED, State.LANDED_ARMED):
             thread = threading.Thread(target=vehicle.update, args=(state, 3))
             thread.start()
@@ -161,6 +176,28 @@ def test_nothing_is_brought_to_the_loop_while_nobody_reads() -> None:
         updates.close()
 
     asyncio.run(run())
+
+
+def test_no_sample_is_made_before_it_is_due_for_a_reader() -> None:
+    loop = Clock()
+
+    async def run() -> list[int]:
+        vehicle = FakeVehicle()
+        updates = Updates(cast("Vehicle", vehicle), lambda _: None)
+        made: list[int] = []
+        vehicle.subscribe(lambda sample: made.append(sample.sequence), vehicle.subscribers[0][1])
+        with updates.reader(rate_hz=8.0), updates.reader(rate_hz=4.0):
+            for _ in range(20):
+                loop.now_s += 1 / 32
+                vehicle.update()
+                await asyncio.sleep(0)
+        vehicle.update(count=5)
+        return made
+
+    try:
+        assert loop.run_until_complete(run()) == [4, 8, 12, 16, 20]
+    finally:
+        loop.close()
 
 
 def test_an_update_after_the_loop_has_ended_is_no_error() -> None:

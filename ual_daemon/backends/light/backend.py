@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-
-import numpy as np
 
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.interface import Simulation
 from ual.simulation import Command
-from ual.types import Battery, Capability, GeoPoint, GpsFix, GpsInfo, Limits
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual.types import Battery, Capability, GpsFix, GpsInfo, Limits
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
-from ual_daemon.backends.light.world import Fleet, FlightMode, Floats, World
+from ual_daemon.backends.light.world import Fleet, FlightMode, World
 from ual_daemon.backends.values import (
     Control,
     Estimator,
@@ -29,6 +27,7 @@ from ual_daemon.backends.values import (
     Sample,
     Setpoint,
     Snapshot,
+    Takes,
     VehicleInfo,
 )
 from ual_daemon.geodesy import EllipsoidProjection
@@ -37,15 +36,24 @@ from ual_daemon.version import __version__
 
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
-_NO_NOISE = np.zeros((2, 3))
+_SEEDS_APART = 1 << 40
+"""More than any world makes steps."""
 
-_MODES = {
-    mode: Mode(
-        mode.name,
-        {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}.get(mode, Control.OTHER),
-    )
-    for mode in FlightMode
-}
+_CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}
+_MODES = [Mode(mode.name, _CONTROLS.get(mode, Control.OTHER)) for mode in FlightMode]
+
+
+class _LightPilot:
+    """See `ual_daemon.backends.base.SafetyPilot`: this vehicle is always simulated, and always ready."""
+
+    def __init__(self, backend: LightBackend) -> None:
+        self._backend = backend
+
+    def may_arm(self) -> bool:
+        return True
+
+    def arm(self) -> None:
+        self._backend.pilot_arm()
 
 
 class LightBackend(Backend):
@@ -57,28 +65,44 @@ class LightBackend(Backend):
     def __init__(self, options: BackendOptions, world: World | None = None) -> None:
         super().__init__(options)
         settings = convert(options.settings, LightSettings, self.name)
-        factor = math.inf if settings.speed_factor == "max" else settings.speed_factor
-        self.world = World(factor) if world is None else world
+        self.world = World(_speed_factor(settings)) if world is None else world
         self.clock = self.world
         self._settings = settings
         self._index = self.world.add(settings)
         self._projection = EllipsoidProjection(*settings.origin_geo)
         # Python's own generator: numpy's takes a third of the start-up time of this backend to import.
-        self._random = random.Random(settings.seed)  # noqa: S311  noise, no secret
+        self._random = random.Random()  # noqa: S311  noise, no secret
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
-        self._noise = self._draw_noise()
         self._faults = Faults(self.world)
         self._late_acks: list[tuple[float, Future[None]]] = []
         self._status_text = ""
         self._on_update: UpdateCallback | None = None
         self._info = _vehicle_info(settings)
-        self._snapshot = self._look()
+        self._is_faulty = False
+        self._snapshot = Snapshot(0.0)
+        with self.world.lock:
+            self._look()
+
+    @classmethod
+    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
+        settings = convert(options[0].settings, LightSettings, cls.name)
+        origin = EllipsoidProjection(*settings.origin_geo)
+        world = World(_speed_factor(settings))
+        fleet: list[Backend] = []
+        for number, (each, place) in enumerate(zip(options, places, strict=True)):
+            there = origin.to_geo(place)
+            own = {
+                "origin_geo": [there.latitude_deg, there.longitude_deg, there.altitude_amsl_m],
+                "seed": settings.seed + number,
+            }
+            fleet.append(cls(replace(each, settings={**each.settings, **own}), world))
+        return fleet
 
     # --- The backend --------------------------------------------------------------------------------------------------
 
     def open(self, on_update: UpdateCallback) -> None:
         self._on_update = on_update
-        self.world.listen(self._index, self._after_step)
+        self.world.listen(self._index, self._after_step, self._is_step_needed)
 
     def close(self) -> None:
         self.world.unlisten(self._index)
@@ -88,8 +112,10 @@ class LightBackend(Backend):
 
     def snapshot(self) -> Snapshot:
         # Standing time does not update: what the safety pilot did meanwhile must show all the same.
-        if self.world.speed_factor == 0.0:
-            self._snapshot = self._look()
+        if self._looked_step != self.world.steps or self.world.speed_factor == 0.0:
+            with self.world.lock:
+                if self._looked_step != self.world.steps or self.world.speed_factor == 0.0:
+                    self._look()
         return self._snapshot
 
     def send(self, setpoint: Setpoint) -> None:
@@ -117,6 +143,9 @@ class LightBackend(Backend):
     def hold(self) -> Future[None]:
         return self._command(None, lambda fleet: self._switch(fleet, FlightMode.HOLD))
 
+    def safety_pilot(self) -> SafetyPilot:
+        return _LightPilot(self)
+
     def simulation(self) -> Simulation:
         return LightSimulation(self, self.world, self._index, self._faults)
 
@@ -127,12 +156,11 @@ class LightBackend(Backend):
 
         It shows in the data once this returns.
         """
-        with self.world.standing():
-            with self.world.lock:
-                refusal = action(self.world.fleet)
+        with self.world.standing(), self.world.lock:
+            refusal = action(self.world.fleet)
             if refusal is not None:
                 self._status_text = refusal
-            self._snapshot = self._look()
+            self._look()
         if refusal is not None:
             raise RejectedByAutopilotError(f"the autopilot refused the safety pilot: {refusal}")
 
@@ -211,47 +239,53 @@ class LightBackend(Backend):
 
     # --- Data ---------------------------------------------------------------------------------------------------------
 
+    def _is_step_needed(self) -> bool:
+        """Whether the next step must be looked at, although the conditions have not changed."""
+        return self.is_update_needed() or self._is_faulty or self._faults.any_active or bool(self._late_acks)
+
     def _after_step(self) -> None:
         now_s = self.world.now_s()
         self._faults.step(now_s)
         with self.world.lock:
-            self._faults.apply(self.world.fleet, self._index, now_s)
+            if self._is_faulty or self._faults.any_active:
+                self._is_faulty = self._faults.any_active  # the last time is when they have ended
+                self._faults.apply(self.world.fleet, self._index, now_s)
+            snapshot = self._look()
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))
                 if ack.set_running_or_notify_cancel():
                     ack.set_result(None)
-        self._noise = self._draw_noise()
-        self._snapshot = self._look()
         if self._on_update is not None:
-            self._on_update(self._snapshot)
+            self._on_update(snapshot)
 
-    def _draw_noise(self) -> Floats:
-        """The errors of position and velocity until the next step: whoever looks at a moment sees the same ones."""
-        if not any(self._noise_sigmas):
-            return _NO_NOISE
-        return np.array([[self._random.gauss(0.0, sigma) for _ in range(3)] for sigma in self._noise_sigmas])
+    def _noise(self) -> tuple[Vector3, Vector3]:
+        """The errors of position and velocity at this step: the same ones, whoever looks and however often."""
+        self._random.seed(self._settings.seed * _SEEDS_APART + self.world.steps)
+        position, velocity = (
+            Vector3(*(self._random.gauss(0.0, sigma) for _ in range(3))) for sigma in self._noise_sigmas
+        )
+        return position, velocity
 
     def _look(self) -> Snapshot:
-        """What the autopilot says now. While the link is lost: what it said last."""
+        """What the autopilot says now. While the link is lost: what it said last. The world's lock is held."""
         now_s = self.world.now_s()
+        self._looked_step = self.world.steps
         if self._faults.is_link_lost:
-            return replace(self._snapshot, time_s=now_s)
+            self._snapshot = replace(self._snapshot, time_s=now_s, sequence=self._looked_step)
+            return self._snapshot
         i, fleet = self._index, self.world.fleet
-        with self.world.lock:
-            position = fleet.position[i] + fleet.estimate_offset[i]
-            velocity, yaw, yaw_rate = fleet.velocity[i].copy(), float(fleet.yaw[i]), float(fleet.yaw_rate[i])
-            mode = FlightMode(int(fleet.mode[i]))
-            is_armed, is_landed = bool(fleet.is_armed[i]), bool(fleet.is_landed[i])
-            has_position, percent = bool(fleet.has_position[i]), float(fleet.battery_percent[i])
-        position_noise, velocity_noise = self._noise
-        position += position_noise
-        velocity += velocity_noise
-        local = Vector3(*position.tolist())
+        position = Vector3(*(fleet.position[i] + fleet.estimate_offset[i]).tolist())
+        velocity = Vector3(*fleet.velocity[i].tolist())
+        if any(self._noise_sigmas):
+            position_noise, velocity_noise = self._noise()
+            position, velocity = position + position_noise, velocity + velocity_noise
+        mode, is_armed, is_landed = fleet.mode.item(i), fleet.is_armed.item(i), fleet.is_landed.item(i)
+        has_position, percent = fleet.has_position.item(i), fleet.battery_percent.item(i)
         landed = LandedState.ON_GROUND if is_landed else LandedState.IN_AIR
-        if mode is FlightMode.LAND and not is_landed:
+        if mode == FlightMode.LAND and not is_landed:
             landed = LandedState.LANDING
-        return Snapshot(
+        self._snapshot = Snapshot(
             time_s=now_s,
             heard_s=now_s,
             stamp_s=self.world.epoch_s + now_s,
@@ -259,39 +293,35 @@ class LightBackend(Backend):
             landed=Sample(landed, now_s),
             mode=Sample(_MODES[mode], now_s),
             estimator=Sample(_GOOD if has_position else _LOST, now_s),
-            pose=Sample(Pose(local, Quaternion.from_yaw(yaw)), now_s),
-            velocity=Sample(Twist(Vector3(*velocity.tolist()), Vector3(0.0, 0.0, yaw_rate)), now_s),
-            position_geo=self._geo(local) if has_position else None,
-            projection=self._projection,
+            pose=Sample(Pose(position, Quaternion.from_yaw(fleet.yaw.item(i))), now_s),
+            velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, fleet.yaw_rate.item(i))), now_s),
+            projection=self._projection,  # and the geographic position follows, for whoever asks
             home_altitude_amsl_m=self._projection.altitude_amsl_m,
             geoid_separation_m=self._settings.geoid_separation_m,
             battery=Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if is_armed else 0.5),
-            gps=GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8) if has_position else GpsInfo(GpsFix.NONE),
+            gps=_FIX if has_position else _NO_FIX,
             status_text=self._status_text,
+            sequence=self.world.steps,
         )
-
-    def _geo(self, local: Vector3) -> GeoPoint:
-        point = self._projection.to_geo(local)
-        assert point.altitude_amsl_m is not None
-        return GeoPoint(
-            point.latitude_deg,
-            point.longitude_deg,
-            point.altitude_amsl_m,
-            point.altitude_amsl_m - self._projection.altitude_amsl_m,
-            point.altitude_amsl_m + self._settings.geoid_separation_m,
-        )
+        return self._snapshot
 
 
+_FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)
 _GOOD = Estimator(True)
 _LOST = Estimator(False, "its position is lost (simulated)")
 
 
+def _speed_factor(settings: LightSettings) -> float:
+    return math.inf if settings.speed_factor == "max" else settings.speed_factor
+
+
 def _vehicle_info(settings: LightSettings) -> VehicleInfo:
+    takes = Takes[settings.takes.upper()]
     return VehicleInfo(
         autopilot="light",
         autopilot_version=__version__,
         is_simulation=True,
-        capabilities=frozenset(Capability),
+        capabilities=frozenset(Capability) - ({Capability.VELOCITY} if takes is Takes.POSITIONS else set()),
         limits=Limits(
             settings.horizontal_speed_m_s,
             settings.vertical_speed_m_s,
@@ -301,4 +331,5 @@ def _vehicle_info(settings: LightSettings) -> VehicleInfo:
             settings.yaw_rate_rad_s,
         ),
         flies_takeoff_on_setpoints=True,
+        takes=takes,
     )

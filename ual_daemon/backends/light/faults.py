@@ -57,6 +57,11 @@ class Faults:
         """The faults under way by their ids."""
         return {fault_id: fault for fault_id, (fault, _, _) in self._active.items()}
 
+    @property
+    def any_active(self) -> bool:
+        """Whether there are any."""
+        return bool(self._active)
+
     def step(self, now_s: float) -> None:
         """Ends those whose time is over."""
         over = [fault_id for fault_id, (_, _, ends_s) in self._active.items() if now_s >= ends_s]

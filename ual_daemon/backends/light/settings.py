@@ -16,7 +16,8 @@ class LightSettings(Settings, frozen=True, kw_only=True):
 
     `speed_factor` is how fast simulated time runs against the wall: 1 is real time, 0 stands still until stepped,
     "max" is as fast as the machine can. `origin_geo` is where the local frame begins on Earth (latitude, longitude,
-    metres above mean sea level). The ground is level, at the height of `start`.
+    metres above mean sea level). The ground is level, at the height of `start`. `takes` is which setpoints its
+    autopilot is said to take (see `ual_daemon.backends.values.Takes`).
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0
@@ -25,6 +26,7 @@ class LightSettings(Settings, frozen=True, kw_only=True):
     horizontal_acceleration_m_s2: Positive = 2.0
     vertical_acceleration_m_s2: Positive = 1.5
     yaw_rate_rad_s: Positive = 1.0
+    takes: Literal["all", "positions", "velocities"] = "all"
     response_s: Annotated[float, Meta(ge=0.05, le=10.0)] = 0.3
     landing_speed_m_s: Positive = 0.7
     disarm_after_landing_s: NotNegative = 2.0

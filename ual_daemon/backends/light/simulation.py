@@ -58,6 +58,7 @@ class LightSimulation:
 
     def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         """A fault begins, for a simulated duration or (0) until `end_fault`. Its id."""
+        self._backend.snapshot()  # a link that is lost leaves what was said last
         return self._faults.begin(fault, duration_s)
 
     def end_fault(self, fault_id: str = "") -> None:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -39,6 +39,7 @@ _LIFT_OFF_M = 0.05
 _LANDED_AFTER_S = 0.5
 _LATEST_STEPS = 10
 _TINY = 1e-9
+_NEVER_TOLD = -1
 _MAX_STEP_S = 3600.0
 
 if TYPE_CHECKING:  # numpy.typing takes long to import
@@ -80,6 +81,7 @@ class Fleet:
         self.setpoint_s: Floats = np.zeros(0)
         self.goal: Floats = np.zeros((0, 3))
         self.goal_velocity: Floats = np.zeros((0, 3))
+        self.goal_acceleration: Floats = np.zeros((0, 3))
         self.goal_yaw: Floats = np.zeros(0)
         self.goal_yaw_rate: Floats = np.zeros(0)
         self.hold: Floats = np.zeros((0, 3))
@@ -134,16 +136,26 @@ class Fleet:
         self.count += 1
         return self.count - 1
 
+    def conditions(self) -> Ints:
+        """All of each vehicle that its state follows from, as one number each: where that differs, so may the state."""
+        conditions: Ints = self.mode * 8 + self.is_armed * 4 + self.is_landed * 2 + self.has_position
+        return conditions
+
     def tell(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Gives a setpoint to one autopilot."""
+        is_next = bool(self.by_position[index]) and now_s - self.setpoint_s[index] < 1.5 * STEP_S
         self.setpoint_s[index] = now_s
         self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
         if isinstance(setpoint, PositionSetpoint):
             self.by_position[index] = True
             self.goal[index] = tuple(setpoint.position)
-            # The first-order response to a velocity command lags by response_s: ask for what it shall be then.
-            lead = setpoint.velocity + setpoint.acceleration * float(self.response_s[index])
-            self.goal_velocity[index] = tuple(lead)
+            # The first-order response to a velocity command lags by response_s: ask for what it shall be then. A
+            # command holds for a step, in which the acceleration goes on to change as it just did.
+            acceleration = np.array(tuple(setpoint.acceleration))
+            changed = acceleration - self.goal_acceleration[index] if is_next else 0.0
+            self.goal_acceleration[index] = acceleration
+            self.goal_velocity[index] = tuple(setpoint.velocity)
+            self.goal_velocity[index] += (acceleration + changed / 2) * self.response_s[index]
             self.goal_yaw[index] = setpoint.yaw_rad
         else:
             self.by_position[index] = False
@@ -158,6 +170,7 @@ class Fleet:
             self.by_position[index] = True
             self.goal[index] = self.hold[index]
             self.goal_velocity[index] = 0.0
+            self.goal_acceleration[index] = 0.0
             self.goal_yaw[index] = self.yaw[index]
             self.goal_yaw_rate[index] = 0.0
 
@@ -210,10 +223,14 @@ class Fleet:
         limit = _COMMAND_HEADROOM
         command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
         acceleration = (command - self.velocity) / self.response_s[:, None]
+        # The limits are those of what it does by itself: against the wind it has as much more as that takes.
+        push = _WIND_DRAG * self.wind
         acceleration = _limited(
-            acceleration, self.power * self.horizontal_acceleration, self.power * self.vertical_acceleration
+            acceleration,
+            self.power * (self.horizontal_acceleration + np.hypot(push[:, 0], push[:, 1])),
+            self.power * (self.vertical_acceleration + np.abs(push[:, 2])),
         )
-        acceleration += _WIND_DRAG * self.wind
+        acceleration += push
         before = self.velocity
         # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
         after = before + acceleration * STEP_S
@@ -254,11 +271,18 @@ def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
     return vectors / np.maximum(1.0, excess)[:, None]
 
 
+class _Listener(NamedTuple):
+    """See `World.listen`."""
+
+    on_step: Callable[[], None]
+    is_needed: Callable[[], bool]
+
+
 class World:
     """Simulated time, and the vehicles that live in it. Is the clock of their backends.
 
-    `on_step` callbacks (one per vehicle) run after each step, on the thread that steps, with no lock held but the one
-    that lets only one thread step at a time.
+    Callbacks run after a step, on the thread that steps, with no lock held but the one that lets only one thread step
+    at a time. A vehicle of which nothing is told and that nobody waits for costs no more than its row in the vectors.
     """
 
     def __init__(self, speed_factor: float = 1.0) -> None:
@@ -267,7 +291,8 @@ class World:
         self.epoch_s = time.time()
         self._steps = 0
         self._stepping = threading.RLock()
-        self._listeners: dict[int, Callable[[], None]] = {}
+        self._listeners: dict[int, _Listener] = {}
+        self._told: Ints = np.zeros(0, dtype=np.int64)
         self._speed_factor = speed_factor
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -276,9 +301,15 @@ class World:
         """Simulated seconds since the world began."""
         return self._steps * STEP_S
 
+    @property
+    def steps(self) -> int:
+        """How many steps were made."""
+        return self._steps
+
     def add(self, settings: LightSettings) -> int:
         """Adds a vehicle; its row in the fleet."""
         with self.lock:
+            self._told = np.append(self._told, _NEVER_TOLD)
             return self.fleet.add(settings)
 
     def wind_to(self, index: int, velocity_m_s: Vector3) -> None:
@@ -286,19 +317,24 @@ class World:
         with self.lock:
             self.fleet.wind[index] = tuple(velocity_m_s)
 
-    def listen(self, index: int, on_step: Callable[[], None]) -> None:
-        """Calls back after each step, from now on; the world runs while anyone listens."""
+    def listen(self, index: int, on_step: Callable[[], None], is_needed: Callable[[], bool] = lambda: True) -> None:
+        """From now on calls back after the first step, after each in which the conditions of the vehicle have changed,
+        and after each for which `is_needed` says so; the world runs while anyone listens.
+        """
         with self._changed:
-            self._listeners = {**self._listeners, index: on_step}
+            self._listeners = {**self._listeners, index: _Listener(on_step, is_needed)}
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="light-world", daemon=True)
                 self._thread.start()
             self._changed.notify_all()
+        # After that: a step in between would take it as told, and tell nobody.
+        with self.lock:
+            self._told[index] = _NEVER_TOLD
 
     def unlisten(self, index: int) -> None:
         """Ends `listen`; no call comes once this returns."""
         with self._changed:
-            self._listeners = {other: call for other, call in self._listeners.items() if other != index}
+            self._listeners = {other: each for other, each in self._listeners.items() if other != index}
             thread = self._thread
             is_last = not self._listeners
             if is_last:
@@ -350,8 +386,12 @@ class World:
             with self.lock:
                 self._steps += 1
                 self.fleet.step(self.now_s())
-            for on_step in self._listeners.values():
-                on_step()
+                conditions = self.fleet.conditions()
+                changed = set(np.flatnonzero(conditions != self._told).tolist())
+                self._told = conditions
+            for index, listener in self._listeners.items():
+                if index in changed or listener.is_needed():
+                    listener.on_step()
 
     def _run(self) -> None:
         due_s = time.monotonic()

@@ -13,12 +13,13 @@ from functools import partial
 
 from ual.errors import LinkLostError, UalError
 from ual_daemon import logs
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.commands import Command
 from ual_daemon.backends.mavlink.conversation import Conversation
 from ual_daemon.backends.mavlink.dialect import Dialect
-from ual_daemon.backends.mavlink.endpoints import parse_url
+from ual_daemon.backends.mavlink.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.links import Connection, make_link
+from ual_daemon.backends.mavlink.safety_pilot import SimulatedPilot
 from ual_daemon.backends.mavlink.setpoints import SetpointStream
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.signing import Signer, read_key
@@ -42,18 +43,25 @@ class MonotonicClock:
     def now_s(self) -> float:
         return time.monotonic()
 
+    def utc_s(self) -> float:
+        """The same moment as UTC."""
+        return time.time()
+
 
 class MavlinkBackend(Backend):
     """Flies a PX4 or an ArduCopter over MAVLink; only watches another autopilot. See ``docs/backends/mavlink.md``."""
 
     name = SECTION
+    clock: MonotonicClock
     freshness = Dialect.freshness
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
         self.url = options.url or self._settings.url or default_url(options.ns)
         super().__init__(dataclasses.replace(options, url=self.url))
-        self._new_link = partial(make_link, parse_url(self.url))
+        endpoint = parse_url(self.url)
+        self._is_serial = isinstance(endpoint, SerialEndpoint)
+        self._new_link = partial(make_link, endpoint)
         self._new_link()  # so that a missing extra is told now
         key_file = self._settings.signing_key_file
         self._signer = None if key_file is None else Signer(read_key(key_file))
@@ -96,7 +104,7 @@ class MavlinkBackend(Backend):
         return self._supervision.statistics(self.clock.now_s(), corrupt_count)
 
     def snapshot(self) -> Snapshot:
-        return dataclasses.replace(self._snapshot, time_s=self.clock.now_s())
+        return self._snapshot.at(self.clock.now_s())
 
     def send(self, setpoint: Setpoint) -> None:
         now_s = self.clock.now_s()
@@ -105,10 +113,10 @@ class MavlinkBackend(Backend):
             self._stream.sent(now_s)
 
     def arm(self) -> Future[None]:
-        return self._command("arm", lambda dialect: dialect.arm(is_arming=True))
+        return self._command("arm", lambda dialect: dialect.arm(self.snapshot()))
 
     def disarm(self) -> Future[None]:
-        return self._command("disarm", lambda dialect: dialect.arm(is_arming=False))
+        return self._command("disarm", lambda dialect: dialect.disarm())
 
     def take_off(self, height_m: float) -> Future[None]:
         return self._command("take off", lambda dialect: dialect.take_off(height_m, self.snapshot()))
@@ -121,6 +129,9 @@ class MavlinkBackend(Backend):
 
     def hold(self) -> Future[None]:
         return self._command("hold", lambda dialect: dialect.hold())
+
+    def safety_pilot(self) -> SafetyPilot | None:
+        return None if self._is_serial else SimulatedPilot(lambda: self._vehicle_in_reach(self.clock.now_s()), self.arm)
 
     def _command(self, what: str, make: Callable[[Dialect], Command]) -> Future[None]:
         """Hands a command to the thread that converses; its future ends there."""
@@ -172,7 +183,7 @@ class MavlinkBackend(Backend):
                 sessions_count = connection.sessions_count
                 conversation.reconnected()
             for data, address in chunks:
-                conversation.receive(data, address, self.clock.now_s(), time.time())
+                conversation.receive(data, address, self.clock.now_s(), self.clock.utc_s())
             now_s = self.clock.now_s()
             self._supervise(connection, now_s)
             while self._posted:
@@ -182,7 +193,9 @@ class MavlinkBackend(Backend):
             if vehicle is not None and not self._info.autopilot:
                 self.freshness = vehicle.dialect.freshness
             if vehicle is not None and (now_s >= next_tick_s or not self._info.autopilot):
-                self._info = vehicle.info()
+                info = vehicle.info()
+                if info != self._info:  # the same one as long as nothing is new: what follows from it stays, too
+                    self._info = info
             if now_s >= next_tick_s:
                 next_tick_s = now_s + TICK_S
             newest_s = None if vehicle is None else vehicle.telemetry.pose_time_s

@@ -22,4 +22,10 @@ def is_right(message_id: int, covered: bytes, checksum: bytes) -> bool:
     A message that no dialect knows has no right checksum.
     """
     extra = _EXTRA.get(message_id)
-    return extra is not None and mavlink.x25crc(covered + bytes((extra,))).crc == int.from_bytes(checksum, "little")
+    return extra is not None and of(covered, extra) == checksum
+
+
+def of(covered: bytes, extra: int) -> bytes:
+    """The checksum of what it covers, with the seed of the message."""
+    crc: int = mavlink.x25crc(covered + bytes((extra,))).crc
+    return crc.to_bytes(2, "little")

@@ -146,7 +146,7 @@ class Conversation:
         if self._link.peer != address:
             self._link.answer_to(address)
         if message is None:
-            vehicle.notice(frame.message_id, now_s)
+            vehicle.notice(frame, now_s)
         else:
             vehicle.update(message, now_s, utc_now_s)
 
@@ -213,6 +213,7 @@ class Conversation:
             self.transmit,
             self._setpoints_s,
             self.supervision,
+            learns_feed_forward=self._settings.learns_feed_forward,
         )
         self.supervision.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"

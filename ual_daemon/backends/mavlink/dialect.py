@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 
 from ual.errors import NotSupportedError
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.commands import Command, set_interval
+from ual_daemon.backends.mavlink.frames import Frame
 from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.mavlink.px4_events import Event
 from ual_daemon.backends.values import Control, Estimator, Freshness, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
 
@@ -21,6 +25,17 @@ _ESTIMATOR_NEEDS = {
 }
 
 
+NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Reality:
+    """Whether an autopilot is simulated, by what it says of itself: None while it has not said enough. `why` not."""
+
+    is_simulated: bool | None
+    why: str = ""
+
+
 class Dialect(ABC):
     """One kind of autopilot. Stateless: everything it needs is handed to it."""
 
@@ -30,9 +45,15 @@ class Dialect(ABC):
     """Whether EXTENDED_SYS_STATE is sure to come."""
     flies_takeoff_on_setpoints = True
     """See `ual_daemon.backends.values.VehicleInfo`."""
-    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=3.0, landed_s=1.5, estimator_s=3.0)
-    """By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz. The
-    link's is the shortest: when nothing comes at all, that is what is to be said."""
+    takes_feed_forward = False
+    """Whether it is told what was learnt of it, see `feed_forward`: where it adds accelerations to its controllers'."""
+    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
+    """By PX4's slowest unasked rates: heartbeat and estimator status 1 Hz, landed state 5 Hz, position 30 Hz; and so
+    long that on a link that loses and damages 40 % none of what is asked for fails to come in time, in years of flying.
+    (A late heartbeat is asked for ten times a second.) The link's is the shortest: when nothing comes at all, that is
+    what is to be said."""
+    unarmable_modes: frozenset[str] = frozenset()
+    """Names of the modes in which it always refuses to be armed."""
     estimator_message: int = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     """The message whose `flags` tell of the estimator."""
     wanted_messages: tuple[int, ...] = ()
@@ -62,20 +83,36 @@ class Dialect(ABC):
         """Its version, from AUTOPILOT_VERSION."""
 
     @abstractmethod
-    def is_simulation(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> bool:
-        """Whether its AUTOPILOT_VERSION, or the parameters read so far, say that it is simulated."""
+    def reality(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> Reality:
+        """Whether its AUTOPILOT_VERSION and the parameters read so far say that it is simulated."""
+
+    def event(self, frame: Frame, mode: str) -> Event | None:
+        """What a message of PX4's event interface tells, in a mode of this name; None where it is no such autopilot."""
+        return None
+
+    def can_be_armed_in(self, mode: str) -> bool:
+        """Whether it can be armed in a mode of this name; `arm` leaves those in which it cannot."""
+        return mode not in self.unarmable_modes
 
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         """Its limits, by the parameters read so far."""
 
     @abstractmethod
-    def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
-        """The message that carries a setpoint. Raises `NotSupportedError`."""
+    def setpoint(
+        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        """The message that carries a setpoint; `parameters` are those read so far. Raises `NotSupportedError`."""
 
     @abstractmethod
-    def arm(self, *, is_arming: bool) -> Command:
-        """Arms or disarms, never by force. Raises `NotSupportedError`, as do the following."""
+    def arm(self, snapshot: Snapshot) -> Command:
+        """Arms, never by force; from a mode in which nobody can arm it, by way of one in which one can. Raises
+        `NotSupportedError`, as do the following.
+        """
+
+    @abstractmethod
+    def disarm(self) -> Command:
+        """Disarms, never by force."""
 
     @abstractmethod
     def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
@@ -89,10 +126,6 @@ class Dialect(ABC):
 
     @abstractmethod
     def hold(self) -> Command: ...
-
-    def after_flight(self, control: Control) -> Command | None:
-        """What to send when it was disarmed after we flew it, and is in a mode of this kind; None for nothing."""
-        return None
 
 
 class Unknown(Dialect):
@@ -127,16 +160,21 @@ class Unknown(Dialect):
     def version(self, message: Message) -> str:
         return version_text(message.flight_sw_version)
 
-    def is_simulation(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> bool:
-        return False
+    def reality(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> Reality:
+        return Reality(False, "UAL does not know how its simulators tell that they are")
 
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         return Limits()
 
-    def setpoint(self, setpoint: Setpoint, system_id: int, time_ms: int) -> Message:
+    def setpoint(
+        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
         raise self._refusal()
 
-    def arm(self, *, is_arming: bool) -> Command:
+    def arm(self, snapshot: Snapshot) -> Command:
+        raise self._refusal()
+
+    def disarm(self) -> Command:
         raise self._refusal()
 
     def take_off(self, height_m: float, snapshot: Snapshot) -> Command:

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 from typing import Any
 
 # All dialects in one: "common" lacks CURRENT_MODE, which PX4 sends.
 from pymavlink.dialects.v20 import all as mavlink
 
-from ual_daemon.backends.mavlink.frames import Frame
+from ual_daemon.backends.mavlink import checksum
+from ual_daemon.backends.mavlink.frames import MAGIC_V2, Frame
 from ual_daemon.backends.mavlink.signing import Signer
 
-__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "mavlink"]
+__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "mavlink"]
 
 Message = Any
 """A message of pymavlink; its classes are generated without types."""
 
 EVENT_ID = 410
-"""PX4's event interface, which no dialect of pymavlink has. Its arrival is used, its content is not."""
+"""PX4's event interface, which no dialect of pymavlink has: see `px4_events`."""
+
+
+_HEADER = struct.Struct("<BBBBBBBHB")
+"""Magic, payload length, incompatible and compatible flags, sequence, system, component, message id (24 bits)."""
+
+
+class TargetMessage(mavlink.MAVLink_set_position_target_local_ned_message):  # type: ignore[misc]  # without types
+    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects in between: every setpoint waits for it."""
+
+    def _pack(self, mav: Any, crc_extra: int, payload: bytes, force_mavlink1: bool = False) -> bytes:  # noqa: ANN401
+        if mav.signing.sign_outgoing or force_mavlink1:
+            signed: bytes = super()._pack(mav, crc_extra, payload, force_mavlink1)
+            return signed
+        payload = payload.rstrip(b"\0") or payload[:1]  # as MAVLink 2 asks: trailing zeros are not sent
+        header = _HEADER.pack(MAGIC_V2, len(payload), 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, self.id, 0)
+        return b"".join((header, payload, checksum.of(header[1:] + payload, crc_extra)))
 
 
 class CorruptFrameError(Exception):

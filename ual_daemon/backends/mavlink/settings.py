@@ -22,6 +22,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot listened to (None:
     the first heard). `component_id` is our own, beside the autopilot in its system; two programs on one vehicle need
     different ones. `pose_rate_hz` is how often the autopilot is asked for its position and attitude.
+    With `learns_feed_forward` PX4 is told ahead what is learnt of its drag and its estimate: see `feed_forward`.
     `signing_key_file` holds the key of the autopilot that signs its messages: see `signing.read_key`.
     """
 
@@ -29,6 +30,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     system_id: MavlinkId | None = None
     component_id: MavlinkId = 191
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=200.0)] = 50.0
+    learns_feed_forward: bool = True
     signing_key_file: str | None = None
 
 

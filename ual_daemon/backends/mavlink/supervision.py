@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 from ual_daemon import logs
-from ual_daemon.backends.mavlink.stamps import REBOOT_S
 
 _log = logging.getLogger(__name__)
 
@@ -16,6 +15,8 @@ STALE_S = 0.5
 """Silent for so long, the link is not what it was: two heartbeats of other streams have failed at least."""
 WINDOW_S = 10.0
 """Rate and loss are those of the last so many seconds."""
+REBOOT_S = 1.0
+"""A time since boot that falls back by more than this is a new boot; one that falls back by less came late."""
 TIMESYNC_S = 1.0
 _ANSWER_LIMIT_S = 5.0
 """A later answer to a TIMESYNC is no measurement."""

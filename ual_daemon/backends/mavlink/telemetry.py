@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
@@ -10,8 +11,8 @@ from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap_local
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.messages import Message, mavlink
-from ual_daemon.backends.mavlink.stamps import REBOOT_S, StampFilter
-from ual_daemon.backends.values import NEVER_S, Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.mavlink.stamps import StampFilter
+from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 from ual_daemon.geodesy import Projection
 
 ATTITUDE_LIMIT_S = 0.5
@@ -32,6 +33,9 @@ _FIX = {
     mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
     mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
 }
+LATE_S = 0.3
+"""A jitter as long as this reorders messages. In it nobody sends so many that their numbers come half way round."""
+_SEQUENCES = 256
 _UNKNOWN_U16 = 0xFFFF
 _TEXT_LENGTH = 50
 
@@ -54,7 +58,8 @@ class Telemetry:
         self._dialect = dialect
         self._stamps = StampFilter()
         self._heard_s: float | None = None
-        self._boot_s = -math.inf
+        self._told: dict[str, tuple[int, float]] = {}
+        """Of each value the number of the message that told it last, and when."""
         self._stamp_s = 0.0
         self._armed: Sample[bool] | None
         self._mode: Sample[Mode] | None
@@ -75,11 +80,11 @@ class Telemetry:
         self.version: Message | None = None
         """The autopilot's AUTOPILOT_VERSION."""
         self.is_hardware_in_the_loop = False
+        self.is_ready_to_arm = False
+        """Whether its own checks before arming pass, by its last SYS_STATUS."""
         self.parameters: dict[str, float] = {}
-        self.seen: set[int] = set()
-        """Ids of the messages heard since it booted."""
-        self.boots_count = 0
-        """How often the autopilot was seen to have booted again."""
+        self.seen: Counter[int] = Counter()
+        """How many messages of which id were heard since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_mode,
@@ -114,7 +119,12 @@ class Telemetry:
         handler = self._handlers.get(message_id)
         if handler is not None:
             handler(message, now_s, utc_now_s)
-        self.seen.add(message_id)
+        self.seen[message_id] += 1
+
+    def armed_changed(self, is_armed: bool, sequence: int, now_s: float) -> None:
+        """It told by an event of this number, before its next heartbeat, that it was armed or disarmed."""
+        if self._is_newest("armed", sequence, now_s):
+            self._armed = Sample(is_armed, now_s)
 
     def heard(self, now_s: float) -> None:
         """The autopilot sent something that is not used."""
@@ -131,18 +141,14 @@ class Telemetry:
         return None if self._pose is None else self._pose.time_s
 
     @property
-    def is_armed(self) -> bool:
-        return self._armed is not None and self._armed.value
-
-    @property
     def attitude_time_s(self) -> float | None:
         """When the newest attitude came."""
         return None if self._attitude is None else self._attitude.time_s
 
     @property
-    def control(self) -> Control:
-        """Whose references its mode follows; nobody's, as far as is known, before it has said its mode."""
-        return Control.OTHER if self._mode is None else self._mode.value.control
+    def mode_name(self) -> str:
+        """The name of its mode; empty before it has said it."""
+        return "" if self._mode is None else self._mode.value.name
 
     @property
     def status_text(self) -> str:
@@ -169,32 +175,46 @@ class Telemetry:
             status_text=self._status_text,
         )
 
+    def _is_newest(self, what: str, sequence: int, now_s: float) -> bool:
+        """Whether a message of this number is newer than the one that told a value last. A late one is passed over:
+        else a link that reorders them would show the mode before for a moment, as if somebody had taken the UAV.
+        """
+        last = self._told.get(what)
+        if last is not None and now_s - last[1] < LATE_S and (sequence - last[0]) % _SEQUENCES >= _SEQUENCES // 2:
+            return False
+        self._told[what] = (sequence, now_s)
+        return True
+
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
-        self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
+        if self._is_newest("armed", message.get_seq(), now_s):
+            self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
         self.is_hardware_in_the_loop = bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
         self._on_mode(message, now_s, _)
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
-        self._mode = Sample(self._dialect.mode(message.custom_mode), now_s)
+        if self._is_newest("mode", message.get_seq(), now_s):
+            self._mode = Sample(self._dialect.mode(message.custom_mode), now_s)
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
-        self._landed = Sample(_LANDED.get(message.landed_state, LandedState.UNKNOWN), now_s)
+        if self._is_newest("landed", message.get_seq(), now_s):
+            self._landed = Sample(_LANDED.get(message.landed_state, LandedState.UNKNOWN), now_s)
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
-        self._estimator = Sample(self._dialect.estimator(message.flags), now_s)
+        if self._is_newest("estimator", message.get_seq(), now_s):
+            self._estimator = Sample(self._dialect.estimator(message.flags), now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
+        if not self._is_newest("attitude", message.get_seq(), now_s):
+            return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
         rates = swap_body(message.rollspeed, message.pitchspeed, message.yawspeed)
         if math.isfinite(w + x + y + z + sum(rates)) and (w, x, y, z) != (0.0, 0.0, 0.0, 0.0):
             self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
-        boot_s = _mm(message.time_boot_ms)
-        if boot_s < self._boot_s - REBOOT_S:
-            self._on_boot()
-        self._boot_s = boot_s
-        self._stamp_s = self._stamps.utc(boot_s, now_s, utc_now_s)
+        if not self._is_newest("position", message.get_seq(), now_s):
+            return
+        stamp_s = self._stamps.utc(_mm(message.time_boot_ms), now_s, utc_now_s)
         attitude = self._attitude
         if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
             return
@@ -202,12 +222,14 @@ class Telemetry:
         velocity = swap_local(message.vx, message.vy, message.vz)
         if math.isfinite(sum(position) + sum(velocity)):
             orientation, rates = attitude.value
+            self._stamp_s = stamp_s  # the pose's: where that is old, the stamp says so
             self._pose = Sample(Pose(position, orientation), now_s)
             self._velocity = Sample(Twist(velocity, rates), now_s)
 
-    def _on_boot(self) -> None:
+    def booted(self) -> None:
         """Forgets what belongs to the boot before; what is sampled grows old by itself."""
-        self.boots_count += 1
+        self._stamps = StampFilter()
+        self._told.clear()
         self.seen.clear()
         self.parameters.clear()
         self.version = None
@@ -245,6 +267,7 @@ class Telemetry:
             self._geoid_separation_m = _mm(message.alt_ellipsoid - message.alt)
 
     def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
+        self.is_ready_to_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
         voltage, current, remaining = message.voltage_battery, message.current_battery, message.battery_remaining
         battery = Battery(
             remaining_percent=None if remaining < 0 else float(remaining),

@@ -9,19 +9,21 @@ from concurrent.futures import Future
 from typing import Protocol
 
 from ual_daemon.backends.mavlink.commands import Command, Commands, request_message
-from ual_daemon.backends.mavlink.dialect import Dialect
+from ual_daemon.backends.mavlink.dialect import Dialect, Reality
+from ual_daemon.backends.mavlink.feed_forward import FeedForward
+from ual_daemon.backends.mavlink.frames import Frame
 from ual_daemon.backends.mavlink.interview import Interview
 from ual_daemon.backends.mavlink.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.telemetry import Telemetry
-from ual_daemon.backends.values import Control, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
 ASK_HEARTBEAT_S = 0.1
 """At most this often the autopilot is asked for a heartbeat out of turn."""
-HEARTBEAT_LATE_S = 1.3
+HEARTBEAT_LATE_S = 1.1
 """A heartbeat this late was lost. On a bad link three in a row can be, and nothing else tells whether it is armed."""
 SILENCE_S = 3.0
 """After a silence as long as this it is asked everything anew: it may have booted, or the link been another's."""
@@ -50,6 +52,8 @@ class MavlinkVehicle:
         transmit: Transmit,
         setpoints_s: Callable[[float], float],
         supervision: Supervision,
+        *,
+        learns_feed_forward: bool = True,
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
@@ -59,15 +63,14 @@ class MavlinkVehicle:
         self._transmit = transmit
         self._setpoints_s = setpoints_s
         self._supervision = supervision
-        self._commands = Commands(dialect.name, self._send_command, setpoints_s)
+        self._commands = Commands(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
         self._interview = self._new_interview()
         self._next_interview_s = -math.inf
         self._next_heartbeat_s: float | None = None
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
         self._heartbeat_s = -math.inf
-        self._has_flown = False
-        self._was_armed = False
+        self._feed_forward = FeedForward() if learns_feed_forward and dialect.takes_feed_forward else None
 
     def uses(self, message_id: int) -> bool:
         """Whether such a message is worth decoding; of others the arrival is enough."""
@@ -77,10 +80,12 @@ class MavlinkVehicle:
         """Takes a decoded message of this autopilot."""
         telemetry = self.telemetry
         heard_s = telemetry.heard_s
-        telemetry.update(message, now_s, utc_now_s)
-        message_id = message.get_msgId()
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         has_booted = boot_ms > 0 and self._supervision.booted(boot_ms / 1000.0)
+        if has_booted:
+            telemetry.booted()
+        telemetry.update(message, now_s, utc_now_s)
+        message_id = message.get_msgId()
         if has_booted or (heard_s is not None and now_s - heard_s > SILENCE_S):
             self.ask_anew()
         if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
@@ -92,13 +97,23 @@ class MavlinkVehicle:
             self._heartbeat_s = now_s
         elif message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC:
             self._on_timesync(message, now_s, utc_now_s)
+        elif message_id == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED and self._feed_forward is not None:
+            snapshot = telemetry.snapshot(now_s)
+            pose, velocity = snapshot.pose, snapshot.velocity
+            if pose is not None and velocity is not None and pose.time_s == now_s:
+                self._feed_forward.learn(boot_ms / 1000.0, pose.value, velocity.value.linear)
 
-    def notice(self, message_id: int, now_s: float) -> None:
-        """Takes the arrival of a message that is not decoded."""
+    def notice(self, frame: Frame, now_s: float) -> None:
+        """Takes the arrival of a message that no dialect of pymavlink knows, or that is not used."""
         self.telemetry.heard(now_s)
-        if message_id == EVENT_ID:
+        event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
+        if event is not None:
             # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._wants_heartbeat = True
+            if event.armed is not None:
+                self.telemetry.armed_changed(event.armed, frame.sequence, now_s)
+            if event.text:
+                self._commands.on_text(event.text)
 
     def forget(self) -> None:
         """See `Telemetry.forget`. A heartbeat is asked for, so that it is known again at once."""
@@ -118,7 +133,10 @@ class MavlinkVehicle:
 
     def send(self, setpoint: Setpoint, now_s: float) -> bool:
         """Sends a setpoint; false when it could not leave. From any thread."""
-        message = self.dialect.setpoint(setpoint, self.system_id, int(now_s * 1000.0) & 0xFFFFFFFF)
+        time_ms = int(now_s * 1000.0) & 0xFFFFFFFF
+        if self._feed_forward is not None and isinstance(setpoint, PositionSetpoint):
+            setpoint = self._feed_forward.apply(setpoint, now_s)
+        message = self.dialect.setpoint(setpoint, self.system_id, time_ms, self.telemetry.parameters)
         return self._transmit(message, is_perishable=True)
 
     def tick(self, now_s: float) -> None:
@@ -135,15 +153,30 @@ class MavlinkVehicle:
             self._interview = self._new_interview()
         self._interview.tick(now_s)
         self._commands.tick(now_s)
-        self._end_flight(now_s)
         is_late = now_s - self._heartbeat_s > HEARTBEAT_LATE_S and self._supervision.state is not LinkState.LOST
-        if (self._wants_heartbeat or is_late) and (self._next_ask_s is None or now_s >= self._next_ask_s):
+        is_wanted = self._wants_heartbeat or is_late or self._commands.awaits_effect(now_s)
+        if is_wanted and (self._next_ask_s is None or now_s >= self._next_ask_s):
             self._wants_heartbeat = False
             self._next_ask_s = now_s + ASK_HEARTBEAT_S
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
 
     def snapshot(self, now_s: float) -> Snapshot:
         return self.telemetry.snapshot(now_s)
+
+    def reality(self) -> Reality:
+        """Whether it is a simulator, and surely no flight controller. From any thread."""
+        telemetry = self.telemetry
+        if telemetry.is_hardware_in_the_loop:
+            return Reality(False, "it is a flight controller in a simulation (hardware in the loop)")
+        return self.dialect.reality(telemetry.version, telemetry.parameters, self.system_id)
+
+    def is_ready_to_arm(self) -> bool:
+        """Whether it would be armed when asked to, as far as it tells. From any thread.
+
+        In a mode in which it cannot be armed, PX4 says so of the mode; that says nothing of the one it is armed in.
+        """
+        mode = self.telemetry.mode_name
+        return self.telemetry.is_ready_to_arm or not self.dialect.can_be_armed_in(mode)
 
     def info(self) -> VehicleInfo:
         """What is known of it so far."""
@@ -152,8 +185,7 @@ class MavlinkVehicle:
         return VehicleInfo(
             autopilot=dialect.name,
             autopilot_version="" if version is None else dialect.version(version),
-            is_simulation=telemetry.is_hardware_in_the_loop
-            or dialect.is_simulation(version, telemetry.parameters, self.system_id),
+            is_simulation=telemetry.is_hardware_in_the_loop or self.reality().is_simulated is True,
             capabilities=dialect.capabilities,
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
@@ -165,19 +197,6 @@ class MavlinkVehicle:
         if heard_s is None or attitude_s is None or now_s < self._next_interview_s:
             return False
         return now_s - heard_s < SILENCE_S < now_s - attitude_s
-
-    def _end_flight(self, now_s: float) -> None:
-        """Leaves the autopilot as we found it, ready to be armed, once it is disarmed after a flight of ours."""
-        telemetry = self.telemetry
-        if telemetry.is_armed:
-            is_ours = telemetry.control is Control.REFERENCES and self._setpoints_s(now_s) > 0.0
-            self._has_flown = is_ours or (self._has_flown and self._was_armed)
-        elif self._has_flown:
-            command = self.dialect.after_flight(telemetry.control)
-            if command is not None:
-                self._has_flown = False
-                self.submit(command, now_s)
-        self._was_armed = telemetry.is_armed
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer

@@ -12,12 +12,13 @@ from ual import _calls, views
 from ual._calls import Call
 from ual._target import Target
 from ual.aio._connection import Connection
+from ual.aio._dry_run import DryRun
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, Odometry, State, TaskInfo, Telemetry
+from ual.types import AltitudeReference, Frame, Info, Odometry, PathHeading, State, TaskInfo, Telemetry, Waypoints
 
 T = TypeVar("T")
 
@@ -28,6 +29,7 @@ class Uav:
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
+        self._dry_run = DryRun(self._connection)
         self._simulation = Simulation(self._connection)
         self._subscriptions: set[Subscription] = set()
 
@@ -111,9 +113,14 @@ class Uav:
         return await self._command_task(_calls.land(blocking), timeout_s)
 
     async def go_to_waypoint(
-        self, waypoint: PoseStamped | Pose, *, blocking: bool = True, timeout_s: float | None = None
+        self,
+        waypoint: PoseStamped | Pose,
+        *,
+        max_speed_m_s: float | None = None,
+        blocking: bool = True,
+        timeout_s: float | None = None,
     ) -> Task:
-        return await self._command_task(_calls.go_to_waypoint(waypoint, blocking), timeout_s)
+        return await self._command_task(_calls.go_to_waypoint(waypoint, max_speed_m_s, blocking), timeout_s)
 
     async def go_to_waypoint_geo(
         self,
@@ -123,21 +130,31 @@ class Uav:
         altitude_reference: AltitudeReference = AltitudeReference.HOME,
         *,
         yaw_rad: float | None = None,
+        max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        call = _calls.go_to_waypoint_geo(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, blocking)
+        call = _calls.go_to_waypoint_geo(
+            latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, max_speed_m_s, blocking
+        )
         return await self._command_task(call, timeout_s)
 
     async def follow_path(
         self,
-        waypoints: Sequence[PoseStamped | Pose],
+        waypoints: Waypoints,
         *,
         corner_radius_m: float = 0.0,
+        max_speed_m_s: float | None = None,
+        leg_speeds_m_s: Sequence[float] = (),
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        point_of_interest: PointStamped | Vector3 | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        return await self._command_task(_calls.follow_path(waypoints, corner_radius_m, blocking), timeout_s)
+        call = _calls.follow_path(
+            waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, blocking
+        )
+        return await self._command_task(call, timeout_s)
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
         await self._setpoints.send(_calls.pose_setpoint(pose))
@@ -157,6 +174,11 @@ class Uav:
     async def task(self, task_id: str) -> Task:
         """A task, running or ended lately, by its id. `InvalidArgumentError` if there is none."""
         return await self._task(_calls.get_task(task_id), None)
+
+    @property
+    def dry_run(self) -> DryRun:
+        """The motions, as questions: what would happen, without anything moving."""
+        return self._dry_run
 
     @property
     def simulation(self) -> Simulation:

@@ -8,25 +8,14 @@ from pathlib import Path
 
 import click
 
-from ual.cli import progress, values
-from ual.cli.app import INTERRUPTED, Session, command, note, pass_session
-from ual.cli.output import task_text
+from ual.cli import manoeuvre, options, values
+from ual.cli.app import Session, command, pass_session
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
-from ual.interface import Task, Uav
+from ual.interface import Uav
 from ual.types import AltitudeReference
 
 _VELOCITY_PERIOD_S = 0.05
-
-_yaw = click.option("--yaw", type=values.angle, help="Heading: 90deg, 1.57rad or 1.57. Kept when not given.")
-_frame = click.option("--frame", "frame_id", default="", help="The frame of the coordinates; <ns>/odom when not given.")
-_corner_radius = click.option(
-    "--corner-radius",
-    "corner_radius_m",
-    type=float,
-    default=0.0,
-    show_default=True,
-    help="Round the corners within so many metres; 0 stops at each.",
-)
+_GOES_ON = "goes on: only the safety pilot can abort it"
 
 
 @command("arm")
@@ -49,47 +38,69 @@ def disarm(session: Session) -> None:
 
 @command("takeoff")
 @click.argument("height_m", type=float, metavar="HEIGHT")
+@options.dry_run
 @pass_session
-def takeoff(session: Session, height_m: float) -> None:
+def takeoff(session: Session, height_m: float, dry_run: bool) -> None:
     """Take off to HEIGHT metres above the ground it stands on."""
     with session.connect() as uav:
-        try:
-            with progress.shown(uav):
-                task = uav.take_off(height_m, timeout_s=session.timeout_s)
-        except KeyboardInterrupt:
-            _interrupted("the take-off goes on: only the safety pilot can abort it")
-        _end(session, task)
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.take_off(height_m))
+            return
+        manoeuvre.wait_for(
+            session,
+            uav,
+            lambda: uav.take_off(height_m, timeout_s=session.timeout_s),
+            interrupted=f"the take-off {_GOES_ON}",
+        )
 
 
 @command("land")
+@options.dry_run
 @pass_session
-def land(session: Session) -> None:
+def land(session: Session, dry_run: bool) -> None:
     """Land where it is."""
     with session.connect() as uav:
-        try:
-            with progress.shown(uav):
-                task = uav.land(timeout_s=session.timeout_s)
-        except KeyboardInterrupt:
-            _interrupted("the landing goes on: only the safety pilot can abort it")
-        _end(session, task)
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.land())
+            return
+        manoeuvre.wait_for(
+            session, uav, lambda: uav.land(timeout_s=session.timeout_s), interrupted=f"the landing {_GOES_ON}"
+        )
 
 
 @command("goto")
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
-@_yaw
-@_frame
+@options.yaw
+@options.frame
+@options.max_speed
+@options.dry_run
+@options.plot
 @pass_session
-def goto(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str) -> None:
+def goto(
+    session: Session,
+    x: float,
+    y: float,
+    z: float,
+    yaw: float | None,
+    frame_id: str,
+    max_speed_m_s: float | None,
+    dry_run: bool,
+    plot: Path | None,
+) -> None:
     """Fly straight to X Y Z (metres). Ctrl-C cancels: the UAV holds its position."""
+    goal = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
-        try:
-            with progress.shown(uav):
-                task = uav.go_to_waypoint(PoseStamped(Pose.at(x, y, z, yaw), frame_id), timeout_s=session.timeout_s)
-        except KeyboardInterrupt:
-            _cancelled()
-        _end(session, task)
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.go_to_waypoint(goal, max_speed_m_s=max_speed_m_s))
+            return
+        manoeuvre.wait_for(
+            session,
+            uav,
+            lambda: uav.go_to_waypoint(goal, max_speed_m_s=max_speed_m_s, timeout_s=session.timeout_s),
+            plot,
+        )
 
 
 @command("goto-geo")
@@ -103,7 +114,9 @@ def goto(session: Session, x: float, y: float, z: float, yaw: float | None, fram
     show_default=True,
     help="What the altitude is measured from.",
 )
-@_yaw
+@options.yaw
+@options.max_speed
+@options.dry_run
 @pass_session
 def goto_geo(
     session: Session,
@@ -112,51 +125,23 @@ def goto_geo(
     altitude_m: float,
     reference: str,
     yaw: float | None,
+    max_speed_m_s: float | None,
+    dry_run: bool,
 ) -> None:
     """Fly straight to LAT LON (degrees) at ALT (metres). Ctrl-C cancels: the UAV holds its position."""
+    where = (latitude_deg, longitude_deg, altitude_m, AltitudeReference[reference.upper()])
     with session.connect() as uav:
-        try:
-            with progress.shown(uav):
-                task = uav.go_to_waypoint_geo(
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_m,
-                    AltitudeReference[reference.upper()],
-                    yaw_rad=yaw,
-                    timeout_s=session.timeout_s,
-                )
-        except KeyboardInterrupt:
-            _cancelled()
-        _end(session, task)
-
-
-@command("path")
-@click.argument("waypoints", type=values.waypoint, nargs=-1, metavar="X,Y,Z[,YAW] ...")
-@click.option("--file", type=click.Path(path_type=Path), help="Read the waypoints from a file (-: standard input).")
-@_corner_radius
-@_frame
-@pass_session
-def path(
-    session: Session, waypoints: tuple[Pose, ...], file: Path | None, corner_radius_m: float, frame_id: str
-) -> None:
-    """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW. Ctrl-C cancels: the UAV holds its position."""
-    if bool(waypoints) is (file is not None):
-        raise click.UsageError("give waypoints, or --file with some")
-    poses = [PoseStamped(each, frame_id) for each in waypoints]
-    if file is not None:
-        poses = values.read_waypoints(file, frame_id)
-    fly_path(session, poses, corner_radius_m)
-
-
-def fly_path(session: Session, waypoints: list[PoseStamped], corner_radius_m: float) -> None:
-    """Flies through waypoints and prints how that ended."""
-    with session.connect() as uav:
-        try:
-            with progress.shown(uav):
-                task = uav.follow_path(waypoints, corner_radius_m=corner_radius_m, timeout_s=session.timeout_s)
-        except KeyboardInterrupt:
-            _cancelled()
-        _end(session, task)
+        if dry_run:
+            plan = uav.dry_run.go_to_waypoint_geo(*where, yaw_rad=yaw, max_speed_m_s=max_speed_m_s)
+            manoeuvre.say(session, plan)
+            return
+        manoeuvre.wait_for(
+            session,
+            uav,
+            lambda: uav.go_to_waypoint_geo(
+                *where, yaw_rad=yaw, max_speed_m_s=max_speed_m_s, timeout_s=session.timeout_s
+            ),
+        )
 
 
 @command("velocity")
@@ -165,19 +150,30 @@ def fly_path(session: Session, waypoints: list[PoseStamped], corner_radius_m: fl
 @click.argument("vz", type=float)
 @click.option("--yaw-rate", "yaw_rate", type=values.angle, default="0", help="Turn to the left, per second.")
 @click.option("--for", "duration_s", type=click.FloatRange(min=0.0), required=True, help="For how many seconds.")
-@_frame
+@options.frame
+@options.dry_run
 @pass_session
 def velocity(
-    session: Session, vx: float, vy: float, vz: float, yaw_rate: float, duration_s: float, frame_id: str
+    session: Session,
+    vx: float,
+    vy: float,
+    vz: float,
+    yaw_rate: float,
+    duration_s: float,
+    frame_id: str,
+    dry_run: bool,
 ) -> None:
     """Fly with VX VY VZ (m/s) for a while, then stop. Ctrl-C stops at once."""
     wanted = TwistStamped(Twist(Vector3(vx, vy, vz), Vector3(0.0, 0.0, yaw_rate)), frame_id)
     with session.connect() as uav:
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.set_velocity(wanted))
+            return
         try:
             _repeat(uav, wanted, duration_s)
         except KeyboardInterrupt:
             uav.set_velocity(Twist())
-            _interrupted("interrupted: the UAV stops")
+            manoeuvre.interrupt("interrupted: the UAV stops")
         uav.set_velocity(Twist())
     session.emit({"done": "velocity", "duration_s": duration_s}, f"flew for {duration_s:g} s, stopped")
 
@@ -194,21 +190,30 @@ def _repeat(uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
-@_yaw
-@_frame
+@options.yaw
+@options.frame
+@options.dry_run
 @pass_session
-def pose(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str) -> None:
+def pose(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str, dry_run: bool) -> None:
     """Give the autopilot X Y Z (metres) as its reference, without a trajectory; returns at once."""
+    wanted = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
-        uav.set_pose(PoseStamped(Pose.at(x, y, z, yaw), frame_id))
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.set_pose(wanted))
+            return
+        uav.set_pose(wanted)
     session.emit({"done": "pose"}, "reference set")
 
 
 @command("recover")
+@options.dry_run
 @pass_session
-def recover(session: Session) -> None:
+def recover(session: Session, dry_run: bool) -> None:
     """Take control back from the safety pilot and hold the pose it has."""
     with session.connect() as uav:
+        if dry_run:
+            manoeuvre.say(session, uav.dry_run.recover_from_manual())
+            return
         uav.recover_from_manual(timeout_s=session.timeout_s)
     session.emit({"done": "recover"}, "recovered")
 
@@ -233,18 +238,4 @@ def abort(session: Session, freeze: bool) -> None:
     session.emit({"done": "abort"}, "aborted")
 
 
-def _end(session: Session, task: Task) -> None:
-    info = task.info()
-    session.emit(info, task_text(info))
-
-
-def _cancelled() -> None:
-    _interrupted("cancelled: the UAV holds its position")
-
-
-def _interrupted(text: str) -> None:
-    note(f"ual: {text}")
-    raise click.exceptions.Exit(INTERRUPTED)
-
-
-COMMANDS = (arm, disarm, takeoff, land, goto, goto_geo, path, velocity, pose, recover, home, abort)
+COMMANDS = (arm, disarm, takeoff, land, goto, goto_geo, velocity, pose, recover, home, abort)

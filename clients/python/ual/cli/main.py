@@ -6,7 +6,7 @@ import os
 
 import click
 
-from ual.cli import check, completion, flight, frames, simulation, status, waypoints
+from ual.cli import check, completion, flight, frames, path, simulation, status, waypoints
 from ual.cli.app import UalGroup
 
 
@@ -23,6 +23,7 @@ def cli() -> None:
 for command in (
     *status.COMMANDS,
     *flight.COMMANDS,
+    *path.COMMANDS,
     *frames.COMMANDS,
     *waypoints.COMMANDS,
     *simulation.COMMANDS,

@@ -9,7 +9,7 @@ from enum import Enum
 
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Vector3
-from ual.types import TaskInfo
+from ual.types import Plan, TaskInfo
 
 
 def to_json(value: object) -> object:
@@ -51,6 +51,13 @@ def pose_json(pose: PoseStamped) -> dict[str, object]:
         "z": position.z,
         "yaw_rad": pose.pose.yaw_rad,
     }
+
+
+def plan_text(plan: Plan) -> str:
+    """What would happen, in one line."""
+    length = "" if plan.length_m is None else f", {plan.length_m:.2f} m"
+    duration = "" if plan.duration_s is None else f", {plan.duration_s:.1f} s"
+    return f"would be accepted{length}{duration}"
 
 
 def task_text(task: TaskInfo) -> str:

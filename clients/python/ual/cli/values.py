@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
 
-from ual.geometry import Pose, PoseStamped, Vector3
+from ual import routes
+from ual.geometry import Pose, Vector3
+from ual.routes import Route, RouteError
+from ual.types import PathHeading
 
 
 def angle(text: str) -> float:
     """``90deg``, ``1.57rad`` or ``1.57``, in radians."""
     try:
-        return _angle(text)
+        return routes.parse_angle(text)
     except ValueError:
         raise click.BadParameter(f"{text!r} is no angle: write 90deg, 1.57rad or 1.57") from None
 
@@ -24,7 +24,7 @@ def angle(text: str) -> float:
 def waypoint(text: str) -> Pose:
     """``X,Y,Z`` or ``X,Y,Z,YAW``."""
     try:
-        return _waypoint(text)
+        return routes.parse_waypoint(text)
     except ValueError:
         raise click.BadParameter(f"{text!r} is no waypoint: write X,Y,Z or X,Y,Z,YAW") from None
 
@@ -38,49 +38,32 @@ def vector(text: str) -> Vector3:
     return Vector3(x, y, z)
 
 
-def read_waypoints(file: Path, frame_id: str) -> list[PoseStamped]:
-    """The waypoints of a file (``-``: standard input): JSON objects or ``X,Y,Z[,YAW]``, one a line.
-
-    A line without a frame is in `frame_id`.
-    """
+def numbers(text: str) -> list[float]:
+    """``A,B,...``, or nothing."""
     try:
-        text = sys.stdin.read() if str(file) == "-" else file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise click.ClickException(f"cannot read {file}: {error}") from None
-    return list(_parse(text.splitlines(), str(file), frame_id))
+        return [float(each) for each in text.split(",")] if text else []
+    except ValueError:
+        raise click.BadParameter(f"{text!r} are no numbers: write A,B,...") from None
 
 
-def _parse(lines: Iterable[str], name: str, frame_id: str) -> Iterable[PoseStamped]:
-    for number, raw in enumerate(lines, start=1):
-        line = raw.partition("#")[0].strip()
-        if not line:
-            continue
-        try:
-            yield _from_json(line, frame_id) if line.startswith("{") else PoseStamped(_waypoint(line), frame_id)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            raise click.ClickException(
-                f'{name}, line {number}: {line!r} is no waypoint: write X,Y,Z[,YAW] or {{"x": .., "y": .., "z": ..}}'
-            ) from None
+def path_heading(text: str) -> PathHeading | Vector3:
+    """``waypoints``, ``fixed``, ``along-path``, or the point to look at as ``X,Y,Z``."""
+    known = {"waypoints": PathHeading.WAYPOINTS, "fixed": PathHeading.FIXED, "along-path": PathHeading.ALONG_PATH}
+    if text in known:
+        return known[text]
+    try:
+        return vector(text)
+    except click.BadParameter:
+        raise click.BadParameter(f"{text!r} is none of {', '.join(known)} and X,Y,Z") from None
 
 
-def _from_json(line: str, frame_id: str) -> PoseStamped:
-    values = json.loads(line)
-    yaw_rad = values.get("yaw_rad")
-    pose = Pose.at(
-        float(values["x"]), float(values["y"]), float(values["z"]), None if yaw_rad is None else float(yaw_rad)
-    )
-    return PoseStamped(pose, str(values.get("frame_id") or frame_id))
-
-
-def _waypoint(text: str) -> Pose:
-    x, y, z, *yaw = text.split(",")
-    if len(yaw) > 1:
-        raise ValueError("more than four numbers")
-    return Pose.at(float(x), float(y), float(z), _angle(yaw[0]) if yaw else None)
-
-
-def _angle(text: str) -> float:
-    text = text.strip()
-    if text.endswith("deg"):
-        return math.radians(float(text.removesuffix("deg")))
-    return float(text.removesuffix("rad"))
+def read_route(file: Path, frame_id: str = "", altitude_m: float | None = None) -> Route:
+    """The route of a file (``-``: waypoints a line on standard input); see `ual.routes.read`."""
+    try:
+        if str(file) == "-":
+            return Route(routes.parse_lines(sys.stdin.read(), "standard input", frame_id))
+        return routes.read(file, frame_id=frame_id, altitude_m=altitude_m)
+    except UnicodeDecodeError:
+        raise click.ClickException("standard input is no text") from None
+    except RouteError as error:
+        raise click.ClickException(str(error)) from None

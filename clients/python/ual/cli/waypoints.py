@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from ual.cli import values
+from ual.cli import options, values
 from ual.cli.app import Session, UalCommand, UalGroup, pass_session
-from ual.cli.flight import fly_path
 from ual.cli.output import pose_json, pose_text
+from ual.cli.path import PathOptions, fly_path
 from ual.geometry import Pose, PoseStamped
 
 
@@ -42,13 +42,24 @@ def save(session: Session, file: Path, frame_id: str) -> None:
 
 @waypoints.command("fly", cls=UalCommand)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--corner-radius", "corner_radius_m", type=float, default=0.0, show_default=True, help="Round the corners."
-)
+@options.corner_radius
+@options.max_speed
+@options.altitude
+@options.dry_run
+@options.plot
 @pass_session
-def fly(session: Session, file: Path, corner_radius_m: float) -> None:
-    """Fly through the waypoints of FILE. Ctrl-C cancels: the UAV holds its position."""
-    fly_path(session, values.read_waypoints(file, ""), corner_radius_m)
+def fly(
+    session: Session,
+    file: Path,
+    corner_radius_m: float,
+    max_speed_m_s: float | None,
+    altitude_m: float | None,
+    dry_run: bool,
+    plot: Path | None,
+) -> None:
+    """Fly through the waypoints of FILE (as saved, a .plan of QGroundControl, or .kml). Ctrl-C cancels."""
+    how = PathOptions(corner_radius_m, max_speed_m_s, dry_run=dry_run, plot=plot)
+    fly_path(session, values.read_route(file, altitude_m=altitude_m), how)
 
 
 COMMANDS = (waypoints,)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from ual.conformance import flying, grounded, piloted, refusals, reports, tasks, velocities
+from ual.conformance import dry_runs, flying, grounded, paths, piloted, refusals, reports, tasks, velocities
 from ual.conformance.check import Check, Need, Outcome, Result
 from ual.conformance.flight import CheckFailedError, Flight, Tolerances
 from ual.conformance.runner import run, run_check
@@ -13,7 +13,9 @@ from ual.conformance.runner import run, run_check
 CHECKS: tuple[Check, ...] = (
     *reports.CHECKS,
     *grounded.CHECKS,
+    *dry_runs.CHECKS,
     *flying.CHECKS,
+    *paths.CHECKS,
     *velocities.CHECKS,
     *tasks.CHECKS,
     *refusals.CHECKS,

@@ -24,6 +24,10 @@ HEIGHT_M = 2.0
 CEILING_M = 5.0
 _NO_SAMPLE_S = 30.0
 _OPERATOR_S = 120.0
+_DISARM_S = 4.0
+# Autopilots disarm by themselves when they are armed and idle, PX4 and ArduPilot after 10 s.
+_FRESHLY_ARMED_S = 5.0
+_HOLDS_S = 2.0
 _FLYING = (State.FLYING_AUTO, State.FLYING_MANUAL)
 
 
@@ -47,23 +51,31 @@ def require(condition: bool, otherwise: str) -> None:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How exact a UAV must be. The defaults suit a real one outside, whose estimate wanders by half a metre and half a
-    metre a second as it hovers; `of_simulation` is for the light one.
+    """How exact a UAV must be. The defaults suit a real one outside, whose estimate wanders by up to a metre and by
+    0.8 m/s as it hovers (PX4 in its simulator: docs/backends/mavlink.md); `of_simulation` is for the light one.
 
-    Ratios are of the length of a leg. `patience` is how many times longer than expected something may take.
+    `wander_m` is how far its estimate may move within some seconds by itself, in which nothing brings it back: it is
+    allowed besides where a way is judged. Ratios are of the length of a leg. `patience` is how many times longer than
+    expected something may take.
     """
 
-    position_m: float = 0.8
+    position_m: float = 1.2
+    wander_m: float = 0.8
     heading_rad: float = 0.2
-    speed_m_s: float = 0.6
+    speed_m_s: float = 0.8
     line_ratio: float = 0.15
     overshoot_ratio: float = 0.1
     patience: float = 3.0
 
+    @property
+    def way_m(self) -> float:
+        """How far beside or beyond a way it may end, if nothing held its position meanwhile."""
+        return self.position_m + self.wander_m
+
     @classmethod
     def of_simulation(cls) -> Tolerances:
         """For a simulated UAV without noise and wind."""
-        return cls(position_m=0.3, heading_rad=0.12, speed_m_s=0.3, line_ratio=0.02, overshoot_ratio=0.02)
+        return cls(position_m=0.3, wander_m=0.0, heading_rad=0.12, speed_m_s=0.3, line_ratio=0.02, overshoot_ratio=0.02)
 
 
 @dataclass
@@ -111,6 +123,7 @@ class Flight:
         self._observer: Observer | None = None
         self._place = Vector3()
         self._yaw_rad = 0.0
+        self._armed_s = -math.inf
 
     @contextmanager
     def observing(self) -> Iterator[None]:
@@ -210,7 +223,7 @@ class Flight:
             raise RunEndedError(str(error)) from error
         if state in (State.TAKING_OFF, State.LANDING):
             state = self.wait_for_state(*READY_STATES, limit_s=60.0).state
-        if state not in states:
+        if state not in states or state is states[0] is State.LANDED_ARMED:
             steps = {
                 State.LANDED_DISARMED: self._be_disarmed,
                 State.LANDED_ARMED: self._be_armed,
@@ -223,7 +236,7 @@ class Flight:
     def return_to_start(self) -> None:
         """Flies to `start` and waits until it rests there."""
         self.uav.go_to_waypoint(self.start)
-        self.wait(self.is_slow, "rest at the start")
+        self.wait_until_rests_at(self.start.position, "rest at the start")
 
     def land(self) -> None:
         """Lands, from whatever state in the air."""
@@ -231,6 +244,14 @@ class Flight:
             self._take_control()
             self.uav.land()
         self.wait_for_state(State.LANDED_ARMED, State.LANDED_DISARMED, limit_s=60.0)
+
+    def _come_down(self) -> None:
+        """Lands, and waits a little: an autopilot disarms by itself after a landing, but not in the next check."""
+        has_flown = self.uav.state() in _FLYING
+        self.land()
+        if has_flown:
+            until_s = self.now_s() + _DISARM_S
+            self.wait(lambda sample: sample.state is State.LANDED_DISARMED or sample.stamp_s > until_s, "time passing")
 
     def _take_control(self) -> None:
         if self.uav.state() is not State.FLYING_MANUAL:
@@ -240,7 +261,7 @@ class Flight:
         self.uav.recover_from_manual()
 
     def _be_disarmed(self) -> None:
-        self.land()
+        self._come_down()
         if self.uav.state() is State.LANDED_ARMED:
             if self.has_pilot:
                 self.uav.simulation.pilot_disarm()
@@ -251,15 +272,18 @@ class Flight:
         self.wait_for_state(State.LANDED_DISARMED, limit_s=_OPERATOR_S)
 
     def _be_armed(self) -> None:
-        self.land()
-        if self.uav.state() is State.LANDED_DISARMED:
-            if self.has_pilot:
-                self.uav.simulation.pilot_arm()
-            elif self.info.is_arming_allowed:
-                self.uav.arm()
-            else:
-                self._ask("arm the UAV")
-        self.wait_for_state(State.LANDED_ARMED, limit_s=_OPERATOR_S)
+        self._come_down()
+        if self.uav.state() is State.LANDED_ARMED:
+            if self.now_s() - self._armed_s <= _FRESHLY_ARMED_S:
+                return
+            self._be_disarmed()
+        if self.has_pilot:
+            self.uav.simulation.pilot_arm()
+        elif self.info.is_arming_allowed:
+            self.uav.arm()
+        else:
+            self._ask("arm the UAV")
+        self._armed_s = self.wait_for_state(State.LANDED_ARMED, limit_s=_OPERATOR_S).stamp_s
 
     def _be_flying(self) -> None:
         state = self.uav.state()
@@ -304,13 +328,21 @@ class Flight:
         off_m = (position(sample) - goal.position).norm()
         require(off_m <= self.tolerances.position_m, f"{what}: {off_m:.2f} m from the goal")
         if goal.orientation.norm() > 0.0:
-            off_rad = abs(wrap_angle(yaw_rad(sample) - goal.yaw_rad))
-            require(off_rad <= self.tolerances.heading_rad, f"{what}: {math.degrees(off_rad):.0f}° off the heading")
+            self.require_heading(goal, what)
 
-    def require_holds(self, where: Vector3, what: str, duration_s: float = 1.0) -> None:
-        """It must stay at a position for a while."""
-        off_m = max((position(sample) - where).norm() for sample in self.let_pass(duration_s))
-        require(off_m <= self.tolerances.position_m, f"{what}: it left its position by {off_m:.2f} m")
+    def require_heading(self, goal: Pose, what: str) -> None:
+        """Its nose must point as the pose says."""
+        off_rad = abs(wrap_angle(yaw_rad(self.uav.telemetry()) - goal.yaw_rad))
+        require(off_rad <= self.tolerances.heading_rad, f"{what}: {math.degrees(off_rad):.0f}° off the heading")
+
+    def require_holds(self, where: Vector3, what: str) -> None:
+        """It must stay at a position for a while, in the mean: an estimate wanders."""
+        off_m = (mean(map(position, self.let_pass(_HOLDS_S))) - where).norm()
+        require(off_m <= self.tolerances.position_m, f"{what}: it is {off_m:.2f} m from its position")
+
+    def require_stays(self, what: str) -> None:
+        """It must stay wherever it is."""
+        self.require_holds(mean(map(position, self.let_pass(_HOLDS_S))), what)
 
     def require_straight(self, samples: Iterable[Telemetry], start: Vector3, goal: Vector3) -> None:
         """It must have kept to the line from start to goal, and not gone beyond."""
@@ -324,9 +356,9 @@ class Flight:
             widest_m = max(widest_m, (offset - direction * done_m).norm())
             farthest_m = max(farthest_m, done_m - length_m)
         t = self.tolerances
-        allowed_m = max(0.05, t.line_ratio * length_m)
+        allowed_m = max(0.05, t.line_ratio * length_m) + t.wander_m
         require(widest_m <= allowed_m, f"{widest_m:.2f} m beside the line, more than {allowed_m:.2f} m")
-        allowed_m = max(0.05, t.overshoot_ratio * length_m)
+        allowed_m = max(0.05, t.overshoot_ratio * length_m) + t.wander_m
         require(farthest_m <= allowed_m, f"{farthest_m:.2f} m beyond the goal, more than {allowed_m:.2f} m")
 
     def fly_velocity(self, send: Callable[[], None], until: Callable[[Telemetry], bool], what: str) -> Telemetry:
@@ -356,6 +388,12 @@ def position(sample: Telemetry) -> Vector3:
     require(sample.odometry is not None, "the telemetry has no odometry")
     assert sample.odometry is not None
     return sample.odometry.pose.position
+
+
+def mean(vectors: Iterable[Vector3]) -> Vector3:
+    """Their mean; there must be one."""
+    every = list(vectors)
+    return sum(every, Vector3()) / len(every)
 
 
 def yaw_rad(sample: Telemetry) -> float:

@@ -38,8 +38,7 @@ def the_pilot_takes_over(flight: Flight) -> None:
     uav.recover_from_manual()
     flight.wait_for_state(State.FLYING_AUTO)
     flight.wait(flight.is_slow, "rest")
-    flight.let_pass(0.5)
-    flight.require_holds(flight.position(), "after the recovery")
+    flight.require_stays("after the recovery")
     uav.go_to_waypoint(flight.start)
     flight.require_at(flight.start, "at a waypoint after the recovery")
 
@@ -57,8 +56,7 @@ def the_pilot_flies_and_gives_back(flight: Flight) -> None:
     flight.wait(flight.is_slow, "rest")
     pilot.pilot_give_back()
     flight.wait_for_state(State.FLYING_AUTO)
-    flight.let_pass(0.5)
-    flight.require_holds(flight.position(), "after the pilot gave back")
+    flight.require_stays("after the pilot gave back")
 
 
 @check(State.FLYING_AUTO, capabilities=(Capability.LAND,), moves="straight down")

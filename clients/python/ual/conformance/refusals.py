@@ -25,9 +25,10 @@ Refused = tuple[Callable[[], object], str]
 def bad_poses_are_refused(flight: Flight) -> None:
     """Goals that cannot be meant never move it, in a waypoint, a path or a reference."""
     for pose, what in _bad_poses():
+        path: list[PoseStamped | Pose] = [flight.start, pose]
         for action, where in (
             (partial(flight.uav.go_to_waypoint, pose), "a waypoint"),
-            (partial(flight.uav.follow_path, [flight.start, pose]), "a path"),
+            (partial(flight.uav.follow_path, path), "a path"),
             (partial(flight.uav.set_pose, pose), "a reference"),
         ):
             flight.refuses(InvalidArgumentError, action, f"{where} with {what}")
@@ -113,7 +114,7 @@ def _bad_poses() -> Iterator[tuple[PoseStamped, str]]:
 def _require_unmoved(flight: Flight) -> None:
     require(flight.uav.state() is State.FLYING_AUTO, "the state changed")
     require(flight.uav.is_idle(), "a task runs")
-    flight.require_holds(flight.start.position, "after the refusals", 0.5)
+    flight.require_holds(flight.start.position, "after the refusals")
 
 
 CHECKS = (

@@ -9,15 +9,16 @@ from ual.geometry import Twist
 from ual.interface import Task
 from ual.types import Capability, State, TaskStatus
 
+_AHEAD_M = 4.0
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
 
 
-@check(_FLYING, capabilities=_POSITION, moves="3 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="4 m ahead")
 def a_handle_tells_how_a_task_stands(flight: Flight) -> None:
     """A task that is not waited for can be watched, found by its id and waited for."""
     uav = flight.uav
-    goal = flight.goal(3.0, 0.0)
+    goal = flight.goal(_AHEAD_M, 0.0)
     task = uav.go_to_waypoint(goal, blocking=False)
     require(task.id == uav.task(task.id).id, "task() finds another")
     flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
@@ -32,10 +33,10 @@ def a_handle_tells_how_a_task_stands(flight: Flight) -> None:
     flight.require_at(goal, "at the waypoint")
 
 
-@check(_FLYING, capabilities=_POSITION, moves="3 m ahead, and back")
+@check(_FLYING, capabilities=_POSITION, moves="4 m ahead, and back")
 def a_new_command_replaces_a_task(flight: Flight) -> None:
     """The replaced task ends as ABORTED and says by what; the new one goes on."""
-    first = flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), blocking=False)
+    first = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     second = flight.uav.go_to_waypoint(flight.start, blocking=False)
     error = flight.refuses(TaskAbortedError, first.wait, "waiting for the replaced task")
@@ -45,10 +46,10 @@ def a_new_command_replaces_a_task(flight: Flight) -> None:
     flight.require_at(flight.start, "back at the start")
 
 
-@check(_FLYING, capabilities=(Capability.POSITION, Capability.VELOCITY), moves="1 m ahead")
+@check(_FLYING, capabilities=(Capability.POSITION, Capability.VELOCITY), moves="2 m ahead")
 def a_velocity_replaces_a_task(flight: Flight) -> None:
     """A velocity ends the running task as ABORTED."""
-    task = flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.set_velocity(Twist())
     error = flight.refuses(TaskAbortedError, task.wait, "waiting for the replaced task")
@@ -56,28 +57,28 @@ def a_velocity_replaces_a_task(flight: Flight) -> None:
     flight.wait(flight.is_slow, "rest")
 
 
-@check(_FLYING, capabilities=_POSITION, moves="1 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
 def a_cancelled_task_holds(flight: Flight) -> None:
     """A cancelled task ends as ABORTED, and the UAV stops and holds."""
-    task = flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     task.cancel()
     _require_stopped(flight, task)
 
 
-@check(_FLYING, capabilities=_POSITION, moves="1 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
 def an_abort_stops(flight: Flight) -> None:
     """An abort ends the task, and the UAV brakes and holds where it stops."""
-    task = flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort()
     _require_stopped(flight, task)
 
 
-@check(_FLYING, capabilities=_POSITION, moves="1 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
 def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
     """An abort that freezes comes back to the position that it had."""
-    task = flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort(freeze=True)
     here = flight.position()
@@ -86,15 +87,14 @@ def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
     require(off_m <= 2 * flight.tolerances.position_m, f"it holds {off_m:.2f} m from where it was")
 
 
-@check(_FLYING, capabilities=_POSITION, moves="3 m ahead at most")
+@check(_FLYING, capabilities=_POSITION, moves="4 m ahead at most")
 def a_deadline_cancels_what_was_waited_for(flight: Flight) -> None:
     """When the caller's time is over the go-to is cancelled, and the UAV holds."""
     try:
-        flight.uav.go_to_waypoint(flight.goal(3.0, 0.0), timeout_s=0.01)
+        flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), timeout_s=0.01)
     except UalTimeoutError:
         flight.wait(lambda sample: sample.task is None and flight.is_slow(sample), "rest")
-        flight.let_pass(0.5)
-        flight.require_holds(flight.position(), "after the deadline")
+        flight.require_stays("after the deadline")
 
 
 def _wait_until_moving(flight: Flight) -> None:
@@ -107,9 +107,8 @@ def _require_stopped(flight: Flight, task: Task) -> None:
     require(task.info().status is TaskStatus.ABORTED, f"the task is {task.info().status.name}")
     flight.wait(flight.is_slow, "rest", 10.0)
     require(flight.uav.is_idle(), "a task still runs")
-    flight.let_pass(1.0)
-    flight.require_holds(flight.position(), "after the end of the task")
-    left_m = (flight.position() - flight.goal(3.0, 0.0).position).norm()
+    flight.require_stays("after the end of the task")
+    left_m = (flight.position() - flight.goal(_AHEAD_M, 0.0).position).norm()
     require(left_m > flight.tolerances.position_m, "it flew on to the goal")
 
 

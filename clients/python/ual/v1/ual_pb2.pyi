@@ -21,6 +21,10 @@ flying command replaces a running task, which ends as ABORTED; take-off and land
 of a blocking GoToWaypoint, GoToWaypointGeo or FollowPath vanishes or its deadline passes, the task is cancelled and
 the UAV holds its position. If the safety pilot takes over, the running task ends as ABORTED at once.
 
+DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
+check of the request without it, and is refused with the same error; else its response has the `plan` of what would
+happen.
+
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
 `state` and what was needed:
 
@@ -129,6 +133,38 @@ ALTITUDE_REFERENCE_AMSL: AltitudeReference.ValueType  # 2
 ALTITUDE_REFERENCE_ELLIPSOID: AltitudeReference.ValueType  # 3
 """Above the WGS 84 ellipsoid (what GNSS receivers measure)."""
 Global___AltitudeReference: typing_extensions.TypeAlias = AltitudeReference
+
+class _PathHeading:
+    ValueType = typing.NewType("ValueType", builtins.int)
+    V: typing_extensions.TypeAlias = ValueType
+
+class _PathHeadingEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumTypeWrapper[_PathHeading.ValueType], builtins.type):
+    DESCRIPTOR: google.protobuf.descriptor.EnumDescriptor
+    PATH_HEADING_UNSPECIFIED: _PathHeading.ValueType  # 0
+    """Taken as WAYPOINTS."""
+    PATH_HEADING_WAYPOINTS: _PathHeading.ValueType  # 1
+    """Turns on the way to each waypoint's orientation."""
+    PATH_HEADING_FIXED: _PathHeading.ValueType  # 2
+    """Keeps the heading that it has."""
+    PATH_HEADING_ALONG_PATH: _PathHeading.ValueType  # 3
+    """Along the path."""
+    PATH_HEADING_POINT_OF_INTEREST: _PathHeading.ValueType  # 4
+    """At the point of interest."""
+
+class PathHeading(_PathHeading, metaclass=_PathHeadingEnumTypeWrapper):
+    """Where the nose points on a path. It turns within the UAV's limits, and the motion waits for a turn where it must."""
+
+PATH_HEADING_UNSPECIFIED: PathHeading.ValueType  # 0
+"""Taken as WAYPOINTS."""
+PATH_HEADING_WAYPOINTS: PathHeading.ValueType  # 1
+"""Turns on the way to each waypoint's orientation."""
+PATH_HEADING_FIXED: PathHeading.ValueType  # 2
+"""Keeps the heading that it has."""
+PATH_HEADING_ALONG_PATH: PathHeading.ValueType  # 3
+"""Along the path."""
+PATH_HEADING_POINT_OF_INTEREST: PathHeading.ValueType  # 4
+"""At the point of interest."""
+Global___PathHeading: typing_extensions.TypeAlias = PathHeading
 
 class _TaskKind:
     ValueType = typing.NewType("ValueType", builtins.int)
@@ -303,7 +339,7 @@ class Header(google.protobuf.message.Message):
     """Empty means `<ns>/odom`."""
     @property
     def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp:
-        """Ignored in requests."""
+        """Ignored in requests, but AddFrame's: when the frame was there."""
 
     def __init__(
         self,
@@ -361,6 +397,29 @@ class PoseStamped(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["header", b"header", "pose", b"pose"]) -> None: ...
 
 Global___PoseStamped: typing_extensions.TypeAlias = PoseStamped
+
+@typing.final
+class PointStamped(google.protobuf.message.Message):
+    """A position (m) in a frame."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HEADER_FIELD_NUMBER: builtins.int
+    POINT_FIELD_NUMBER: builtins.int
+    @property
+    def header(self) -> Global___Header: ...
+    @property
+    def point(self) -> Global___Vector3: ...
+    def __init__(
+        self,
+        *,
+        header: Global___Header | None = ...,
+        point: Global___Vector3 | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["header", b"header", "point", b"point"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["header", b"header", "point", b"point"]) -> None: ...
+
+Global___PointStamped: typing_extensions.TypeAlias = PointStamped
 
 @typing.final
 class Twist(google.protobuf.message.Message):
@@ -757,6 +816,34 @@ class Task(google.protobuf.message.Message):
 Global___Task: typing_extensions.TypeAlias = Task
 
 @typing.final
+class Plan(google.protobuf.message.Message):
+    """What a motion would be, from where the UAV is (or is told to be) now. What cannot be told is not set: of a landing,
+    which the autopilot flies by itself, and of a reference.
+    """
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LENGTH_M_FIELD_NUMBER: builtins.int
+    DURATION_FIELD_NUMBER: builtins.int
+    length_m: builtins.float
+    """The way."""
+    @property
+    def duration(self) -> google.protobuf.duration_pb2.Duration:
+        """How long it takes in calm air."""
+
+    def __init__(
+        self,
+        *,
+        length_m: builtins.float | None = ...,
+        duration: google.protobuf.duration_pb2.Duration | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_length_m", b"_length_m", "duration", b"duration", "length_m", b"length_m"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_length_m", b"_length_m", "duration", b"duration", "length_m", b"length_m"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_length_m", b"_length_m"]) -> typing.Literal["length_m"] | None: ...
+
+Global___Plan: typing_extensions.TypeAlias = Plan
+
+@typing.final
 class Frame(google.protobuf.message.Message):
     """One frame of the tree."""
 
@@ -1086,16 +1173,20 @@ class TakeOffRequest(google.protobuf.message.Message):
 
     HEIGHT_M_FIELD_NUMBER: builtins.int
     NON_BLOCKING_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
     height_m: builtins.float
     """Above the ground it stands on; more than 0."""
     non_blocking: builtins.bool
+    dry_run: builtins.bool
+    """Only says what would happen."""
     def __init__(
         self,
         *,
         height_m: builtins.float = ...,
         non_blocking: builtins.bool = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["height_m", b"height_m", "non_blocking", b"non_blocking"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "height_m", b"height_m", "non_blocking", b"non_blocking"]) -> None: ...
 
 Global___TakeOffRequest: typing_extensions.TypeAlias = TakeOffRequest
 
@@ -1104,15 +1195,21 @@ class TakeOffResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
     @property
     def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
     def __init__(
         self,
         *,
         task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["task", b"task"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___TakeOffResponse: typing_extensions.TypeAlias = TakeOffResponse
 
@@ -1121,13 +1218,17 @@ class LandRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     NON_BLOCKING_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
     non_blocking: builtins.bool
+    dry_run: builtins.bool
+    """Only says what would happen."""
     def __init__(
         self,
         *,
         non_blocking: builtins.bool = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["non_blocking", b"non_blocking"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "non_blocking", b"non_blocking"]) -> None: ...
 
 Global___LandRequest: typing_extensions.TypeAlias = LandRequest
 
@@ -1136,15 +1237,21 @@ class LandResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
     @property
     def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
     def __init__(
         self,
         *,
         task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["task", b"task"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___LandResponse: typing_extensions.TypeAlias = LandResponse
 
@@ -1154,7 +1261,13 @@ class GoToWaypointRequest(google.protobuf.message.Message):
 
     WAYPOINT_FIELD_NUMBER: builtins.int
     NON_BLOCKING_FIELD_NUMBER: builtins.int
+    MAX_SPEED_M_S_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
     non_blocking: builtins.bool
+    max_speed_m_s: builtins.float
+    """At most so fast, in any direction, where the UAV's limits are not smaller anyway; 0: only these."""
+    dry_run: builtins.bool
+    """Only says what would happen."""
     @property
     def waypoint(self) -> Global___PoseStamped: ...
     def __init__(
@@ -1162,9 +1275,11 @@ class GoToWaypointRequest(google.protobuf.message.Message):
         *,
         waypoint: Global___PoseStamped | None = ...,
         non_blocking: builtins.bool = ...,
+        max_speed_m_s: builtins.float = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["waypoint", b"waypoint"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["non_blocking", b"non_blocking", "waypoint", b"waypoint"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "max_speed_m_s", b"max_speed_m_s", "non_blocking", b"non_blocking", "waypoint", b"waypoint"]) -> None: ...
 
 Global___GoToWaypointRequest: typing_extensions.TypeAlias = GoToWaypointRequest
 
@@ -1173,15 +1288,21 @@ class GoToWaypointResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
     @property
     def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
     def __init__(
         self,
         *,
         task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["task", b"task"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___GoToWaypointResponse: typing_extensions.TypeAlias = GoToWaypointResponse
 
@@ -1195,6 +1316,8 @@ class GoToWaypointGeoRequest(google.protobuf.message.Message):
     ALTITUDE_REFERENCE_FIELD_NUMBER: builtins.int
     YAW_RAD_FIELD_NUMBER: builtins.int
     NON_BLOCKING_FIELD_NUMBER: builtins.int
+    MAX_SPEED_M_S_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
     latitude_deg: builtins.float
     """-90 to 90."""
     longitude_deg: builtins.float
@@ -1204,6 +1327,10 @@ class GoToWaypointGeoRequest(google.protobuf.message.Message):
     yaw_rad: builtins.float
     """Heading, counter-clockwise from east (REP 103); keeps the heading when not set."""
     non_blocking: builtins.bool
+    max_speed_m_s: builtins.float
+    """As in GoToWaypointRequest."""
+    dry_run: builtins.bool
+    """Only says what would happen."""
     def __init__(
         self,
         *,
@@ -1213,9 +1340,11 @@ class GoToWaypointGeoRequest(google.protobuf.message.Message):
         altitude_reference: Global___AltitudeReference.ValueType = ...,
         yaw_rad: builtins.float | None = ...,
         non_blocking: builtins.bool = ...,
+        max_speed_m_s: builtins.float = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_yaw_rad", b"_yaw_rad", "yaw_rad", b"yaw_rad"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_yaw_rad", b"_yaw_rad", "altitude_m", b"altitude_m", "altitude_reference", b"altitude_reference", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "non_blocking", b"non_blocking", "yaw_rad", b"yaw_rad"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_yaw_rad", b"_yaw_rad", "altitude_m", b"altitude_m", "altitude_reference", b"altitude_reference", "dry_run", b"dry_run", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "max_speed_m_s", b"max_speed_m_s", "non_blocking", b"non_blocking", "yaw_rad", b"yaw_rad"]) -> None: ...
     def WhichOneof(self, oneof_group: typing.Literal["_yaw_rad", b"_yaw_rad"]) -> typing.Literal["yaw_rad"] | None: ...
 
 Global___GoToWaypointGeoRequest: typing_extensions.TypeAlias = GoToWaypointGeoRequest
@@ -1225,17 +1354,57 @@ class GoToWaypointGeoResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
     @property
     def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
     def __init__(
         self,
         *,
         task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["task", b"task"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___GoToWaypointGeoResponse: typing_extensions.TypeAlias = GoToWaypointGeoResponse
+
+@typing.final
+class GeoWaypoint(google.protobuf.message.Message):
+    """A geographic position to fly to."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LATITUDE_DEG_FIELD_NUMBER: builtins.int
+    LONGITUDE_DEG_FIELD_NUMBER: builtins.int
+    ALTITUDE_M_FIELD_NUMBER: builtins.int
+    ALTITUDE_REFERENCE_FIELD_NUMBER: builtins.int
+    YAW_RAD_FIELD_NUMBER: builtins.int
+    latitude_deg: builtins.float
+    """-90 to 90."""
+    longitude_deg: builtins.float
+    """-180 to 180."""
+    altitude_m: builtins.float
+    altitude_reference: Global___AltitudeReference.ValueType
+    yaw_rad: builtins.float
+    """Heading, counter-clockwise from east (REP 103); keeps the heading when not set."""
+    def __init__(
+        self,
+        *,
+        latitude_deg: builtins.float = ...,
+        longitude_deg: builtins.float = ...,
+        altitude_m: builtins.float = ...,
+        altitude_reference: Global___AltitudeReference.ValueType = ...,
+        yaw_rad: builtins.float | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_yaw_rad", b"_yaw_rad", "yaw_rad", b"yaw_rad"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_yaw_rad", b"_yaw_rad", "altitude_m", b"altitude_m", "altitude_reference", b"altitude_reference", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "yaw_rad", b"yaw_rad"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_yaw_rad", b"_yaw_rad"]) -> typing.Literal["yaw_rad"] | None: ...
+
+Global___GeoWaypoint: typing_extensions.TypeAlias = GeoWaypoint
 
 @typing.final
 class FollowPathRequest(google.protobuf.message.Message):
@@ -1244,12 +1413,35 @@ class FollowPathRequest(google.protobuf.message.Message):
     WAYPOINTS_FIELD_NUMBER: builtins.int
     CORNER_RADIUS_M_FIELD_NUMBER: builtins.int
     NON_BLOCKING_FIELD_NUMBER: builtins.int
+    MAX_SPEED_M_S_FIELD_NUMBER: builtins.int
+    LEG_SPEEDS_M_S_FIELD_NUMBER: builtins.int
+    HEADING_FIELD_NUMBER: builtins.int
+    POINT_OF_INTEREST_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
+    GEO_WAYPOINTS_FIELD_NUMBER: builtins.int
     corner_radius_m: builtins.float
     """The path leaves and rejoins the straight legs at most this far from a corner; 0 stops at each waypoint."""
     non_blocking: builtins.bool
+    max_speed_m_s: builtins.float
+    """As in GoToWaypointRequest."""
+    heading: Global___PathHeading.ValueType
+    dry_run: builtins.bool
+    """Only says what would happen."""
     @property
     def waypoints(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___PoseStamped]:
-        """At least one."""
+        """At least one, or geo_waypoints."""
+
+    @property
+    def leg_speeds_m_s(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.float]:
+        """None, or one for each waypoint: at most so fast on the leg that ends there; 0: as max_speed_m_s says."""
+
+    @property
+    def point_of_interest(self) -> Global___PointStamped:
+        """Where the nose points, with PATH_HEADING_POINT_OF_INTEREST, and with that only."""
+
+    @property
+    def geo_waypoints(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___GeoWaypoint]:
+        """Instead of waypoints."""
 
     def __init__(
         self,
@@ -1257,8 +1449,15 @@ class FollowPathRequest(google.protobuf.message.Message):
         waypoints: collections.abc.Iterable[Global___PoseStamped] | None = ...,
         corner_radius_m: builtins.float = ...,
         non_blocking: builtins.bool = ...,
+        max_speed_m_s: builtins.float = ...,
+        leg_speeds_m_s: collections.abc.Iterable[builtins.float] | None = ...,
+        heading: Global___PathHeading.ValueType = ...,
+        point_of_interest: Global___PointStamped | None = ...,
+        dry_run: builtins.bool = ...,
+        geo_waypoints: collections.abc.Iterable[Global___GeoWaypoint] | None = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["corner_radius_m", b"corner_radius_m", "non_blocking", b"non_blocking", "waypoints", b"waypoints"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["point_of_interest", b"point_of_interest"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["corner_radius_m", b"corner_radius_m", "dry_run", b"dry_run", "geo_waypoints", b"geo_waypoints", "heading", b"heading", "leg_speeds_m_s", b"leg_speeds_m_s", "max_speed_m_s", b"max_speed_m_s", "non_blocking", b"non_blocking", "point_of_interest", b"point_of_interest", "waypoints", b"waypoints"]) -> None: ...
 
 Global___FollowPathRequest: typing_extensions.TypeAlias = FollowPathRequest
 
@@ -1267,15 +1466,21 @@ class FollowPathResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
     @property
     def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
     def __init__(
         self,
         *,
         task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["task", b"task"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___FollowPathResponse: typing_extensions.TypeAlias = FollowPathResponse
 
@@ -1284,15 +1489,19 @@ class SetPoseRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     POSE_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
+    dry_run: builtins.bool
+    """Only says what would happen."""
     @property
     def pose(self) -> Global___PoseStamped: ...
     def __init__(
         self,
         *,
         pose: Global___PoseStamped | None = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["pose", b"pose"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["pose", b"pose"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "pose", b"pose"]) -> None: ...
 
 Global___SetPoseRequest: typing_extensions.TypeAlias = SetPoseRequest
 
@@ -1300,9 +1509,18 @@ Global___SetPoseRequest: typing_extensions.TypeAlias = SetPoseRequest
 class SetPoseResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
+    PLAN_FIELD_NUMBER: builtins.int
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run."""
+
     def __init__(
         self,
+        *,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan"]) -> None: ...
 
 Global___SetPoseResponse: typing_extensions.TypeAlias = SetPoseResponse
 
@@ -1311,15 +1529,19 @@ class SetVelocityRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     VELOCITY_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
+    dry_run: builtins.bool
+    """Only says what would happen."""
     @property
     def velocity(self) -> Global___TwistStamped: ...
     def __init__(
         self,
         *,
         velocity: Global___TwistStamped | None = ...,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["velocity", b"velocity"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["velocity", b"velocity"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "velocity", b"velocity"]) -> None: ...
 
 Global___SetVelocityRequest: typing_extensions.TypeAlias = SetVelocityRequest
 
@@ -1327,9 +1549,18 @@ Global___SetVelocityRequest: typing_extensions.TypeAlias = SetVelocityRequest
 class SetVelocityResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
+    PLAN_FIELD_NUMBER: builtins.int
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run."""
+
     def __init__(
         self,
+        *,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan"]) -> None: ...
 
 Global___SetVelocityResponse: typing_extensions.TypeAlias = SetVelocityResponse
 
@@ -1379,9 +1610,15 @@ Global___StreamSetpointsResponse: typing_extensions.TypeAlias = StreamSetpointsR
 class RecoverFromManualRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
+    DRY_RUN_FIELD_NUMBER: builtins.int
+    dry_run: builtins.bool
+    """Only says what would happen."""
     def __init__(
         self,
+        *,
+        dry_run: builtins.bool = ...,
     ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run"]) -> None: ...
 
 Global___RecoverFromManualRequest: typing_extensions.TypeAlias = RecoverFromManualRequest
 
@@ -1389,9 +1626,18 @@ Global___RecoverFromManualRequest: typing_extensions.TypeAlias = RecoverFromManu
 class RecoverFromManualResponse(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
+    PLAN_FIELD_NUMBER: builtins.int
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run."""
+
     def __init__(
         self,
+        *,
+        plan: Global___Plan | None = ...,
     ) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan"]) -> None: ...
 
 Global___RecoverFromManualResponse: typing_extensions.TypeAlias = RecoverFromManualResponse
 

@@ -184,7 +184,9 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def AddFrame(self, request, context):
-        """Adds a frame, or moves one that was added before. The built-in frames, and those of the configuration, stay.
+        """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
+        built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
+        with it, within the limits.
         Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -238,7 +240,8 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def FollowPath(self, request, context):
-        """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each. Allowed in FLYING_AUTO.
+        """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each, at a speed for each leg.
+        Allowed in FLYING_AUTO.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

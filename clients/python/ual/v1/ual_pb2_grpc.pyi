@@ -21,6 +21,10 @@ flying command replaces a running task, which ends as ABORTED; take-off and land
 of a blocking GoToWaypoint, GoToWaypointGeo or FollowPath vanishes or its deadline passes, the task is cancelled and
 the UAV holds its position. If the safety pilot takes over, the running task ends as ABORTED at once.
 
+DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
+check of the request without it, and is refused with the same error; else its response has the `plan` of what would
+happen.
+
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
 `state` and what was needed:
 
@@ -599,7 +603,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """All frames with their parents."""
 
     AddFrame: _UalServiceAddFrameType
-    """Adds a frame, or moves one that was added before. The built-in frames, and those of the configuration, stay.
+    """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
+    built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
+    with it, within the limits.
     Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
     """
 
@@ -630,7 +636,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """TASK. As GoToWaypoint, to a geographic position. Allowed in FLYING_AUTO."""
 
     FollowPath: _UalServiceFollowPathType
-    """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each. Allowed in FLYING_AUTO."""
+    """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each, at a speed for each leg.
+    Allowed in FLYING_AUTO.
+    """
 
     SetPose: _UalServiceSetPoseType
     """A pose reference, given to the autopilot as it is, without a trajectory. Allowed in FLYING_AUTO. Returns at once;
@@ -804,7 +812,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.AddFrameRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.AddFrameResponse, collections.abc.Awaitable[ual.v1.ual_pb2.AddFrameResponse]]:
-        """Adds a frame, or moves one that was added before. The built-in frames, and those of the configuration, stay.
+        """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
+        built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
+        with it, within the limits.
         Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
         """
 
@@ -870,7 +880,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.FollowPathRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.FollowPathResponse, collections.abc.Awaitable[ual.v1.ual_pb2.FollowPathResponse]]:
-        """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each. Allowed in FLYING_AUTO."""
+        """TASK. Flies through waypoints, rounding the corners within a radius or stopping at each, at a speed for each leg.
+        Allowed in FLYING_AUTO.
+        """
 
     @abc.abstractmethod
     def SetPose(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.strategies import ANGLES, vectors
 from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
+from tests.ual_daemon.stepped import stepped
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError, WrongStateError
 from ual.geometry import Vector3
 from ual_daemon.backends.light.world import SETPOINT_TIMEOUT_S, STEP_S, FlightMode
@@ -294,19 +295,19 @@ def test_an_empty_battery_does_not_arm() -> None:
 
 
 def test_gps_and_local_frame_agree() -> None:
-    drone = Drone(origin_geo=[52.0, 4.0, 30.0], geoid_separation_m=40.0)
-    drone.fly()
-    drone.run(10.0, hold(3.0, 4.0, 5.0))
-    snapshot = drone.backend.snapshot()
-    geo = snapshot.position_geo
-    assert geo is not None
-    assert snapshot.projection is not None
-    assert geo.altitude_amsl_m is not None
-    assert geo.altitude_amsl_m == pytest.approx(35.0, abs=0.01)
-    assert geo.altitude_home_m == pytest.approx(5.0, abs=0.01)
-    assert geo.altitude_ellipsoid_m == pytest.approx(75.0, abs=0.01)
-    local = snapshot.projection.to_local(geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m)
-    assert (local - drone.pose.position).norm() < 1e-6
+    light = {"start": [3.0, 4.0, 0.0], "origin_geo": [52.0, 4.0, 30.0], "geoid_separation_m": 40.0}
+    with stepped(light=light) as uav:
+        uav.fly(5.0)
+        uav.run(5.0)
+        geo, projection = uav.vehicle.telemetry().position_geo, uav.vehicle.backend.snapshot().projection
+        assert geo is not None
+        assert projection is not None
+        assert geo.altitude_amsl_m == pytest.approx(35.0, abs=0.01)
+        assert geo.altitude_home_m == pytest.approx(5.0, abs=0.01)
+        assert geo.altitude_ellipsoid_m == pytest.approx(75.0, abs=0.01)
+        local = projection.to_local(geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m or 0.0)
+        assert (local - uav.pose.position).norm() < 1e-6
+        assert tuple(local) == pytest.approx((3.0, 4.0, 5.0), abs=0.01)
 
 
 # --- The safety pilot -------------------------------------------------------------------------------------------------

@@ -1,20 +1,24 @@
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, position
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.ardupilot import LONGEST_LEAD_S, ArduCopter, velocity_lead
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.vehicle import SILENCE_S
 from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.geodesy import FlatProjection
 
 COPTER = ArduCopter()
-GUIDED, LOITER, LAND, BRAKE = 4, 5, 9, 17
+GUIDED, LOITER, RTL, LAND, BRAKE = 4, 5, 6, 9, 17
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE, TAKE_OFF = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_TAKEOFF
 ACCEPTED, FAILED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_FAILED
 
@@ -92,6 +96,52 @@ def test_a_position_setpoint_has_all_but_the_acceleration_which_would_go_on_when
     assert (sent.yaw, sent.yaw_rate) == pytest.approx((math.pi / 2, -0.5))
 
 
+SHAPING = {
+    "WPNAV_SPEED": 1000.0,
+    "WPNAV_SPEED_UP": 250.0,
+    "WPNAV_SPEED_DN": 150.0,
+    "WPNAV_ACCEL": 250.0,
+    "WPNAV_ACCEL_Z": 100.0,
+    "PSC_JERK_XY": 5.0,
+    "PSC_JERK_Z": 5.0,
+}
+numbers = st.floats(-20.0, 20.0)
+
+
+def lead(velocity: Vector3, acceleration: Vector3, parameters: Mapping[str, float] = SHAPING) -> Vector3:
+    return velocity_lead(PositionSetpoint(Vector3(), 0.0, velocity, acceleration), parameters)
+
+
+def test_the_velocity_leads_by_what_its_shaping_takes_for_the_acceleration() -> None:
+    led = lead(Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
+    assert led == pytest.approx(Vector3(3.5, -0.5, 1.1))
+    sent = COPTER.setpoint(PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), 1, 0, SHAPING)
+    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.5, 3.5, -1.1))
+
+
+def test_at_rest_nothing_leads() -> None:
+    assert lead(Vector3(), Vector3()) == Vector3()
+
+
+@given(st.builds(Vector3, numbers, numbers, numbers), st.builds(Vector3, numbers, numbers, numbers))
+def test_the_lead_never_exceeds_its_speed_limits_unless_the_reference_does(v: Vector3, a: Vector3) -> None:
+    led = lead(v, a)
+    assert led.horizontal_norm() <= max(10.0, v.horizontal_norm()) + 1e-9
+    assert min(-1.5, v.z) - 1e-9 <= led.z <= max(2.5, v.z) + 1e-9
+
+
+@given(st.builds(Vector3, numbers, numbers, numbers), st.builds(Vector3, numbers, numbers, numbers))
+def test_the_lead_is_bounded_where_its_jerk_limit_is_low(v: Vector3, a: Vector3) -> None:
+    led = lead(v, a, SHAPING | {"PSC_JERK_XY": 0.5, "PSC_JERK_Z": 0.5, "WPNAV_SPEED": 1e6})
+    assert (led - v).horizontal_norm() <= LONGEST_LEAD_S * a.horizontal_norm() + 1e-9
+
+
+@pytest.mark.parametrize("missing", ["WPNAV_ACCEL", "PSC_JERK_XY"])
+def test_what_is_not_known_leads_by_nothing(missing: str) -> None:
+    known = {name: value for name, value in SHAPING.items() if name != missing}
+    assert lead(Vector3(3.0, 0.0, 0.0), Vector3(1.0, 0.0, 0.0), known) == Vector3(3.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(("home_amsl_m", "above_home_m"), [(488.0, 3.2), (488.2, 3.0), (487.5, 3.7)])
 def test_the_height_of_a_take_off_is_above_where_it_stands_not_above_home(
     home_amsl_m: float, above_home_m: float
@@ -159,18 +209,41 @@ def test_limits_are_its_parameters_in_other_units() -> None:
         "WPNAV_ACCEL": 250.0,
         "WPNAV_ACCEL_Z": 100.0,
         "ATC_SLEW_YAW": 6000.0,
+        "PSC_JERK_XY": 5.0,
+        "PSC_JERK_Z": 5.0,
         "SIM_SPEEDUP": 1.0,
     }
     assert set(read) == set(COPTER.parameters)
-    assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.5, 0.6, math.radians(60.0))  # it needs some to catch up by
+    assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.25, 0.5, math.radians(60.0))  # it needs some to catch up by
     assert COPTER.limits(dict.fromkeys(read, 0.0)) == Limits()
 
 
-def test_a_parameter_of_the_simulator_tells_that_it_is_one() -> None:
+def version(board_type: int = 0, usb: tuple[int, int] = (0, 0)) -> Any:
+    """Its AUTOPILOT_VERSION; a simulator has no board."""
+    nothing = [0] * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        64495, 0x040603FF, 0, 0, board_type << 16, nothing, nothing, nothing, *usb, 0
+    )
+
+
+def test_a_parameter_of_the_simulator_and_no_board_tell_that_it_is_one() -> None:
     talk = met()
+    assert talk.vehicle.reality().is_simulated is None
+    talk.hear(version())
+    assert talk.vehicle.reality().is_simulated is None
     assert talk.vehicle.info().is_simulation is False
     talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", -1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert talk.vehicle.reality().is_simulated is True
     assert talk.vehicle.info().is_simulation is True
+
+
+@pytest.mark.parametrize(("board_type", "usb"), [(50, (0, 0)), (0, (0x1209, 0x5740))])
+def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, usb: tuple[int, int]) -> None:
+    talk = met()
+    talk.hear(version(board_type, usb))
+    talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", 1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert talk.vehicle.reality().is_simulated is False
+    assert "flight controller" in talk.vehicle.reality().why
 
 
 @pytest.mark.parametrize(
@@ -209,31 +282,48 @@ def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_notice
         for _ in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
             talk.hear(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
     talk.hear(attitude(), position(talk.now_s))
-    talk.run(1.0)
-    assert talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL) == []
-    while talk.now_s < 2.0 + SILENCE_S:
-        talk.run(0.5)
+    streamed_s = talk.now_s
+    talk.link.sent.clear()
+    while talk.now_s < streamed_s + SILENCE_S + 0.5:
+        talk.run(0.1)
         talk.hear(beat())  # the only thing it sends unasked
-    assert talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+    asked = {sent.param1 for sent in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}
+    assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked  # though this one does flow: it is a new meeting
 
 
-def test_after_a_landing_of_ours_it_is_left_in_a_mode_in_which_it_can_be_armed() -> None:
+@pytest.mark.parametrize("mode", [LAND, BRAKE, RTL])
+def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_armed_and_not_before(mode: int) -> None:
     talk = met(GUIDED, armed=True)
     talk.setpoints_s = 1.0
     talk.run(0.1)
     talk.setpoints_s = 0.0
-    talk.hear(beat(LAND, armed=True))
-    talk.run(1.0)
+    talk.hear(beat(mode, armed=True), beat(mode))
+    talk.run(5.0)
     assert talk.commands(SET_MODE) == []
-    talk.hear(beat(LAND))
-    talk.run(0.1)
-    (mode,) = talk.commands(SET_MODE)
-    assert mode.param2 == LOITER
+    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
+    assert [sent.param2 for sent in talk.commands(SET_MODE)] == [GUIDED]
+    talk.hear(ack(SET_MODE, ACCEPTED))
+    assert len(talk.commands(ARM)) == 1
 
 
-def test_after_a_landing_of_the_pilots_nothing_is_changed() -> None:
-    talk = met(LAND, armed=True)
+@pytest.mark.parametrize("mode", [LOITER, GUIDED, 0, 3])
+def test_a_mode_in_which_it_may_be_armed_is_the_pilots_choice(mode: int) -> None:
+    talk = met(mode)
+    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
+    (sent,) = [message for message in talk.link.take("COMMAND_LONG") if message.command in (ARM, SET_MODE)]
+    assert sent.command == ARM
+
+
+def test_a_take_off_that_has_begun_is_believed_over_the_refusal_of_its_repetition() -> None:
+    talk = met(armed=True)
+    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
+    talk.run(0.05)
+    talk.hear(beat(GUIDED, armed=True))  # the acknowledgements of both commands are lost
+    talk.run(0.3)
+    assert len(talk.commands(TAKE_OFF)) == 2
+    talk.hear(ack(TAKE_OFF, FAILED))
     talk.run(0.1)
-    talk.hear(beat(LAND))
-    talk.run(1.0)
-    assert talk.commands(SET_MODE) == []
+    assert not done.done()
+    talk.hear(mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_TAKEOFF))
+    talk.run(0.05)
+    assert done.result(0) is None

@@ -5,14 +5,26 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import Talk as AnyTalk
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
 from ual.errors import RejectedByAutopilotError
-from ual_daemon.backends.mavlink.commands import Command, request_message
+from ual_daemon.backends.mavlink.commands import (
+    EFFECT_S,
+    EXPLAIN_S,
+    REQUEST_RESEND_S,
+    REQUEST_SENDS_COUNT,
+    RESEND_S,
+    SENDS_COUNT,
+    Command,
+    request_message,
+)
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.manoeuvres import COMMAND_PATIENCE_S
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 LAND = mavlink.MAV_CMD_NAV_LAND
+OFFBOARD, LANDING = 6 << 16, 4 << 16 | 6 << 24
+LOITER = (4.0, 3.0)
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 IN_PROGRESS = mavlink.MAV_RESULT_IN_PROGRESS
@@ -32,7 +44,7 @@ class Talk(AnyTalk):
 
 def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement() -> None:
     talk = Talk()
-    future = talk.submit(PX4.arm(is_arming=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
     (sent,) = talk.commands(ARM)
     assert (sent.target_system, sent.target_component, sent.confirmation) == (1, 1, 0)
     assert (sent.param1, sent.param2) == (1.0, 0.0)
@@ -43,22 +55,100 @@ def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement() -> 
 
 def test_disarming_is_never_forced() -> None:
     talk = Talk()
-    talk.submit(PX4.arm(is_arming=False))
+    talk.submit(PX4.disarm())
     (sent,) = talk.commands(ARM)
     assert [getattr(sent, f"param{i}") for i in range(1, 8)] == [0.0] * 7
 
 
 def test_an_unanswered_command_is_sent_again_counting_and_then_left_open() -> None:
     talk = Talk()
-    future = talk.submit(PX4.arm(is_arming=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
     talk.run(10.0)
-    assert [sent.confirmation for sent in talk.commands(ARM)] == [0, 1, 2, 3]
+    assert [sent.confirmation for sent in talk.commands(ARM)] == list(range(SENDS_COUNT))
     assert not future.done()
+
+
+def test_a_command_gets_through_a_link_that_loses_and_damages_messages_while_its_effect_is_waited_for() -> None:
+    arrives = (1.0 - 0.3) * (1.0 - 0.1)  # of the messages, each way
+    fails = (1.0 - arrives**2) ** SENDS_COUNT
+    assert fails < 1e-4
+    assert SENDS_COUNT * RESEND_S <= COMMAND_PATIENCE_S
+    assert RESEND_S > 0.2  # slower than the answer comes by a radio with its jitter
+
+
+def test_what_is_only_asked_for_gives_way_to_the_next_such_request_sooner() -> None:
+    talk = Talk()
+    talk.submit(request_message(49))
+    talk.submit(request_message(242))
+    asked: list[float] = []
+    for _ in range(8):
+        talk.run(REQUEST_RESEND_S)
+        requests = talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE)
+        asked += [sent.param1 for sent in requests if sent.param1 in (49.0, 242.0)]
+    assert asked[:REQUEST_SENDS_COUNT] == [49.0] * REQUEST_SENDS_COUNT
+    assert asked[REQUEST_SENDS_COUNT] == 242.0
+
+
+def test_the_effect_of_a_command_ends_it_without_any_acknowledgement() -> None:
+    talk = Talk()
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
+    talk.run(0.6)
+    assert len(talk.commands(ARM)) == 3
+    talk.hear(heartbeat(armed=True))
+    talk.run(0.05)
+    assert future.result(0) is None
+    talk.run(5.0)
+    assert talk.commands(ARM) == []
+
+
+def test_what_was_so_before_the_command_is_not_its_effect() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(armed=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
+    talk.run(0.2)
+    assert not future.done()
+
+
+@pytest.mark.parametrize("is_before", [True, False])
+def test_the_refusal_of_a_repetition_does_not_count_where_the_first_was_obeyed(is_before: bool) -> None:
+    talk = Talk()
+    future = talk.submit(PX4.disarm())
+    talk.run(0.3)
+    assert len(talk.commands(ARM)) == 2
+    if is_before:
+        talk.hear(heartbeat(armed=False), ack(ARM, REJECTED))
+    else:
+        talk.hear(ack(ARM, REJECTED))
+        talk.run(0.5)
+        assert not future.done()
+        talk.hear(heartbeat(armed=False))
+    talk.run(0.05)
+    assert future.result(0) is None
+
+
+def test_the_refusal_of_a_repetition_counts_where_no_effect_follows() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(armed=False))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
+    talk.run(0.3)
+    talk.hear(ack(ARM, REJECTED))
+    talk.run(EFFECT_S + 0.1)
+    assert "TEMPORARILY_REJECTED" in str(future.exception(0))
+
+
+def test_while_an_answer_is_late_the_vehicle_is_looked_at_often() -> None:
+    talk = Talk()
+    talk.hear(*ANSWERS)
+    talk.run(0.5)
+    talk.submit(PX4.arm(Snapshot(0.0)))
+    talk.link.sent.clear()
+    talk.run(1.0)
+    assert 8 <= _heartbeats_asked(talk) <= 10
 
 
 def test_a_late_acknowledgement_still_counts() -> None:
     talk = Talk()
-    future = talk.submit(PX4.arm(is_arming=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
     talk.run(1.2)
     talk.hear(ack(ARM, ACCEPTED))
     talk.link.sent.clear()
@@ -70,19 +160,19 @@ def test_a_late_acknowledgement_still_counts() -> None:
 @pytest.mark.parametrize("answer", [ack(LAND, ACCEPTED), ack(ARM, ACCEPTED, (1, 190)), ack(ARM, ACCEPTED, (255, 191))])
 def test_an_acknowledgement_of_another_command_or_to_somebody_else_is_not_ours(answer: Message) -> None:
     talk = Talk()
-    future = talk.submit(PX4.arm(is_arming=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
     talk.hear(answer)
     assert not future.done()
 
 
 def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() -> None:
     talk = Talk()
-    future = talk.submit(PX4.arm(is_arming=True))
+    future = talk.submit(PX4.arm(Snapshot(0.0)))
     talk.hear(mavlink.MAVLink_statustext_message(2, b"Arming denied: no battery", 0, 0))
     talk.hear(ack(ARM, REJECTED))
     assert not future.done()
     talk.hear(mavlink.MAVLink_statustext_message(2, b"Resolve failures first", 0, 0))
-    talk.run(0.15)
+    talk.run(EXPLAIN_S + 0.05)
     error = future.exception(0)
     assert isinstance(error, RejectedByAutopilotError)
     assert str(error) == (
@@ -170,7 +260,7 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() 
     talk.hear(*ANSWERS)
     talk.run(2.0)
     talk.link.sent.clear()
-    talk.submit(PX4.arm(is_arming=True))
+    talk.submit(PX4.arm(Snapshot(0.0)))
     talk.hear(ack(ARM, ACCEPTED))
     talk.run(0.05)
     assert _heartbeats_asked(talk) == 1
@@ -180,32 +270,44 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() 
     assert _heartbeats_asked(talk) == 1
 
 
-def test_after_a_flight_of_ours_px4_is_left_in_a_mode_in_which_it_can_be_armed() -> None:
+@pytest.mark.parametrize("mode", [OFFBOARD, LANDING])
+def test_after_a_flight_of_ours_no_mode_is_changed_until_somebody_asks_to_arm(mode: int) -> None:
     talk = Talk()
-    offboard, landing = 6 << 16, 4 << 16 | 6 << 24
-    talk.hear(heartbeat(offboard, armed=True))
+    talk.hear(heartbeat(OFFBOARD, armed=True))
     talk.setpoints_s = 1.0
     talk.run(1.0)
     talk.setpoints_s = 0.0
-    talk.hear(heartbeat(landing, armed=True))
-    talk.run(1.0)
+    talk.hear(heartbeat(LANDING, armed=True), heartbeat(mode))
+    talk.run(10.0)
     assert talk.commands(SET_MODE) == []
-    talk.hear(heartbeat(offboard))
-    talk.run(0.05)
-    assert [(sent.param2, sent.param3) for sent in talk.commands(SET_MODE)] == [(4.0, 3.0)]
-    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED), heartbeat(offboard))
-    talk.run(10.0)  # once only
-    assert talk.commands(SET_MODE) == []
+    talk.hear(heartbeat(mode))
+    future = talk.submit(PX4.arm(talk.snapshot()))
+    assert [(sent.param2, sent.param3) for sent in talk.commands(SET_MODE)] == [LOITER]
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
+    assert len(talk.commands(ARM)) == 1
+    assert not future.done()
+    talk.hear(ack(ARM, ACCEPTED))
+    assert future.result(0) is None
 
 
-def test_the_mode_in_which_somebody_else_leaves_px4_is_not_ours_to_change() -> None:
+@pytest.mark.parametrize("mode", [3 << 16, 4 << 16 | 3 << 24, 1 << 16])
+def test_in_a_mode_in_which_it_can_be_armed_px4_is_armed_as_it_is(mode: int) -> None:
     talk = Talk()
-    offboard = 6 << 16
-    talk.hear(heartbeat(offboard, armed=True))
-    talk.run(1.0)
-    talk.hear(heartbeat(offboard))
-    talk.run(5.0)
-    assert talk.commands(SET_MODE) == []
+    talk.hear(heartbeat(mode))
+    talk.submit(PX4.arm(talk.snapshot()))
+    talk.run(0.1)
+    assert len(talk.commands(ARM)) == 1
+    assert PX4.arm(talk.snapshot()).then is None
+
+
+def test_where_the_mode_cannot_be_left_nothing_is_armed_and_the_error_says_so() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(OFFBOARD))
+    future = talk.submit(PX4.arm(talk.snapshot()))
+    talk.hear(ack(SET_MODE, REJECTED))
+    talk.run(0.2)
+    assert str(future.exception(0)) == "PX4 refused to leave OFFBOARD, to be armed: TEMPORARILY_REJECTED"
+    assert talk.commands(ARM) == []
 
 
 EVENT = b"\xfd\x01\x00\x00\x00\x01\x01" + (410).to_bytes(3, "little") + b"\x00\x48\xf5"
@@ -223,9 +325,9 @@ def _heartbeats_asked(talk: Talk) -> int:
 def test_a_withdrawn_command_is_not_sent_again() -> None:
     talk = Talk()
     is_withdrawn = False
-    future = talk.vehicle.submit(PX4.arm(is_arming=True), talk.now_s, lambda: is_withdrawn)
+    future = talk.vehicle.submit(PX4.arm(Snapshot(0.0)), talk.now_s, lambda: is_withdrawn)
     talk.run(0.6)
-    assert len(talk.commands(ARM)) == 2
+    assert len(talk.commands(ARM)) == 3
     is_withdrawn = True
     talk.run(5.0)
     assert talk.commands(ARM) == []
@@ -237,3 +339,12 @@ def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent() -> None:
     talk.vehicle.submit(PX4.take_control(), talk.now_s, lambda: True)
     talk.run(10.0)
     assert talk.commands(SET_MODE) == []
+
+
+def test_a_command_withdrawn_before_its_turn_is_not_sent_and_replaces_none() -> None:
+    talk = Talk()
+    holding = talk.submit(PX4.hold())
+    talk.vehicle.submit(PX4.land(), talk.now_s, lambda: True)
+    assert talk.commands(LAND) == []
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
+    assert holding.done()

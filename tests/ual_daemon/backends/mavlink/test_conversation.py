@@ -1,4 +1,6 @@
+import itertools
 import math
+from typing import Any
 
 import pytest
 
@@ -148,6 +150,15 @@ def test_the_stamp_is_when_the_autopilot_measured() -> None:
     assert talk.snapshot().stamp_s == pytest.approx(UTC_S + 0.2)
 
 
+def test_a_pose_that_is_not_renewed_keeps_its_stamp() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(), attitude(), position(0.0))
+    talk.now_s = 1.0
+    talk.hear(position(1.0))  # without an attitude it is no pose
+    assert talk.snapshot().pose.time_s == 0.0
+    assert talk.snapshot().stamp_s == pytest.approx(UTC_S)
+
+
 def test_an_autopilot_that_says_everything_is_ready() -> None:
     talk = Talk()
     talk.hear(heartbeat())
@@ -266,6 +277,41 @@ def test_a_long_status_text_is_put_together() -> None:
     assert talk.snapshot().status_text == "new"
 
 
+def _heard_out_of_order(talk: Talk, earlier: Any, later: Any) -> None:
+    first, second = talk.pack(earlier), talk.pack(later)
+    talk.hear(data=second)
+    talk.now_s += 0.1
+    talk.hear(data=first)
+
+
+def test_a_message_that_comes_late_does_not_bring_the_past_back() -> None:
+    talk = Talk()
+    offboard, landing = 6 << 16, 4 << 16 | 6 << 24
+    talk.hear(heartbeat(offboard, armed=True))
+    _heard_out_of_order(talk, heartbeat(offboard, armed=True), heartbeat(landing, armed=False))
+    assert talk.snapshot().mode.value.name == "AUTO.LAND"
+    assert talk.snapshot().armed.value is False
+    mode = mavlink.MAVLink_current_mode_message
+    _heard_out_of_order(talk, mode(0, landing, 0), heartbeat(offboard, armed=True))  # whichever message told it
+    assert talk.snapshot().mode.value.name == "OFFBOARD"
+    said = mavlink.MAVLink_extended_sys_state_message
+    _heard_out_of_order(talk, said(0, mavlink.MAV_LANDED_STATE_IN_AIR), said(0, mavlink.MAV_LANDED_STATE_ON_GROUND))
+    assert talk.snapshot().landed.value is LandedState.ON_GROUND
+    talk.hear(attitude())
+    _heard_out_of_order(talk, position(1.0, north=1.0), position(1.02, north=2.0))
+    assert talk.snapshot().pose.value.position.y == 2.0
+
+
+def test_numbers_that_begin_anew_are_believed_after_a_moment() -> None:
+    talk = Talk()
+    for _ in range(5):
+        talk.hear(heartbeat(armed=True))
+    talk.pack = packer()  # another boot, say
+    talk.run(0.3)
+    talk.hear(heartbeat(armed=False))
+    assert talk.snapshot().armed.value is False
+
+
 def test_a_landed_state_that_is_not_known_is_unknown() -> None:
     talk = Talk()
     talk.hear(heartbeat(), mavlink.MAVLink_extended_sys_state_message(0, 77))
@@ -275,7 +321,7 @@ def test_a_landed_state_that_is_not_known_is_unknown() -> None:
 # --- What it asks -----------------------------------------------------------------------------------------------------
 
 INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
-STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 200_000.0, 31: 20_000.0, 32: 20_000.0}
+STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 100_000.0, 31: 20_000.0, 32: 20_000.0}
 
 
 def _asked_streams(talk: Talk, *, until_s: float) -> dict[int, float]:
@@ -289,14 +335,58 @@ def _asked_streams(talk: Talk, *, until_s: float) -> dict[int, float]:
     return asked
 
 
-def test_streams_are_asked_for_until_each_is_acknowledged() -> None:
+def _turned(now_s: float) -> Any:
+    message = attitude()
+    message.time_boot_ms += int(now_s * 1000)
+    return message
+
+
+def _stream(talk: Talk, *, until_s: float, without: int = 0) -> set[float]:
+    """It sends what it was asked for, a third of it at that: the link is bad. What it is asked meanwhile."""
+    asked: set[float] = set()
+    while talk.now_s < until_s:
+        talk.run(0.15)
+        said = [
+            mavlink.MAVLink_current_mode_message(0, 0x03040000, 0),
+            mavlink.MAVLink_extended_sys_state_message(0, 1),
+            mavlink.MAVLink_estimator_status_message(0, 0x37F, *[0.0] * 8),
+            *[_turned(talk.now_s), position(talk.now_s)] * 3,
+        ]
+        for sent in talk.commands(INTERVAL):
+            asked.add(sent.param1)
+            said.append(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
+        talk.hear(*[message for message in said if message.get_msgId() != without])
+    return asked
+
+
+def test_streams_are_asked_for_until_each_is_acknowledged_and_flows() -> None:
     talk = Talk()
     talk.hear(heartbeat())
     talk.run(30.0)  # nobody answers
     talk.link.sent.clear()
     assert _asked_streams(talk, until_s=45.0) == STREAMS
-    talk.run(30.0)
-    assert talk.commands(INTERVAL) == []
+    _stream(talk, until_s=60.0)
+    assert _stream(talk, until_s=90.0) == set()
+
+
+def test_a_stream_that_does_not_flow_is_asked_for_again_though_it_was_acknowledged() -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    assert _asked_streams(talk, until_s=2.0) == STREAMS  # by the acknowledgement of another, for all we know
+    _stream(talk, until_s=4.0, without=245)
+    assert _stream(talk, until_s=6.0, without=245) == {245.0}
+
+
+def test_a_stream_that_it_refuses_is_not_asked_for_again() -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    asked_count = 0
+    for _ in range(400):
+        talk.run(0.05)
+        for _ in talk.commands(INTERVAL):
+            asked_count += 1
+            talk.hear(ack(INTERVAL, mavlink.MAV_RESULT_UNSUPPORTED))
+    assert asked_count == len(STREAMS)
 
 
 def test_what_is_sent_only_on_request_is_requested_until_it_comes() -> None:
@@ -327,12 +417,31 @@ def test_limits_come_from_parameters_that_are_read_until_they_are_known() -> Non
     assert limits.yaw_rate_rad_s == pytest.approx(math.pi / 2)
 
 
+def test_a_parameter_that_it_does_not_have_is_asked_for_ever_more_rarely() -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    asked_s: list[float] = []
+    while talk.now_s < 3600.0:
+        talk.run(0.5, 0.5)
+        asked = [message.param_id for message in talk.link.take("PARAM_REQUEST_READ")]
+        asked_s += [talk.now_s] * asked.count("MPC_XY_VEL_MAX")
+    assert 8 <= len(asked_s) <= 17
+    pauses_s = [later - earlier for earlier, later in itertools.pairwise(asked_s)]
+    assert pauses_s == sorted(pauses_s)
+    assert pauses_s[-1] > 600.0
+
+
 def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten() -> None:
     talk = Talk()
     talk.hear(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
     assert _asked_streams(talk, until_s=10.0) == STREAMS
-    talk.hear(mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0))
+    talk.hear(
+        mavlink.MAVLink_attitude_quaternion_message(BOOT_MS // 10, 1, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0),
+    )
     assert talk.snapshot().projection is None
+    assert talk.snapshot().stamp_s == pytest.approx(UTC_S + talk.now_s)
+    assert talk.supervision.reboots_count == 1
     assert _asked_streams(talk, until_s=20.0) == STREAMS
 
 

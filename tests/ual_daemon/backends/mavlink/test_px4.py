@@ -2,14 +2,16 @@ import math
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.dialect import Dialect, Unknown, version_text
-from ual_daemon.backends.mavlink.messages import Message, mavlink
-from ual_daemon.backends.mavlink.px4 import Px4
+from ual_daemon.backends.mavlink.messages import Message, TargetMessage, mavlink
+from ual_daemon.backends.mavlink.px4 import ACCELERATION_SHARE, Px4
 from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint
 
 PX4 = Px4()
@@ -62,6 +64,19 @@ def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, -0.5)
 
 
+@given(
+    st.lists(st.sampled_from([0.0, -0.0, 1.0]) | st.floats(width=32), min_size=11, max_size=11),
+    st.integers(0, 0xFFFFFFFF),
+    st.integers(0, 255),
+)
+def test_setpoints_are_framed_as_pymavlink_frames_them(values: list[float], time_ms: int, sequence: int) -> None:
+    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=191)
+    sender.seq = sequence
+    fields = (time_ms, 7, 1, 1, 0b110111111000, *values)
+    theirs = mavlink.MAVLink_set_position_target_local_ned_message(*fields).pack(sender)
+    assert TargetMessage(*fields).pack(sender) == theirs
+
+
 def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
     assert PX4.limits({}) == Limits()
     read = {
@@ -74,7 +89,9 @@ def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
         "MPC_YAWRAUTO_MAX": 180.0,
     }
     assert set(read) == set(PX4.parameters)
-    assert PX4.limits(read) == Limits(12.0, 3.0, 1.5, 3.0, 2.5, math.radians(180.0))
+    assert PX4.limits(read) == Limits(
+        12.0, 3.0, 1.5, 3.0 * ACCELERATION_SHARE, 2.5 * ACCELERATION_SHARE, math.radians(180.0)
+    )
 
 
 def test_a_limit_of_zero_or_less_is_none() -> None:
@@ -128,7 +145,8 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
 @pytest.mark.parametrize(
     "fly",
     [
-        lambda dialect: dialect.arm(is_arming=True),
+        lambda dialect: dialect.arm(Snapshot(0.0)),
+        lambda dialect: dialect.disarm(),
         lambda dialect: dialect.take_off(3.0, Snapshot(0.0)),
         lambda dialect: dialect.land(),
         lambda dialect: dialect.take_control(),

@@ -12,8 +12,11 @@ from ual_daemon.estimator import estimate
 from ual_daemon.geodesy import FlatProjection, SphereProjection
 
 TICK_S = 0.02
+SOON_S = 0.3
+"""How late a change may be that the stream shows early: PX4 tells of arming by an event."""
 HEARTBEAT_S = 1.1
-"""How late armed and mode may be: nobody was there to ask the recorded PX4 for more than a heartbeat a second."""
+"""How late what only a heartbeat tells may be: nobody was there to ask the recorded autopilots for more than one a
+second."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def test_an_automatic_flight_that_ends_in_a_return() -> None:
         [
             (State.UNINITIALIZED, 0.0, 0.0),
             (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
-            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.LANDED_ARMED, armed_s, armed_s + SOON_S),
             (State.TAKING_OFF, armed_s + 1.0, lift_off_s),
             # the recorder saw it in a heartbeat, CURRENT_MODE says it before
             (State.FLYING_MANUAL, at("autopilot_loiters") - HEARTBEAT_S, at("autopilot_loiters") + 0.1),
@@ -90,7 +93,7 @@ def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
         [
             (State.UNINITIALIZED, 0.0, 0.0),
             (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
-            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.LANDED_ARMED, armed_s, armed_s + SOON_S),
             # PX4 says that it is in the air before it has left the ground
             (State.FLYING_AUTO, armed_s + 1.0, at("truth_lift_off")),
             (State.FLYING_MANUAL, at(taken), at(taken) + mode_s),
@@ -117,7 +120,7 @@ def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
         [
             (State.UNINITIALIZED, 0.0, 0.0),
             (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + 0.1),
-            (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
+            (State.LANDED_ARMED, armed_s, armed_s + SOON_S),
             (State.FLYING_AUTO, armed_s + 1.0, at("companion_ends_takeoff")),
             (State.FLYING_MANUAL, lost_s, lost_s + 6.0),  # the failsafe's mode comes before the estimator's word
             (State.UNINITIALIZED, lost_s, lost_s + 6.0),
@@ -134,22 +137,21 @@ def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
     changes, talk = fly(trace)
     at = trace.time_s
     armed_s, landed_s, disarmed_s = at("pilot_arms"), at("autopilot_reports_on_ground"), at("autopilot_disarmed")
-    soon_s = 0.3
     assert_changes(
         changes,
         [
             (State.UNINITIALIZED, 0.0, 0.0),
-            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + soon_s),
+            (State.LANDED_DISARMED, at("first_heartbeat"), at("estimator_converged") + SOON_S),
             # arming pushes no heartbeat, and the recorded one was at 1 Hz
             (State.LANDED_ARMED, armed_s, armed_s + HEARTBEAT_S),
-            (State.TAKING_OFF, at("companion_begins_takeoff"), at("lift_off") + soon_s),
-            (State.FLYING_AUTO, at("companion_ends_takeoff") - soon_s, at("companion_ends_takeoff") + soon_s),
+            (State.TAKING_OFF, at("companion_begins_takeoff"), at("lift_off") + SOON_S),
+            (State.FLYING_AUTO, at("companion_ends_takeoff") - SOON_S, at("companion_ends_takeoff") + SOON_S),
             # the recorder noted the switch; the autopilot took it 0.2 s later
-            (State.FLYING_MANUAL, at("pilot_switches_to_loiter"), at("pilot_switches_to_loiter") + soon_s),
-            (State.FLYING_AUTO, at("companion_recovers_from_manual"), at("companion_recovers_from_manual") + soon_s),
-            (State.LANDING, at("companion_begins_landing"), at("companion_begins_landing") + soon_s),
-            (State.LANDED_ARMED, landed_s - soon_s, landed_s + soon_s),
-            (State.LANDED_DISARMED, disarmed_s - soon_s, disarmed_s + soon_s),
+            (State.FLYING_MANUAL, at("pilot_switches_to_loiter"), at("pilot_switches_to_loiter") + SOON_S),
+            (State.FLYING_AUTO, at("companion_recovers_from_manual"), at("companion_recovers_from_manual") + SOON_S),
+            (State.LANDING, at("companion_begins_landing"), at("companion_begins_landing") + SOON_S),
+            (State.LANDED_ARMED, landed_s - SOON_S, landed_s + SOON_S),
+            (State.LANDED_DISARMED, disarmed_s - SOON_S, disarmed_s + SOON_S),
         ],
     )
     assert changes[3].why == "the autopilot takes off (mode GUIDED)"

@@ -1,8 +1,6 @@
 import random
 from collections.abc import Callable
 
-import pytest
-
 from ual_daemon.backends.mavlink.stamps import StampFilter
 
 UTC_S = 1.8e9
@@ -41,12 +39,6 @@ def test_jitter_of_the_link_is_taken_out() -> None:
 def test_a_clock_that_runs_one_percent_slow_is_followed() -> None:
     errors = run(StampFilter(), from_s=0.0, to_s=60.0, delay=lambda: 0.001, drift=0.01)
     assert max(abs(error) for error in errors) < 0.012
-
-
-def test_a_reboot_begins_anew() -> None:
-    stamps = StampFilter()
-    stamps.utc(1000.0, 50.0, UTC_S + 50.0)
-    assert stamps.utc(2.0, 60.0, UTC_S + 60.0) == pytest.approx(UTC_S + 60.0)
 
 
 def test_a_step_of_the_wall_clock_moves_the_stamps_with_it() -> None:

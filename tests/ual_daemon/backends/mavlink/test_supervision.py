@@ -8,6 +8,7 @@ from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Talk, attitude, hea
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.supervision import LinkState, RoundTrip, SequenceGaps, Supervision
+from ual_daemon.backends.mavlink.vehicle import HEARTBEAT_LATE_S
 
 
 def lost(sequences: list[int]) -> int:
@@ -197,7 +198,7 @@ def test_a_heartbeat_that_is_late_is_asked_for_while_others_come() -> None:
         talk.hear(attitude())
         talk.run(0.1)
         asked += [talk.now_s for each in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 0.0]
-    assert asked[0] == pytest.approx(1.3, abs=0.11)
+    assert asked[0] == pytest.approx(HEARTBEAT_LATE_S, abs=0.11)
     assert len(asked) > 3
     talk.hear(heartbeat())
     talk.run(1.0)

@@ -1,0 +1,169 @@
+"""Processes of a measurement: started, told what to do by lines of JSON, their cost read from the system, ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from typing_extensions import Self
+
+REPOSITORY = Path(__file__).parents[1]
+LIMIT_S = 60.0
+"""How long an answer may take beyond what was asked for."""
+_END_S = 10.0
+_REALTIME_PRIORITY = 20
+_NICE = -15
+
+
+class ChildError(Exception):
+    """A process did not do what it should; the message is what it said."""
+
+
+class Process:
+    """One process, ended with the block. Only what was started here is ever ended."""
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        *,
+        environment: Mapping[str, str] | None = None,
+        stdin: int = subprocess.DEVNULL,
+        stdout: int = subprocess.DEVNULL,
+        stderr: int | IO[bytes] | None = None,
+    ) -> None:
+        self.started_s = time.monotonic()
+        self.popen = subprocess.Popen(
+            command,
+            env={**os.environ, **(environment or {})},
+            cwd=REPOSITORY,
+            stdin=stdin,
+            stdout=stdout,
+            stderr=stderr,
+            text=True,
+        )
+
+    @property
+    def pid(self) -> int:
+        return self.popen.pid
+
+    def processor_s(self) -> float:
+        """Processor time so far, of all its threads, those that have ended too."""
+        # The kernel's clock of another process: clock_getcpuclockid(3), which Python lacks, makes its id like this.
+        return time.clock_gettime((~self.pid) << 3 | 2)
+
+    def resident_mib(self) -> float:
+        """Resident memory."""
+        found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{self.pid}/status").read_text())
+        if found is None:
+            raise ChildError(f"process {self.pid} has no resident memory: it has ended")
+        return int(found[1]) / 1024.0
+
+    def prefer(self, *, realtime: bool) -> None:
+        """Puts it before the rest of the machine: in real time, or (for what takes all it can get) by its niceness."""
+        for thread in self._threads():
+            with suppress(ProcessLookupError, PermissionError):
+                if realtime and _may_be_realtime():
+                    os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(_REALTIME_PRIORITY))
+                else:
+                    os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
+                    os.setpriority(os.PRIO_PROCESS, thread, _NICE)
+
+    def close(self) -> None:
+        """Asks it to end, and insists after a while."""
+        for stream in (self.popen.stdin, self.popen.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+        if self.popen.poll() is None:
+            self.popen.terminate()
+        try:
+            self.popen.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
+            self.popen.wait(_END_S)
+        if self.popen.stderr is not None:
+            self.popen.stderr.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def _threads(self) -> Iterator[int]:
+        with suppress(FileNotFoundError):
+            yield from (int(thread.name) for thread in Path(f"/proc/{self.pid}/task").iterdir())
+
+
+class Child(Process):
+    """A module of this package as a process, which answers each line of JSON with one."""
+
+    def __init__(self, module: str, *arguments: str) -> None:
+        super().__init__([sys.executable, "-m", module, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._name = " ".join((module, *arguments))
+
+    def ask(self, do: str, *, limit_s: float = LIMIT_S, **values: object) -> dict[str, Any]:
+        """Tells it to do something, and waits for its answer."""
+        self.tell(do, **values)
+        return self.answer(limit_s)
+
+    def tell(self, do: str, **values: object) -> None:
+        """Tells it to do something; `answer` must follow."""
+        assert self.popen.stdin is not None
+        self.popen.stdin.write(json.dumps({"do": do, **values}) + "\n")
+        self.popen.stdin.flush()
+
+    def answer(self, limit_s: float = LIMIT_S) -> dict[str, Any]:
+        """What it answers."""
+        assert self.popen.stdout is not None
+        if not select.select([self.popen.stdout], [], [], limit_s)[0]:
+            raise ChildError(f"{self._name} did not answer within {limit_s:g} s")
+        line = self.popen.stdout.readline()
+        if not line:
+            raise ChildError(f"{self._name} ended with status {self.popen.wait(_END_S)}")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+
+def serve(handle: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """The child's side: answers each line from stdin until it ends."""
+    for line in sys.stdin:
+        print(json.dumps(handle(json.loads(line))), flush=True)
+
+
+def prefer_this() -> None:
+    """Puts this process, and what it starts, before the rest of the machine by its niceness, where it may."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+
+
+def priority_text() -> str:
+    """How the processes are put before the rest of the machine."""
+    return (
+        "real time (SCHED_FIFO), niceness -15 for floods and starts"
+        if _may_be_realtime()
+        else "none: the system does not allow real time"
+    )
+
+
+def _may_be_realtime() -> bool:
+    return os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] >= _REALTIME_PRIORITY
+
+
+def free_port(kind: int) -> int:
+    """A port of this computer that nobody has now (`socket.SOCK_DGRAM` or `SOCK_STREAM`)."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

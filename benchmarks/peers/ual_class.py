@@ -1,0 +1,37 @@
+"""UAL in the process: the class interface over the MAVLink backend."""
+
+from __future__ import annotations
+
+import time
+
+import ual
+from benchmarks.marks import number_of_distance, speed_m_s
+from benchmarks.peers.base import SynchronousPeer, Times, until
+from ual.types import State, Telemetry
+from ual_daemon.ual import UAL
+
+
+class Peer(SynchronousPeer):
+    def connect(self) -> None:
+        self._uav = UAL("mavlink", "uav_1", url=f"udpin://127.0.0.1:{self.port}")
+        until(lambda: self._uav.state() is State.FLYING_AUTO, "UAL flies")
+        self.send(0)
+
+    def send(self, number: int) -> None:
+        self._uav.set_velocity(ual.Twist(ual.Vector3(0.0, speed_m_s(number), 0.0)))
+
+    def listen(self, subscribers_count: int, duration_s: float) -> Times:
+        came = Times()
+
+        def note(sample: Telemetry) -> None:
+            if sample.pose is not None:
+                came.add(number_of_distance(sample.pose.position.y), time.monotonic_ns())
+
+        subscriptions = [self._uav.subscribe(note) for _ in range(subscribers_count)]
+        time.sleep(duration_s)
+        for subscription in subscriptions:
+            subscription.close()
+        return came
+
+    def close(self) -> None:
+        self._uav.vehicle.close()  # at once: the vehicle of a benchmark needs nobody to wait until it is safe

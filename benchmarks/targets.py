@@ -1,0 +1,81 @@
+"""What is to be reached, and whether it is: the table of issue 5."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from benchmarks.effort import SUBSCRIBERS
+from benchmarks.results import Results, Spread, Statistic, p50, p99
+from benchmarks.ways import CLASS, MAVSDK_GRPC, NATIVE, STREAM, UNARY, Way
+
+
+@dataclass(frozen=True)
+class Line:
+    """One target. `found` is None where it was not measured; `why` says then what was missing."""
+
+    what: str
+    limit: float
+    found: Spread | None
+    unit: str = ""
+    is_least: bool = False
+    """Whether the limit is the least that is wanted, not the most."""
+    why: str = ""
+
+    @property
+    def verdict(self) -> str:
+        if self.found is None:
+            return f"not measured: {self.why}"
+        is_met = self.found.median >= self.limit if self.is_least else self.found.median <= self.limit
+        return "PASS" if is_met else "FAIL"
+
+
+def lines(results: Results) -> Iterator[Line]:
+    """Every line of the table."""
+    for name, statistic in (("p50", p50), ("p99", p99)):
+        yield _ratio(results, "setpoint_ms", CLASS, NATIVE, statistic, f"class interface, {name}", 1.1)
+    for name, statistic, limit in (("p50", p50, 0.7), ("p99", p99, 0.9)):
+        yield _ratio(results, "setpoint_ms", STREAM, MAVSDK_GRPC, statistic, f"server, streamed, {name}", limit)
+    yield _ratio(
+        results, "setpoints_per_s", STREAM, MAVSDK_GRPC, p50, "server, streamed, setpoints/s", 10.0, is_least=True
+    )
+    for name, statistic in (("p50", p50), ("p99", p99)):
+        yield _ratio(results, "setpoint_ms", UNARY, MAVSDK_GRPC, statistic, f"server, unary, {name}", 1.1)
+    for count in SUBSCRIBERS:
+        for name, statistic in (("p50", p50), ("p99", p99)):
+            what = f"telemetry, {count} subscriber{'s' if count > 1 else ''}, {name}"
+            yield _ratio(results, f"telemetry_ms_{count}", STREAM, MAVSDK_GRPC, statistic, what, 1.0)
+    yield _ratio(results, "server_percent", STREAM, MAVSDK_GRPC, p50, "processor share of the server", 0.9)
+    yield _most(results, "memory_mib", "resident memory after a flight", 55.0, "MiB", lambda way: way.startswith("UAL"))
+    for text in ("with", "without"):
+        way = f"UAL, {text} an autopilot"
+        yield _most(results, "start_s", f"start to health answering, {text} autopilot", 0.4, "s", way.__eq__)
+    yield _most(results, "import_ms", "import ual", 150.0, "ms", "import ual".__eq__)
+    yield _most(results, "import_ms", "ual --help", 250.0, "ms", "ual --help".__eq__)
+
+
+def _ratio(
+    results: Results,
+    measure: str,
+    way: Way,
+    to: Way,
+    statistic: Statistic,
+    what: str,
+    limit: float,
+    *,
+    is_least: bool = False,
+) -> Line:
+    unit = f"of {to.name}"
+    for each in (way, to):
+        if not results.has(measure, each.name):
+            why = f"{each.name} is not installed" if each.is_missing else f"{each.name} gave no values"
+            return Line(what, limit, None, unit, is_least, why)
+    return Line(what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least)
+
+
+def _most(results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]) -> Line:
+    """The worst of the ways that are meant."""
+    spreads = [results.spread(measure, way) for way in results.values.get(measure, {}) if is_meant(way)]
+    if not spreads:
+        return Line(what, limit, None, unit, why="it was left out")
+    return Line(what, limit, max(spreads, key=lambda spread: spread.median), unit)

@@ -1,0 +1,77 @@
+"""What is to be reached by the tracker, and whether it is (issue 4)."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from benchmarks.results import Spread
+from benchmarks.targets import Line
+from benchmarks.tracker import autopilots, light
+from benchmarks.tracker.flown import Flown
+from benchmarks.tracker.ways import FAR, OURS
+
+Figure = Callable[[Flown], float]
+SETTLED_M = 0.02
+"""On light the flight has lasted until it is this near to its goal, for good."""
+_ROUNDING = 1.01
+"""Differences of what is sent each 20 ms, of numbers within their limits."""
+
+FIGURES: Mapping[str, Figure] = {
+    "widest from the line, m": lambda flown: flown.widest_m,
+    "rms, m": lambda flown: flown.rms_m,
+    "overshoot, m": lambda flown: flown.overshoot_m,
+    "first within 0.5 m, s": lambda flown: flown.within_s(),
+    "peak speed, m/s": lambda flown: flown.peak_m_s,
+}
+
+
+def of_light(
+    calm: Mapping[str, Mapping[str, light.Line]],
+    windy: Mapping[str, light.Line],
+    zigzag: light.Zigzag,
+    goals: light.Goals,
+) -> Iterator[Line]:
+    """The lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind."""
+    for name, lines in calm.items():
+        ours = lines[OURS]
+        yield _one(f"{name}: widest from the line", 0.02, ours.flown.widest_ever_m, "m")
+        yield _one(f"{name}: overshoot", 0.01, ours.flown.overshoot_m, "m")
+        duration = ours.flown.settled_s(SETTLED_M) / ours.optimal_s
+        yield _one(f"{name}: duration, until within 2 cm", 1.05, duration, "of the time-optimal")
+        yield _one(f"{name}: duration, as planned", 1.05, ours.planned_s / ours.optimal_s, "of the time-optimal")
+    for name, line in windy.items():
+        wind = f"{name}, wind of {light.WIND_M_S:g} m/s: widest from the line"
+        yield _one(wind, 0.10, line.flown.widest_ever_m, "m")
+    yield _one(f"zigzag of {light.CORNERS} corners: widest from the rounded path", 0.2, max(zigzag.off_m), "m")
+    for name, shares in goals.shares.items():
+        what = f"goal changed each {light.GOAL_PERIOD_S:g} s: largest {name}"
+        yield _one(what, _ROUNDING, max(shares), "of its limit")
+
+
+def of_autopilot(found: autopilots.Found) -> Iterator[Line]:
+    """The lines of a real autopilot: medians, the ratios those of the medians."""
+    ours, far = found.flights[OURS], found.flights[FAR]
+
+    def absolute(what: str, limit: float) -> Line:
+        return Line(f"{found.version}: {what}", limit, Spread.of([FIGURES[what](flown) for flown in ours]))
+
+    def ratio(what: str, limit: float) -> Line:
+        return Line(f"{found.version}: {what}", limit, _ratio(FIGURES[what], ours, far), f"of {FAR}")
+
+    yield ratio("widest from the line, m", 0.5)
+    yield absolute("widest from the line, m", 0.4)
+    yield absolute("rms, m", 0.2)
+    yield absolute("overshoot, m", 0.3)
+    yield ratio("first within 0.5 m, s", 1.5)
+
+
+def _one(what: str, limit: float, figure: float, unit: str) -> Line:
+    return Line(what, limit, Spread.of([figure]), unit)
+
+
+def _ratio(figure: Figure, ours: Sequence[Flown], far: Sequence[Flown]) -> Spread:
+    """Of the medians; least and most of the flights of one place in the order."""
+    of_ours, of_far = [figure(flown) for flown in ours], [figure(flown) for flown in far]
+    pairs = [our / their for our, their in zip(of_ours, of_far, strict=True)]
+    return Spread(statistics.median(of_ours) / statistics.median(of_far), min(pairs), max(pairs))

@@ -1,0 +1,256 @@
+"""One small MAVLink vehicle: a process that flies (it says), and notes when each setpoint reached it.
+
+It streams to a UDP port of this computer what a PX4 that hovers in OFFBOARD says, or a recorded flight; accepts every
+command; and notes, on the monotonic clock that all processes of a computer share, when it sent each marked position
+and when each marked setpoint came. See `marks`.
+
+Tasks (see `children`): ``fly``, ``replay``, ``rest``, ``setpoints``, ``positions``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import heapq
+import json
+import math
+import os
+import select
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from benchmarks import marks
+
+_TRACES = Path(__file__).parents[1] / "tests" / "data"
+_HEADER_SIZE = 10
+_SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
+_NORTH_SPEED = struct.Struct("<f")
+_NORTH_SPEED_AT = _HEADER_SIZE + 16
+_BUFFER = 4 << 20
+_OFFBOARD = 6 << 16
+_RATES_HZ = {"attitude": 50.0, "position": 30.0, "landed": 5.0, "power": 5.0, "heartbeat": 1.0, "estimator": 1.0}
+"""PX4's, unasked."""
+
+
+class Vehicle:
+    """The vehicle; `run` serves it until stdin ends."""
+
+    def __init__(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.setblocking(False)
+        self._peer: tuple[str, int] | None = None
+        self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._mavlink.robust_parsing = True
+        self._began_s = time.monotonic()
+        self._due: list[tuple[float, str]] = []
+        self._rates_hz = _RATES_HZ
+        self._recorded: list[tuple[float, bytes]] = []
+        self._setpoints: list[tuple[int, int]] = []
+        self._positions: list[tuple[int, int]] = []
+        self._position_number = 0
+        self._streams: dict[str, Callable[[], Any]] = {
+            "heartbeat": self._heartbeat,
+            "attitude": lambda: mavlink.MAVLink_attitude_quaternion_message(self._boot_ms(), 1, 0, 0, 0, 0, 0, 0),
+            "landed": lambda: mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR),
+            "power": lambda: mavlink.MAVLink_sys_status_message(
+                0x3FFFFFFF, 0x3FFFFFFF, 0x3FFFFFFF, 200, 15000, 500, 80, 0, 0, 0, 0, 0, 0
+            ),
+            "estimator": lambda: mavlink.MAVLink_estimator_status_message(
+                self._boot_ms() * 1000, 0x37F, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5
+            ),
+        }
+        self._tasks: dict[str, Callable[..., dict[str, Any]]] = {
+            "fly": self._fly,
+            "replay": self._replay,
+            "rest": self._rest,
+            "setpoints": self._take_setpoints,
+            "positions": self._take_positions,
+        }
+
+    def run(self) -> None:
+        """Flies and obeys until stdin ends."""
+        poll = select.poll()
+        poll.register(self._socket, select.POLLIN)
+        poll.register(sys.stdin, select.POLLIN)
+        own = self._socket.fileno()
+        lines = b""
+        while True:
+            wait_s = self._send_due()
+            for descriptor, _ in poll.poll(math.ceil(wait_s * 1000.0)):
+                if descriptor == own:
+                    self._receive()
+                    continue
+                data = os.read(sys.stdin.fileno(), 65536)
+                if not data:
+                    return
+                *whole, lines = (lines + data).split(b"\n")
+                for line in whole:
+                    task = json.loads(line)
+                    print(json.dumps(self._tasks[task.pop("do")](**task)), flush=True)
+
+    # --- What it is told ----------------------------------------------------------------------------------------------
+
+    def _fly(self, port: int, rate_factor: float = 1.0) -> dict[str, Any]:
+        """Streams to a port, so many times as fast as PX4 does."""
+        self._rest()
+        self._rates_hz = {name: rate_hz * rate_factor for name, rate_hz in _RATES_HZ.items()}
+        self._peer = ("127.0.0.1", port)
+        now_s = time.monotonic()
+        self._due = [(now_s, name) for name in _RATES_HZ]
+        heapq.heapify(self._due)
+        return {}
+
+    def _replay(self, port: int, trace: str, from_s: float, to_s: float) -> dict[str, Any]:
+        """Sends a part of a recorded flight to a port, as the autopilot did."""
+        self._rest()
+        self._peer = ("127.0.0.1", port)
+        frames = [(time_s, frame) for time_s, frame in _frames(trace) if from_s <= time_s <= to_s]
+        begin_s = time.monotonic() - frames[0][0]
+        self._recorded = [(begin_s + time_s, frame) for time_s, frame in reversed(frames)]
+        return {"messages_per_s": len(frames) / (frames[-1][0] - frames[0][0])}
+
+    def _rest(self) -> dict[str, Any]:
+        """Says nothing any more."""
+        self._due, self._recorded, self._peer = [], [], None
+        return {}
+
+    def _take_setpoints(self) -> dict[str, Any]:
+        """The number of each setpoint that came since the last look, and when it came first."""
+        self._receive()
+        first: dict[int, int] = {}
+        for number, came_ns in self._setpoints:
+            first.setdefault(number, came_ns)
+        self._setpoints = []
+        return {"came": list(first.items())}
+
+    def _take_positions(self) -> dict[str, Any]:
+        """The number of each position sent since the last look, and when it was sent."""
+        gone, self._positions = self._positions, []
+        return {"gone": gone}
+
+    # --- What it says -------------------------------------------------------------------------------------------------
+
+    def _send_due(self) -> float:
+        """Sends what is due; how long there is nothing more to do."""
+        while True:
+            now_s = time.monotonic()
+            if self._due and self._due[0][0] <= now_s:
+                due_s, name = self._due[0]
+                heapq.heapreplace(self._due, (due_s + 1.0 / self._rates_hz[name], name))
+                self._send_position() if name == "position" else self._send(self._streams[name]())
+            elif self._recorded and self._recorded[-1][0] <= now_s:
+                self._send_bytes(self._recorded.pop()[1])
+            else:
+                next_s = [*(due_s for due_s, _ in self._due[:1]), *(due_s for due_s, _ in self._recorded[-1:])]
+                return min(next_s, default=now_s + 1.0) - now_s
+
+    def _send_position(self) -> None:
+        self._position_number += 1
+        north_m = marks.distance_m(self._position_number)
+        message = mavlink.MAVLink_local_position_ned_message(self._boot_ms(), north_m, 0.0, -10.0, 0.0, 0.0, 0.0)
+        data = self._pack(message)
+        self._positions.append((self._position_number, time.monotonic_ns()))
+        self._send_bytes(data)
+
+    def _heartbeat(self) -> Any:  # noqa: ANN401 (pymavlink has no types)
+        mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, mode, _OFFBOARD, mavlink.MAV_STATE_ACTIVE, 3
+        )
+
+    def _send(self, message: Any) -> None:  # noqa: ANN401 (pymavlink has no types)
+        self._send_bytes(self._pack(message))
+
+    def _pack(self, message: Any) -> bytes:  # noqa: ANN401 (pymavlink has no types)
+        data: bytes = message.pack(self._mavlink)
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        return data
+
+    def _send_bytes(self, data: bytes) -> None:
+        if self._peer is not None:
+            try:
+                self._socket.sendto(data, self._peer)
+            except ConnectionRefusedError:
+                return  # nobody there yet
+
+    def _boot_ms(self) -> int:
+        return int((time.monotonic() - self._began_s) * 1000.0) + 1000
+
+    # --- What it hears ------------------------------------------------------------------------------------------------
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                data = self._socket.recv(2048)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+            came_ns = time.monotonic_ns()
+            if data[0] == mavlink.PROTOCOL_MARKER_V2 and int.from_bytes(data[7:10], "little") == _SETPOINT_ID:
+                (speed_m_s,) = _NORTH_SPEED.unpack_from(data, _NORTH_SPEED_AT)
+                self._setpoints.append((marks.number_of_speed(speed_m_s), came_ns))
+            else:
+                for message in self._mavlink.parse_buffer(data) or ():
+                    self._obey(message)
+
+    def _obey(self, message: Any) -> None:  # noqa: ANN401 (pymavlink has no types)
+        kind = message.get_type()
+        if kind == "COMMAND_LONG":
+            answers = 2 if message.command == mavlink.MAV_CMD_DO_SET_MODE else 1
+            for _ in range(answers):
+                self._send(
+                    mavlink.MAVLink_command_ack_message(
+                        message.command, 0, 0, 0, message.get_srcSystem(), message.get_srcComponent()
+                    )
+                )
+            if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+                self._send_requested(int(message.param1))
+        elif kind == "PARAM_REQUEST_READ":
+            self._send(mavlink.MAVLink_param_value_message(message.param_id.encode("ascii"), 5.0, 9, 1, 0))
+        elif kind == "TIMESYNC" and message.tc1 == 0:
+            self._send(mavlink.MAVLink_timesync_message(time.monotonic_ns(), message.ts1))
+
+    def _send_requested(self, message_id: int) -> None:
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._send(self._heartbeat())
+        elif message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            # Protocol 2; PX4 1.17.0; what marks a simulated PX4.
+            capabilities = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+            uid = int.from_bytes(b"ONIDLATI", "little")
+            none = bytes(8)
+            self._send(
+                mavlink.MAVLink_autopilot_version_message(
+                    capabilities, 0x011100FF, 0, 0, 0, none, none, none, 0, 0, uid, bytes(18)
+                )
+            )
+        elif message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            self._send(mavlink.MAVLink_gps_global_origin_message(473977420, 85455940, 488000))
+        elif message_id == mavlink.MAVLINK_MSG_ID_HOME_POSITION:
+            self._send(
+                mavlink.MAVLink_home_position_message(473977420, 85455940, 488000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+            )
+
+
+def _frames(trace: str) -> list[tuple[float, bytes]]:
+    """A recorded flight: 8-byte big-endian unix microseconds and a MAVLink 2 frame, again and again."""
+    data = gzip.decompress((_TRACES / f"{trace}.tlog.gz").read_bytes())
+    frames: list[tuple[float, bytes]] = []
+    at = 0
+    while at < len(data):
+        (microseconds,) = struct.unpack_from(">Q", data, at)
+        size = data[at + 9] + 12 + (13 if data[at + 10] & 1 else 0)
+        frames.append((microseconds / 1e6, data[at + 8 : at + 8 + size]))
+        at += 8 + size
+    begin_s = frames[0][0]
+    return [(time_s - begin_s, frame) for time_s, frame in frames]
+
+
+if __name__ == "__main__":
+    Vehicle().run()

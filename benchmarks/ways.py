@@ -1,0 +1,89 @@
+"""The ways to fly that are compared: which client, and through which server."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from benchmarks.children import Child, ChildError, free_port
+from benchmarks.peers import is_missing
+from benchmarks.servers import MavsdkServer, UalDaemon
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way: its name in tables, the module of `benchmarks.peers`, and the server's address, if there is a server."""
+
+    name: str
+    peer: str
+    address: str = ""
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether a package that it needs is not installed."""
+        return is_missing(self.peer)
+
+
+RAW = Way("pymavlink", "raw")
+NATIVE = Way("mavsdk", "native")
+MAVSDK_GRPC = Way("mavsdk-grpc", "mavsdk_grpc", "tcp")
+CLASS = Way("UAL class", "ual_class")
+STREAM = Way("UAL stream", "ual_stream", "tcp")
+STREAM_UNIX = Way("UAL stream, unix", "ual_stream", "unix")
+UNARY = Way("UAL unary", "ual_unary", "tcp")
+UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
+
+SETPOINT_WAYS = (RAW, NATIVE, CLASS, MAVSDK_GRPC, STREAM, STREAM_UNIX, UNARY, UNARY_UNIX)
+TELEMETRY_WAYS = (MAVSDK_GRPC, STREAM, NATIVE, CLASS)
+SERVER_WAYS = (MAVSDK_GRPC, STREAM)
+
+Server = UalDaemon | MavsdkServer
+
+
+@dataclass
+class Flight:
+    """One way with its processes."""
+
+    way: Way
+    port: int
+    client: Child
+    server: Server | None
+
+    def prefer(self, *, realtime: bool) -> None:
+        """Puts its processes before the rest of the machine."""
+        for process in (self.client, self.server):
+            if process is not None:
+                process.prefer(realtime=realtime)
+
+
+@contextmanager
+def server_of(way: Way, port: int) -> Iterator[Server | None]:
+    """The server of a way for the vehicle that sends to a port; the vehicle must be flying."""
+    if not way.address:
+        yield None
+        return
+    with (MavsdkServer if way is MAVSDK_GRPC else UalDaemon)(port) as server:
+        server.wait()
+        try:
+            yield server
+        except ChildError as error:
+            said = server.said() if isinstance(server, UalDaemon) else ""
+            raise ChildError(f"{error}; its server said:\n{said}") from None
+
+
+@contextmanager
+def flown(vehicle: Child, way: Way) -> Iterator[Flight]:
+    """The vehicle, flown in a way: everything is connected, and a setpoint was given."""
+    port = free_port(socket.SOCK_DGRAM)
+    vehicle.ask("fly", port=port)
+    with ExitStack() as stack:
+        server = stack.enter_context(server_of(way, port))
+        address = "" if server is None else server.addresses[way.address]
+        client = stack.enter_context(Child("benchmarks.peers", way.peer, "--port", str(port), "--address", address))
+        client.ask("connect")
+        try:
+            yield Flight(way, port, client, server)
+        finally:
+            vehicle.ask("rest")

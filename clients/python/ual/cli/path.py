@@ -1,0 +1,121 @@
+"""``ual path``, and flying through waypoints wherever they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from ual.cli import manoeuvre, options, values
+from ual.cli.app import Session, command, note, pass_session
+from ual.geometry import PointStamped, Pose, PoseStamped, Vector3
+from ual.routes import Route
+from ual.types import PathHeading
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """How a path is flown; see `ual.interface.Uav.follow_path`."""
+
+    corner_radius_m: float = 0.0
+    max_speed_m_s: float | None = None
+    leg_speeds_m_s: Sequence[float] = ()
+    heading: PathHeading = PathHeading.WAYPOINTS
+    point_of_interest: PointStamped | None = None
+    dry_run: bool = False
+    plot: Path | None = None
+
+
+@command("path")
+@click.argument("waypoints", type=values.waypoint, nargs=-1, metavar="X,Y,Z[,YAW] ...")
+@click.option(
+    "--file",
+    type=click.Path(path_type=Path),
+    help="Read the waypoints from a file: QGroundControl's .plan, .kml, or waypoints a line (-: standard input).",
+)
+@options.altitude
+@options.corner_radius
+@options.max_speed
+@click.option(
+    "--speeds",
+    "leg_speeds_m_s",
+    type=values.numbers,
+    default="",
+    metavar="M_S,M_S,...",
+    help="At most so fast (m/s) on the leg to each waypoint; 0: as --max-speed says.",
+)
+@click.option(
+    "--heading",
+    type=values.path_heading,
+    default="waypoints",
+    show_default=True,
+    metavar="waypoints|fixed|along-path|X,Y,Z",
+    help="Where the nose points: as the waypoints say, as it does now, along the path, or at X,Y,Z.",
+)
+@options.frame
+@options.dry_run
+@options.plot
+@pass_session
+def path(
+    session: Session,
+    waypoints: tuple[Pose, ...],
+    file: Path | None,
+    altitude_m: float | None,
+    corner_radius_m: float,
+    max_speed_m_s: float | None,
+    leg_speeds_m_s: list[float],
+    heading: PathHeading | Vector3,
+    frame_id: str,
+    dry_run: bool,
+    plot: Path | None,
+) -> None:
+    """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW, or those of a file. Ctrl-C cancels: the UAV holds."""
+    if bool(waypoints) is (file is not None):
+        raise click.UsageError("give waypoints, or --file with some")
+    route = Route([PoseStamped(each, frame_id) for each in waypoints])
+    if file is not None:
+        route = values.read_route(file, frame_id, altitude_m)
+    if isinstance(heading, Vector3):
+        kind, point = PathHeading.POINT_OF_INTEREST, PointStamped(heading, frame_id)
+    else:
+        kind, point = heading, None
+    how = PathOptions(corner_radius_m, max_speed_m_s, leg_speeds_m_s, kind, point, dry_run, plot)
+    fly_path(session, route, how)
+
+
+def fly_path(session: Session, route: Route, how: PathOptions) -> None:
+    """Flies through the waypoints of a route and prints how that ended."""
+    for each in route.left_out:
+        note(f"ual: not flown: {each}")
+    waypoints, speeds_m_s = route.waypoints, how.leg_speeds_m_s or route.leg_speeds_m_s
+    with session.connect() as uav:
+        if how.dry_run:
+            plan = uav.dry_run.follow_path(
+                waypoints,
+                corner_radius_m=how.corner_radius_m,
+                max_speed_m_s=how.max_speed_m_s,
+                leg_speeds_m_s=speeds_m_s,
+                heading=how.heading,
+                point_of_interest=how.point_of_interest,
+            )
+            manoeuvre.say(session, plan)
+            return
+        manoeuvre.wait_for(
+            session,
+            uav,
+            lambda: uav.follow_path(
+                waypoints,
+                corner_radius_m=how.corner_radius_m,
+                max_speed_m_s=how.max_speed_m_s,
+                leg_speeds_m_s=speeds_m_s,
+                heading=how.heading,
+                point_of_interest=how.point_of_interest,
+                timeout_s=session.timeout_s,
+            ),
+            how.plot,
+        )
+
+
+COMMANDS = (path,)

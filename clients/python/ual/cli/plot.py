@@ -1,0 +1,119 @@
+"""The flown line against the wanted one, as a picture by matplotlib (the extra ``plot``), loaded only for that."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ual.geometry import Vector3
+from ual.types import Telemetry
+
+if TYPE_CHECKING:
+    from ual.client import Uav
+
+_ENDINGS = (".pdf", ".png", ".svg")
+_WINDOW = 100
+"""Two seconds at 50 Hz: a UAV is hardly further behind its reference (the reference waits)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the UAV was, and where it was told to be, at one time; metres, in the frame of the telemetry."""
+
+    time_s: float
+    flown: Vector3
+    wanted: Vector3
+
+
+@contextmanager
+def drawn(uav: Uav, file: Path | None) -> Iterator[None]:
+    """Draws what is flown meanwhile into a file, however it ends; nothing without one."""
+    if file is None:
+        yield
+        return
+    _require_drawing(file)
+    places: list[Place] = []
+
+    def keep(telemetry: Telemetry) -> None:
+        if telemetry.pose is not None and telemetry.reference_pose is not None:
+            places.append(Place(telemetry.stamp_s, telemetry.pose.position, telemetry.reference_pose.position))
+
+    try:
+        with uav.subscribe(keep):
+            yield
+    finally:
+        if places:
+            draw(places, file, f"{uav.ns}, {uav.info().autopilot or uav.info().backend}")
+
+
+def _require_drawing(file: Path) -> None:
+    """Refuses before anything moves what could not be drawn after it."""
+    if file.suffix.lower() not in _ENDINGS:
+        raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
+    try:
+        import matplotlib as mpl  # noqa: F401
+    except ImportError:
+        raise click.ClickException("--plot needs matplotlib: pip install 'ual-client[plot]'") from None
+
+
+def draw(places: Sequence[Place], file: Path, title: str) -> None:
+    """Draws the line from above, its height, and how far it is from where it was wanted."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, height, error = figure.subplot_mosaic([["above", "height"], ["above", "error"]]).values()
+    times = [place.time_s - places[0].time_s for place in places]
+    lines = (("wanted", [p.wanted for p in places], "--"), ("flown", [p.flown for p in places], "-"))
+    for name, line, style in lines:
+        above.plot([p.x for p in line], [p.y for p in line], style, label=name)
+        height.plot(times, [p.z for p in line], style, label=name)
+    errors = off_line_m(places)
+    error.plot(times, errors)
+    above.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=title)
+    above.legend()
+    height.set(ylabel="z (m)")
+    rms = math.sqrt(math.fsum(e * e for e in errors) / len(errors))
+    error.set(xlabel="time (s)", ylabel="off the line (m)", title=f"widest {max(errors):.2f} m, rms {rms:.2f} m")
+    for axes in (above, height, error):
+        axes.grid(alpha=0.3)
+    try:
+        figure.savefig(file, dpi=120)
+    except OSError as failure:
+        raise click.ClickException(f"cannot write {file}: {failure.strerror}") from None
+
+
+def off_line_m(places: Sequence[Place]) -> list[float]:
+    """How far each flown place is from the nearest part of the wanted line, whenever that was wanted.
+
+    The nearest part moves on along the line with the time: it is looked for around the last one.
+    """
+    wanted = [place.wanted for place in places]
+    result, near = [], 0
+    for place in places:
+        window = range(max(0, near - _WINDOW), min(len(wanted), near + _WINDOW + 1))
+        near = min(window, key=lambda index: (wanted[index] - place.flown).norm())
+        neighbours = wanted[max(0, near - 1) : near + 2]
+        result.append(
+            min(
+                (_distance(place.flown, a, b) for a, b in itertools.pairwise(neighbours)),
+                default=(wanted[near] - place.flown).norm(),
+            )
+        )
+    return result
+
+
+def _distance(p: Vector3, a: Vector3, b: Vector3) -> float:
+    """From a point to a segment."""
+    way = b - a
+    length2 = way.dot(way)
+    share = 0.0 if length2 == 0.0 else min(1.0, max(0.0, (p - a).dot(way) / length2))
+    return (p - (a + way * share)).norm()

@@ -1,0 +1,115 @@
+"""Checks of how a waypoint or path is flown: how fast, and where the nose points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from ual.conformance.check import check
+from ual.conformance.flight import Flight, position, require, speed, yaw_rad
+from ual.geometry import Pose, Vector3, wrap_angle
+from ual.types import Capability, PathHeading, State, Telemetry
+
+_POSITION = (Capability.POSITION,)
+_FLYING = State.FLYING_AUTO
+_SLOW_M_S = 0.5
+_LEG_M = 2.5
+_LEGS = 4
+_SAMPLE_S = 0.5
+
+
+@check(_FLYING, capabilities=_POSITION, moves="2.5 m aside, slowly, and back")
+def keeps_below_a_speed(flight: Flight) -> None:
+    """A waypoint, a path and a leg are flown no faster than they ask for."""
+    uav, away, back = flight.uav, flight.goal(_LEG_M, 0.0), flight.start
+    plan = uav.dry_run.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
+    require(plan.duration_s is not None and plan.length_m is not None, "how long it would take is not told")
+    assert plan.duration_s is not None
+    assert plan.length_m is not None
+    least_s = plan.length_m / _SLOW_M_S
+    require(plan.duration_s >= least_s, f"{plan.duration_s:.1f} s planned for what takes {least_s:.1f} s at least")
+    with flight.recording() as recorded:
+        uav.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
+        uav.follow_path([back], max_speed_m_s=_SLOW_M_S)
+        uav.follow_path([away, back], leg_speeds_m_s=[_SLOW_M_S, _SLOW_M_S])
+        samples = recorded()
+    fastest_m_s, allowed_m_s = max(map(speed, samples)), _SLOW_M_S + flight.tolerances.speed_m_s
+    require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s where {_SLOW_M_S:g} was the most")
+    took_s, least_s = samples[-1].stamp_s - samples[0].stamp_s, _LEGS * _LEG_M / _SLOW_M_S
+    require(took_s >= least_s - _SAMPLE_S, f"what takes {least_s:.1f} s at least took {took_s:.1f} s")
+    flight.require_at(back, "in the end")
+
+
+@check(_FLYING, capabilities=_POSITION, moves="along two sides of a square of 2.5 m, turning")
+def points_along_a_path(flight: Flight) -> None:
+    """The nose points along each leg, whatever the waypoints say."""
+    start, corner, end = flight.start, flight.goal(_LEG_M, 0.0), flight.goal(_LEG_M, _LEG_M)
+    with flight.recording() as recorded:
+        flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH)
+        samples = recorded()
+    for begin, goal in ((start, corner), (corner, end)):
+        along_rad = _towards(begin.position, goal.position)
+        _require_heading(flight, _between(samples, begin, goal), partial(_same, along_rad), "along the path")
+    p = end.position
+    flight.require_at(Pose.at(p.x, p.y, p.z, _towards(corner.position, p)), "at the end of the path")
+
+
+@check(_FLYING, capabilities=_POSITION, moves="2.5 m aside, turning")
+def points_at_a_point_of_interest(flight: Flight) -> None:
+    """The nose points at a point beside the path, all along."""
+    start, goal = flight.start, flight.goal(0.0, _LEG_M)
+    interest = flight.goal(4.0, _LEG_M / 2).position
+    p, s = goal.position, start.position
+    flight.uav.go_to_waypoint(Pose.at(s.x, s.y, s.z, _towards(s, interest)))  # a turn may take longer than the way
+    with flight.recording() as recorded:
+        flight.uav.follow_path(
+            [Pose.at(p.x, p.y, p.z)], heading=PathHeading.POINT_OF_INTEREST, point_of_interest=interest
+        )
+        samples = recorded()
+    _require_heading(flight, _between(samples, start, goal), lambda place: _towards(place, interest), "at the point")
+    flight.require_at(Pose.at(p.x, p.y, p.z, _towards(p, interest)), "at the end of the path")
+
+
+@check(_FLYING, capabilities=_POSITION, moves="2.5 m aside")
+def keeps_a_fixed_heading(flight: Flight) -> None:
+    """A path with a fixed heading keeps the one that it has, whatever the waypoints say."""
+    goal = flight.goal(0.0, -_LEG_M, 0.0, math.pi / 2)
+    before_rad = yaw_rad(flight.uav.telemetry())
+    with flight.recording() as recorded:
+        flight.uav.follow_path([goal], heading=PathHeading.FIXED)
+        turned_rad = max(abs(wrap_angle(yaw_rad(sample) - before_rad)) for sample in recorded())
+    require(turned_rad <= flight.tolerances.heading_rad, f"it turned by {math.degrees(turned_rad):.0f}°")
+
+
+def _between(samples: Iterable[Telemetry], begin: Pose, goal: Pose) -> list[Telemetry]:
+    """The samples far along a leg: by then it has turned, and not yet for the next one."""
+    way = goal.position - begin.position
+    length_m = way.norm()
+    found = []
+    for sample in samples:
+        offset = position(sample) - begin.position
+        along_m = offset.dot(way) / length_m
+        aside_m = (offset - way * (along_m / length_m)).norm()
+        if 0.5 * length_m <= along_m <= 0.8 * length_m and aside_m <= 0.3 * length_m:
+            found.append(sample)
+    return found
+
+
+def _require_heading(flight: Flight, samples: list[Telemetry], wanted: Callable[[Vector3], float], what: str) -> None:
+    require(bool(samples), "it was not seen on its way")
+    off_rad = max(abs(wrap_angle(yaw_rad(sample) - wanted(position(sample)))) for sample in samples)
+    allowed_rad = 2 * flight.tolerances.heading_rad
+    require(off_rad <= allowed_rad, f"the nose was {math.degrees(off_rad):.0f}° from pointing {what}")
+
+
+def _same(heading_rad: float, _: Vector3) -> float:
+    return heading_rad
+
+
+def _towards(place: Vector3, target: Vector3) -> float:
+    way = target - place
+    return math.atan2(way.y, way.x)
+
+
+CHECKS = (keeps_below_a_speed, points_along_a_path, points_at_a_point_of_interest, keeps_a_fixed_heading)

@@ -1,0 +1,174 @@
+// Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+//
+// Ctrl-C ends the call that is under way. The daemon then cancels a waypoint, and stops a UAV that gets no more
+// velocities; the UAV holds its position. A take-off or a landing goes on.
+
+import { setTimeout as sleep } from "node:timers/promises";
+import { parseArgs } from "node:util";
+
+import type { MessageInitShape } from "@bufbuild/protobuf";
+import { Code, ConnectError, createClient, type Client } from "@connectrpc/connect";
+import { createGrpcTransport } from "@connectrpc/connect-node";
+
+import { ErrorInfoSchema, type ErrorInfo } from "./gen/google/rpc/error_details_pb.js";
+import { State, UalService, type StreamSetpointsRequestSchema } from "./gen/ual/v1/ual_pb.js";
+
+const ANSWER_LIMIT_MS = 5_000; // of what the daemon answers at once
+const ARM_LIMIT_MS = 60_000; // for the safety pilot
+const MANOEUVRE_LIMIT_MS = 60_000;
+const SETPOINT_PERIOD_MS = 50; // the UAV stops when none comes for 0.5 s
+const SETPOINT_COUNT = 40;
+
+type Uav = Client<typeof UalService>;
+
+async function run(address: string, signal: AbortSignal): Promise<void> {
+  const uav = createClient(UalService, createGrpcTransport({ baseUrl: `http://${address}` }));
+
+  const info = await uav.getInfo({}, { timeoutMs: ANSWER_LIMIT_MS, signal });
+  console.log(`${info.namespace}: backend ${info.backend}, UAL ${info.ualVersion}`);
+  await waitUntilArmed(uav, signal);
+
+  const landed = new AbortController();
+  const watched = watch(uav, AbortSignal.any([signal, landed.signal]));
+  try {
+    await Promise.race([fly(uav, info.namespace, signal), failureOf(watched)]);
+  } finally {
+    landed.abort();
+  }
+  await watched;
+  console.log("done");
+}
+
+async function fly(uav: Uav, ns: string, signal: AbortSignal): Promise<void> {
+  console.log("take-off to 3 m");
+  await uav.takeOff({ heightM: 3 }, { timeoutMs: MANOEUVRE_LIMIT_MS, signal });
+
+  const yawRad = Math.PI / 2;
+  console.log(`waypoint 4 2 3 m, heading ${yawRad.toFixed(2)} rad`);
+  const pose = {
+    position: { x: 4, y: 2, z: 3 }, // in <ns>/odom
+    orientation: { z: Math.sin(yawRad / 2), w: Math.cos(yawRad / 2) },
+  };
+  await uav.goToWaypoint({ waypoint: { pose } }, { timeoutMs: MANOEUVRE_LIMIT_MS, signal });
+
+  console.log("0.5 m/s forward for 2 s");
+  const { acceptedCount } = await uav.streamSetpoints(velocities(ns, signal), {
+    timeoutMs: SETPOINT_COUNT * SETPOINT_PERIOD_MS + ANSWER_LIMIT_MS,
+    signal,
+  });
+  if (acceptedCount !== BigInt(SETPOINT_COUNT)) {
+    throw new Error(`${acceptedCount} of ${SETPOINT_COUNT} setpoints were accepted`);
+  }
+
+  await showRefusal(uav, signal);
+
+  console.log("landing");
+  await uav.land({}, { timeoutMs: MANOEUVRE_LIMIT_MS, signal });
+}
+
+async function waitUntilArmed(uav: Uav, signal: AbortSignal): Promise<void> {
+  const armed = new AbortController();
+  // Not timeoutMs, whose timer would keep the program running after a stream that is left early.
+  const limit = AbortSignal.timeout(ARM_LIMIT_MS);
+  const options = { signal: AbortSignal.any([signal, armed.signal, limit]) };
+  let shown = State.UNSPECIFIED;
+  try {
+    for await (const { telemetry } of uav.streamTelemetry({ rateHz: 10 }, options)) {
+      const state = telemetry?.state ?? State.UNSPECIFIED;
+      if (state === State.LANDED_ARMED) {
+        return;
+      }
+      if (state !== shown) {
+        console.log(`${State[state]}: waiting for the safety pilot to arm`);
+        shown = state;
+      }
+    }
+  } finally {
+    armed.abort(); // leaving the loop alone would leave the stream open
+  }
+  throw new Error("the daemon ended the telemetry before the UAV was armed");
+}
+
+/** Shows where the UAV is, until the signal. */
+async function watch(uav: Uav, signal: AbortSignal): Promise<void> {
+  try {
+    for await (const { telemetry } of uav.streamTelemetry({ rateHz: 2 }, { signal })) {
+      const { x, y, z } = telemetry?.pose?.position ?? { x: NaN, y: NaN, z: NaN };
+      const state = State[telemetry?.state ?? State.UNSPECIFIED];
+      console.log(`  ${state} at ${x.toFixed(1)} ${y.toFixed(1)} ${z.toFixed(1)} m`);
+    }
+  } catch (error) {
+    if (!signal.aborted) {
+      throw error;
+    }
+  }
+}
+
+/** Never resolves; rejects when the promise does. */
+function failureOf(promise: Promise<void>): Promise<never> {
+  return new Promise((_, reject) => promise.catch(reject));
+}
+
+/** 0.5 m/s to the UAV's own front, SETPOINT_COUNT times. */
+async function* velocities(
+  ns: string,
+  signal: AbortSignal,
+): AsyncGenerator<MessageInitShape<typeof StreamSetpointsRequestSchema>> {
+  for (let sent = 0; sent < SETPOINT_COUNT; sent++) {
+    yield {
+      setpoint: {
+        case: "velocity",
+        value: { header: { frameId: `${ns}/base_link` }, twist: { linear: { x: 0.5 } } },
+      },
+    };
+    await sleep(SETPOINT_PERIOD_MS, undefined, { signal });
+  }
+}
+
+/** Asks for what is not allowed in FLYING_AUTO, and reads why it is refused. */
+async function showRefusal(uav: Uav, signal: AbortSignal): Promise<void> {
+  try {
+    await uav.recoverFromManual({}, { timeoutMs: ANSWER_LIMIT_MS, signal });
+  } catch (error) {
+    const info = errorInfo(error);
+    if (info?.reason !== "WRONG_STATE") {
+      throw error;
+    }
+    const { rawMessage } = ConnectError.from(error);
+    console.log(`recover is refused: ${info.reason} (state ${info.metadata["state"]}): ${rawMessage}`);
+    return;
+  }
+  throw new Error("recover was not refused in FLYING_AUTO");
+}
+
+/** Why UAL refused; undefined where the error is not UAL's: no connection, a deadline, a cancellation. */
+function errorInfo(error: unknown): ErrorInfo | undefined {
+  return ConnectError.from(error)
+    .findDetails(ErrorInfoSchema)
+    .find((info) => info.domain === "ual");
+}
+
+function explain(error: unknown): string {
+  if (!(error instanceof ConnectError)) {
+    return String(error);
+  }
+  return `${errorInfo(error)?.reason ?? Code[error.code]}: ${error.rawMessage}`;
+}
+
+const { values } = parseArgs({ options: { address: { type: "string", default: "127.0.0.1:50051" } } });
+const interrupted = new AbortController();
+for (const name of ["SIGINT", "SIGTERM"] as const) {
+  process.once(name, () => interrupted.abort());
+}
+
+try {
+  await run(values.address, interrupted.signal);
+} catch (error) {
+  if (interrupted.signal.aborted) {
+    console.error("interrupted: the UAV holds its position (a take-off or landing goes on)");
+    process.exitCode = 130;
+  } else {
+    console.error(`mission: ${explain(error)}`);
+    process.exitCode = 1;
+  }
+}

@@ -1,0 +1,156 @@
+"""A point mass that turns and tilts, and the cascade of controllers that flies it. Axes: north, east, down."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass, field
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+GRAVITY_M_S2 = 9.80665
+_ATTITUDE_S = 0.06
+"""How long the attitude takes to follow what the controller wants, and so the acceleration."""
+_YAW_ACCELERATION_RAD_S2 = 6.0
+_WANDER_VELOCITY_S, _WANDER_POSITION_S = 4.0, 40.0
+
+
+def wrap(angle_rad: float) -> float:
+    """The same angle between -pi and pi."""
+    return math.remainder(angle_rad, math.tau)
+
+
+def clamp(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What is flown: where an axis has no position (None) only its velocity counts. `yaw_rad` None: by the rate only.
+
+    `velocity` and `acceleration` are fed forward.
+    """
+
+    position: tuple[float | None, float | None, float | None] = (None, None, None)
+    velocity: Vector = ZERO
+    acceleration: Vector = ZERO
+    yaw_rad: float | None = None
+    yaw_rate_rad_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Agility:
+    """Gains (1/s) and limits of the position controller, in SI units."""
+
+    position_gain: float
+    height_gain: float
+    velocity_gain: float
+    vertical_gain: float
+    speed_m_s: float
+    climb_m_s: float
+    descent_m_s: float
+    acceleration_m_s2: float
+    vertical_acceleration_m_s2: float
+    jerk_m_s3: float
+    yaw_gain: float
+    yaw_rate_rad_s: float
+
+
+@dataclass(slots=True)
+class Body:
+    """Where the vehicle is and how it moves, on a flat ground at height `ground_z_m`."""
+
+    position: Vector = ZERO
+    velocity: Vector = ZERO
+    acceleration: Vector = ZERO
+    yaw_rad: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    ground_z_m: float = 0.0
+    is_on_ground: bool = True
+
+    def stand(self) -> None:
+        """On the ground, at rest."""
+        self.position = (self.position[0], self.position[1], self.ground_z_m)
+        self.velocity = self.acceleration = ZERO
+        self.yaw_rate_rad_s = 0.0
+        self.is_on_ground = True
+
+    def fall(self, step_s: float) -> None:
+        """Without motors."""
+        if not self.is_on_ground:
+            self.acceleration = (0.0, 0.0, GRAVITY_M_S2)
+            self._move(step_s)
+
+    def fly(self, acceleration: Vector, yaw_rate_rad_s: float, jerk_m_s3: float, step_s: float) -> None:
+        """With motors, which follow what is wanted by and by."""
+        limit = jerk_m_s3 * step_s
+        self.acceleration = tuple(  # type: ignore[assignment]
+            now + clamp((wanted - now) * step_s / _ATTITUDE_S, -limit, limit)
+            for now, wanted in zip(self.acceleration, acceleration, strict=True)
+        )
+        limit = _YAW_ACCELERATION_RAD_S2 * step_s
+        self.yaw_rate_rad_s += clamp(yaw_rate_rad_s - self.yaw_rate_rad_s, -limit, limit)
+        self.yaw_rad = wrap(self.yaw_rad + self.yaw_rate_rad_s * step_s)
+        self._move(step_s)
+
+    def _move(self, step_s: float) -> None:
+        vx, vy, vz = (v + a * step_s for v, a in zip(self.velocity, self.acceleration, strict=True))
+        x, y, z = self.position
+        self.velocity = (vx, vy, vz)
+        self.position = (x + vx * step_s, y + vy * step_s, z + vz * step_s)
+        self.is_on_ground = False
+        if self.position[2] >= self.ground_z_m and vz >= 0.0:
+            self.stand()
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch that this acceleration takes."""
+        north, east, down = self.acceleration
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        lift = max(GRAVITY_M_S2 - down, 1.0)
+        return math.atan2(east * cos - north * sin, lift), -math.atan2(north * cos + east * sin, lift)
+
+
+@dataclass(slots=True)
+class Wander:
+    """How far off the estimate is: it wanders smoothly, by about `sigma_m` on each axis."""
+
+    sigma_m: float
+    noise: random.Random
+    position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+    def step(self, step_s: float) -> None:
+        """Time passes."""
+        if not self.sigma_m:
+            return
+        speed = self.sigma_m / math.sqrt(_WANDER_VELOCITY_S * _WANDER_POSITION_S)
+        kick = speed * math.sqrt(2.0 * step_s / _WANDER_VELOCITY_S)
+        for axis in range(3):
+            drift = self.velocity[axis]
+            self.velocity[axis] += -drift * step_s / _WANDER_VELOCITY_S + kick * self.noise.gauss(0.0, 1.0)
+            self.position[axis] += (drift - self.position[axis] / _WANDER_POSITION_S) * step_s
+
+
+def control(
+    agility: Agility, target: Target, position: Vector, velocity: Vector, yaw_rad: float
+) -> tuple[Vector, float]:
+    """The acceleration and the yaw rate that follow a target, by the estimated position and velocity."""
+    wanted = list(target.velocity)
+    for axis, gain in enumerate((agility.position_gain, agility.position_gain, agility.height_gain)):
+        goal = target.position[axis]
+        if goal is not None:
+            wanted[axis] += gain * (goal - position[axis])
+    scale = min(1.0, agility.speed_m_s / max(math.hypot(wanted[0], wanted[1]), 1e-9))
+    wanted[0] *= scale
+    wanted[1] *= scale
+    wanted[2] = clamp(wanted[2], -agility.climb_m_s, agility.descent_m_s)
+    north = target.acceleration[0] + agility.velocity_gain * (wanted[0] - velocity[0])
+    east = target.acceleration[1] + agility.velocity_gain * (wanted[1] - velocity[1])
+    scale = min(1.0, agility.acceleration_m_s2 / max(math.hypot(north, east), 1e-9))
+    limit = agility.vertical_acceleration_m_s2
+    down = clamp(target.acceleration[2] + agility.vertical_gain * (wanted[2] - velocity[2]), -limit, limit)
+    yaw_rate = target.yaw_rate_rad_s
+    if target.yaw_rad is not None:
+        yaw_rate += agility.yaw_gain * wrap(target.yaw_rad - yaw_rad)
+    return (north * scale, east * scale, down), clamp(yaw_rate, -agility.yaw_rate_rad_s, agility.yaw_rate_rad_s)

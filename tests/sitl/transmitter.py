@@ -1,0 +1,155 @@
+"""What the safety pilots of all simulators have in common: a ground station's link, by which they see and command."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ual_daemon.backends.mavlink.frames import Frame
+from ual_daemon.backends.mavlink.messages import Codec, CorruptFrameError, Message, mavlink
+
+PATIENCE_S = 90.0
+SEND_AGAIN_S = 1.5
+
+
+@dataclass(frozen=True)
+class Sticks:
+    """Where the pilot holds them, -1 to 1; 0 is the middle."""
+
+    forward: float = 0.0
+    right: float = 0.0
+    up: float = 0.0
+    turn_right: float = 0.0
+
+
+class Transmitter(ABC):
+    """A safety pilot. A thread holds the sticks, `sticks_s` apart, and listens to what the autopilot says.
+
+    `link` is open already; it is closed with this.
+    """
+
+    autopilot: str
+    sticks_s: float
+    heard_messages: frozenset[int]
+
+    def __init__(self, link: socket.socket, system_id: int) -> None:
+        self._link = link
+        self._link.settimeout(self.sticks_s)
+        self._codec = Codec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._codec.join(system_id)
+        self._changed = threading.Condition()
+        self._system_id = 0
+        self.sticks = Sticks()
+        self.is_ready = False
+        self.is_armed = False
+        self.mode = -1
+        """The autopilot's custom mode; -1 until it has told."""
+        self.said = ""
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name=f"safety pilot of {self.autopilot}")
+
+    def close(self) -> None:
+        self._is_closing = True
+        self._thread.join()
+        self._link.close()
+
+    @abstractmethod
+    def begin(self) -> None:
+        """As before any day's first flight: the autopilot is there, and the mode switch is where the pilot wants it."""
+
+    @abstractmethod
+    def wait_until_ready(self) -> None:
+        """Until the autopilot says that it may be armed, in a mode in which it may."""
+
+    @abstractmethod
+    def take_over(self) -> None:
+        """Flips the mode switch to where he flies, and returns at once."""
+
+    def arm(self) -> None:
+        self._order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), lambda: self.is_armed, "armed")
+
+    def disarm(self) -> None:
+        self._order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,), lambda: not self.is_armed, "disarmed")
+
+    def set_mode(self, custom_mode: int, main: float, sub: float = 0.0) -> None:
+        """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
+        params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)
+        self._order(mavlink.MAV_CMD_DO_SET_MODE, params, lambda: self.mode == custom_mode, f"in mode {custom_mode}")
+
+    @abstractmethod
+    def stand_by(self) -> None:
+        """Moves his switch to where it must stand before he can take over again, as he does when he has seen that
+        control was recovered; where programs fly by a position of the switch, that gives control back. Returns when the
+        autopilot has surely seen it.
+        """
+
+    @abstractmethod
+    def _send(self, data: bytes) -> None:
+        """Sends to the autopilot."""
+
+    @abstractmethod
+    def _frames(self, data: bytes) -> Sequence[Frame]:
+        """The frames in what was received."""
+
+    @abstractmethod
+    def _hold_sticks(self, count: int) -> None:
+        """Sends where the sticks are, for the `count`-th time."""
+
+    def _wait(self, is_done: Callable[[], bool], what: str) -> None:
+        with self._changed:
+            assert self._changed.wait_for(is_done, timeout=PATIENCE_S), self._not(what)
+
+    def _order(self, command: int, params: tuple[float, ...], is_done: Callable[[], bool], what: str) -> None:
+        """Sends a command until it has shown its effect."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not is_done():
+            assert time.monotonic() < deadline_s, self._not(what)
+            self._command(command, params)
+            with self._changed:
+                self._changed.wait_for(is_done, timeout=SEND_AGAIN_S)
+
+    def _not(self, what: str) -> str:
+        return f"{self.autopilot} {self._system_id} is not {what} (mode {self.mode:#x}); it said {self.said!r}"
+
+    def _command(self, command: int, params: tuple[float, ...]) -> None:
+        padded = (*params, *(0.0,) * (7 - len(params)))
+        self._tell(mavlink.MAVLink_command_long_message(self._system_id, 1, command, 0, *padded))
+
+    def _tell(self, message: Message) -> None:
+        self._send(self._codec.encode(message))
+
+    def _run(self) -> None:
+        next_s, count = time.monotonic(), 0
+        while not self._is_closing:
+            if time.monotonic() >= next_s:
+                next_s += self.sticks_s
+                self._hold_sticks(count)
+                count += 1
+            try:
+                data = self._link.recv(4096)
+            except TimeoutError:
+                continue
+            for frame in self._frames(data):
+                if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and frame.message_id in self.heard_messages:
+                    try:
+                        message = self._codec.decode(frame)
+                    except CorruptFrameError:
+                        continue
+                    with self._changed:
+                        self._system_id = frame.system_id
+                        self._take(message)
+                        self._changed.notify_all()
+
+    def _take(self, message: Message) -> None:
+        """Takes what the autopilot said, with the lock held."""
+        if isinstance(message, mavlink.MAVLink_heartbeat_message):
+            self.is_armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self.mode = message.custom_mode
+        elif isinstance(message, mavlink.MAVLink_sys_status_message):
+            self.is_ready = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+        elif isinstance(message, mavlink.MAVLink_statustext_message):
+            self.said = message.text

@@ -1,0 +1,135 @@
+"""Listens between a daemon and its autopilot: what the daemon sends is counted where it leaves, whatever it says."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import selectors
+import socket
+import threading
+import time
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from ual_daemon.backends.mavlink.frames import FrameReader
+from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+
+_ASKING = {
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+    mavlink.MAV_CMD_REQUEST_MESSAGE,
+}
+"""Commands that ask for a message, and change nothing of the vehicle."""
+_ORDERS = {
+    mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+    mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+    mavlink.MAVLINK_MSG_ID_SET_MODE,
+    mavlink.MAVLINK_MSG_ID_PARAM_SET,
+}
+_Setpoint = mavlink.MAVLink_set_position_target_local_ned_message
+_PIECE = 65536
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A message of the daemon, and when it passed (monotonic clock)."""
+
+    time_s: float
+    message: Message
+
+
+class Wiretap:
+    """Passes everything on, both ways, and keeps what the daemon sent. A daemon that ends may be followed by another.
+
+    `url` is where the autopilot would be found without it (``udpin://`` or ``tcp://``); `self.url` is for the daemon.
+    """
+
+    def __init__(self, url: str) -> None:
+        parts = urlsplit(url)
+        assert parts.hostname is not None
+        assert parts.port is not None
+        self._autopilot = (parts.hostname, parts.port)
+        self._codec = Codec(0)
+        self._reader = FrameReader()
+        self._lock = threading.Lock()
+        self._sent: list[Heard] = []
+        self._is_closing = False
+        is_udp = parts.scheme == "udpin"
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if is_udp else socket.SOCK_STREAM)
+        self._near.bind(("127.0.0.1", 0))
+        port = self._near.getsockname()[1]
+        self.url = f"{'udpout' if is_udp else 'tcp'}://127.0.0.1:{port}"
+        self._thread = threading.Thread(target=self._pass_datagrams if is_udp else self._pass_streams, name="wiretap")
+        self._thread.start()
+
+    def close(self) -> None:
+        self._is_closing = True
+        self._thread.join()
+        self._near.close()
+
+    def setpoints(self, since_s: float, until_s: float = math.inf) -> int:
+        """How many setpoints were sent in between (monotonic clock), by the time that the daemon wrote into them."""
+        with self._lock:
+            sent_ms = [heard.message.time_boot_ms for heard in self._sent if isinstance(heard.message, _Setpoint)]
+        return sum(int(since_s * 1000.0) < each_ms <= until_s * 1000.0 for each_ms in sent_ms)
+
+    def orders(self, since_s: float) -> list[str]:
+        """What the autopilot was told to do since then: commands, modes and parameters, but not what it was asked."""
+        with self._lock:
+            messages = [heard.message for heard in self._sent if heard.time_s >= since_s]
+        return [
+            str(message)
+            for message in messages
+            if message.get_msgId() in _ORDERS and getattr(message, "command", None) not in _ASKING
+        ]
+
+    def _note(self, data: bytes) -> None:
+        time_s = time.monotonic()
+        for frame in self._reader.feed(data):
+            heard = Heard(time_s, self._codec.decode(frame))
+            with self._lock:
+                self._sent.append(heard)
+
+    def _pass_datagrams(self) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far, selectors.DefaultSelector() as selector:
+            far.bind(self._autopilot)
+            selector.register(far, selectors.EVENT_READ)
+            selector.register(self._near, selectors.EVENT_READ)
+            daemon = autopilot = None
+            while not self._is_closing:
+                for key, _ in selector.select(0.1):
+                    data, address = key.fileobj.recvfrom(_PIECE)  # type: ignore[union-attr]
+                    if key.fileobj is far:
+                        autopilot = address
+                        if daemon is not None:
+                            self._near.sendto(data, daemon)
+                    else:
+                        daemon = address
+                        self._note(data)
+                        if autopilot is not None:
+                            far.sendto(data, autopilot)
+
+    def _pass_streams(self) -> None:
+        self._near.listen(1)
+        self._near.settimeout(0.1)
+        while not self._is_closing:
+            try:
+                daemon, _ = self._near.accept()
+            except TimeoutError:
+                continue
+            self._reader = FrameReader()
+            with daemon, socket.create_connection(self._autopilot) as far, contextlib.suppress(ConnectionError):
+                self._pass_stream(daemon, far)
+
+    def _pass_stream(self, daemon: socket.socket, far: socket.socket) -> None:
+        """Until either end closes."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(far, selectors.EVENT_READ, daemon)
+            selector.register(daemon, selectors.EVENT_READ, far)
+            while not self._is_closing:
+                for key, _ in selector.select(0.1):
+                    data = key.fileobj.recv(_PIECE)  # type: ignore[union-attr]
+                    if not data:
+                        return
+                    if key.fileobj is daemon:
+                        self._note(data)
+                    key.data.sendall(data)

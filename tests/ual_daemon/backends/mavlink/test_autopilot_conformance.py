@@ -1,0 +1,88 @@
+"""The conformance checks over the simulated autopilots, through the class and over gRPC to a daemon."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+import ual
+from tests.autopilots.lockstep import LockstepArduPilot, LockstepPx4
+from tests.conftest import LIMIT_S, DaemonProcess
+from ual import conformance, discovery
+from ual.conformance import Check, Flight, Tolerances
+from ual.conformance.flight import CannotRunError
+from ual.interface import Uav
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.settings import LimitSettings, VehicleSettings
+
+LIMIT_M_S = 2.5
+"""Slow enough that the checks fly it to its limit."""
+# Without noise and wind, but with the lag of an autopilot's controllers.
+TOLERANCES = Tolerances(
+    position_m=0.4, wander_m=0.0, heading_rad=0.2, speed_m_s=0.4, line_ratio=0.1, overshoot_ratio=0.1
+)
+BACKENDS = {"px4": LockstepPx4, "ardupilot": LockstepArduPilot}
+NOT_HERE = {
+    # A simulation's daemon may arm.
+    "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back"},
+    "ardupilot": {"arming_belongs_to_the_pilot"},
+}
+"""What is skipped, and nothing else. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while the
+pilot flies: he cannot give back."""
+
+
+def over_class(stack: ExitStack, kind: str, _: Path) -> Uav:
+    settings = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=LIMIT_M_S))
+    return stack.enter_context(UAL(BACKENDS[kind](BackendOptions("uav_1")), settings=settings))
+
+
+def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
+    limit = f"limits.horizontal_speed_m_s={LIMIT_M_S}"
+    flags = ("--backend", f"lockstep_{kind}", "--listen", "127.0.0.1:0", "--set", limit)
+    environment = {discovery.RUNTIME_DIR_VARIABLE: str(directory)}
+    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.autopilots.daemon")
+    stack.callback(daemon.close)
+    return stack.enter_context(ual.Uav(address=daemon.address))
+
+
+Make = Callable[[ExitStack, str, Path], Uav]
+
+
+@pytest.fixture(scope="module", params=[over_class, over_grpc], ids=lambda make: make.__name__)
+def make(request: pytest.FixtureRequest) -> Make:
+    made: Make = request.param
+    return made
+
+
+@pytest.fixture(scope="module", params=["px4", "ardupilot"])
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    with ExitStack() as stack:
+        uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
+        deadline_s = time.monotonic() + LIMIT_S
+        while not uav.is_ready() or not uav.info().autopilot_version or uav.info().limits.climb_speed_m_s < 2.0:
+            assert time.monotonic() < deadline_s, uav.telemetry()
+            time.sleep(0.02)
+        yield Flight(uav, TOLERANCES)
+
+
+@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
+def test_conformance(flight: Flight, check: Check, kind: str) -> None:
+    try:
+        conformance.run_check(flight, check)
+    except CannotRunError:
+        assert check.name in NOT_HERE[kind]
+        pytest.skip("not with this autopilot: see NOT_HERE")
+    except ual.NotSupportedError:
+        assert check.name in NOT_HERE[kind]
+        flight.uav.recover_from_manual()
+        pytest.skip("not with this autopilot: see NOT_HERE")

@@ -1,0 +1,175 @@
+"""Daemons as real processes, simulated autopilots over real sockets, in real time: killed, cut off, three at once."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+
+import ual
+from tests.autopilots import ArduPilot, Autopilot, BadLink, Faults, Px4, TcpPort, UdpPort, flying
+from tests.autopilots.px4 import LOITER
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual.geometry import Pose
+from ual.types import State
+from ual_daemon.backends.mavlink.messages import mavlink
+
+ASKING = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
+SERVING, NOT_SERVING = health_pb2.HealthCheckResponse.SERVING, health_pb2.HealthCheckResponse.NOT_SERVING
+
+
+@dataclass
+class Vehicle:
+    """A simulated autopilot that flies, and where a daemon finds it."""
+
+    autopilot: Autopilot
+    port: UdpPort | TcpPort
+    link: BadLink
+    url: str
+
+    def commands_since(self, after_s: float) -> set[int]:
+        """What the autopilot was told, other than to send something."""
+        return {command for time_s, command, _, _ in self.autopilot.commands if time_s >= after_s} - ASKING
+
+
+def vehicle_of(kind: str, system_id: int = 1) -> Vehicle:
+    """PX4 over UDP, ArduPilot over TCP."""
+    port: UdpPort | TcpPort = UdpPort() if kind == "px4" else TcpPort()
+    link = BadLink(port, 0)
+    if kind == "px4":
+        return Vehicle(Px4(link, system_id=system_id), port, link, f"udpout://127.0.0.1:{port.address[1]}")
+    return Vehicle(ArduPilot(link, system_id=system_id), port, link, f"tcp://127.0.0.1:{port.address[1]}")
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def vehicle(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
+    vehicle = vehicle_of(request.param)
+    with flying(vehicle.autopilot):
+        yield vehicle
+
+
+def wait_for(condition: Callable[[], bool], what: str) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline_s, f"{what} did not come"
+        time.sleep(0.01)
+
+
+def wait_for_state(uav: ual.Uav, *states: State) -> None:
+    wait_for(lambda: uav.state() in states, " or ".join(state.name for state in states))
+
+
+def take_off(uav: ual.Uav, vehicle: Vehicle) -> None:
+    wait_for_state(uav, State.LANDED_DISARMED)
+    wait_for(lambda: uav.info().autopilot_version != "", "its version")
+    wait_for(lambda: uav.telemetry().position_geo is not None, "its place on Earth")
+    assert vehicle.autopilot.pilot_arm()
+    wait_for_state(uav, State.LANDED_ARMED)
+    uav.take_off(2.0)
+
+
+def ahead(uav: ual.Uav, distance_m: float) -> Pose:
+    here = uav.odometry().pose.position
+    return Pose.at(here.x + distance_m, here.y, here.z)
+
+
+def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
+    vehicle: Vehicle, start_daemon: StartDaemon
+) -> None:
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    with ual.Uav(address=daemon.address) as uav:
+        take_off(uav, vehicle)
+        uav.go_to_waypoint(ahead(uav, 50.0), blocking=False)
+        wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
+        daemon.signal(signal.SIGKILL)
+        daemon.wait()
+    if isinstance(vehicle.autopilot, Px4):  # it returns, and the safety pilot stops that
+        wait_for(lambda: vehicle.autopilot.heartbeat().custom_mode >> 24 == 5, "PX4's return")
+        with vehicle.autopilot.lock:
+            assert vehicle.autopilot.request_mode(LOITER)
+    started_s = vehicle.autopilot.elapsed_s
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    told = daemon.wait_for("state", old="UNINITIALIZED")
+    state = "FLYING_MANUAL" if isinstance(vehicle.autopilot, Px4) else "FLYING_AUTO"
+    assert told["new"] == state
+    with ual.Uav(address=daemon.address) as uav:
+        assert vehicle.commands_since(started_s) == set()  # nothing is armed and no mode changed unasked
+        if uav.state() is State.FLYING_MANUAL:
+            uav.recover_from_manual()
+        assert uav.state() is State.FLYING_AUTO
+        uav.land()
+        wait_for_state(uav, State.LANDED_DISARMED)
+
+
+def test_health_follows_the_link(vehicle: Vehicle, start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    stub: Any = health_pb2_grpc.HealthStub(daemon.channel())
+
+    def is_health(status: int) -> bool:
+        return bool(stub.Check(health_pb2.HealthCheckRequest(), timeout=LIMIT_S).status == status)
+
+    wait_for(lambda: is_health(SERVING), "SERVING")
+    silent = daemon.wait_for("state", old="UNINITIALIZED")
+    vehicle.link.down = Faults(is_silent=True)
+    daemon.wait_for("state", after=silent, new="UNINITIALIZED")
+    wait_for(lambda: is_health(NOT_SERVING), "NOT_SERVING")
+    vehicle.link.down = Faults()
+    wait_for(lambda: is_health(SERVING), "SERVING again")
+
+
+def test_a_half_open_connection_is_given_up_and_made_anew(start_daemon: StartDaemon) -> None:
+    vehicle = vehicle_of("ardupilot")
+    assert isinstance(vehicle.port, TcpPort)
+    with flying(vehicle.autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        ready = daemon.wait_for("state", old="UNINITIALIZED")
+        with vehicle.autopilot.lock:
+            vehicle.port.leave_half_open()
+        lost = daemon.wait_for("state", after=ready, new="UNINITIALIZED")
+        daemon.wait_for("state", after=lost, new="LANDED_DISARMED")
+        assert vehicle.port.sessions_count == 2
+
+
+def test_a_reboot_that_closes_the_connection_is_noticed(start_daemon: StartDaemon) -> None:
+    vehicle = vehicle_of("ardupilot")
+    assert isinstance(vehicle.autopilot, ArduPilot)
+    vehicle.autopilot.settle_s = 4.0
+    with flying(vehicle.autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        ready = daemon.wait_for("state", old="UNINITIALIZED")
+        vehicle.autopilot.reboot()
+        daemon.wait_for("autopilot_rebooted", after=ready)
+        daemon.wait_for("state", after=ready, old="UNINITIALIZED", new="LANDED_DISARMED")
+
+
+def test_three_daemons_fly_three_vehicles_for_one_client(start_daemon: StartDaemon) -> None:
+    vehicles = [vehicle_of("px4", number) for number in (1, 2, 3)]
+    with flying(*(vehicle.autopilot for vehicle in vehicles)), ExitStack() as stack:
+        daemons: list[DaemonProcess] = [
+            start_daemon("--url", vehicle.url, backend="mavlink", ns=f"uav_{number}")
+            for number, vehicle in enumerate(vehicles, 1)
+        ]
+        uavs = [
+            stack.enter_context(ual.Uav(f"uav_{number}", address=daemon.address))
+            for number, daemon in enumerate(daemons, 1)
+        ]
+        for uav, vehicle in zip(uavs, vehicles, strict=True):
+            wait_for_state(uav, State.LANDED_DISARMED)
+            assert vehicle.autopilot.pilot_arm()
+            wait_for_state(uav, State.LANDED_ARMED)
+        for task in [uav.take_off(2.0, blocking=False) for uav in uavs]:
+            task.wait()
+        goals = [ahead(uav, 2.0 * number) for number, uav in enumerate(uavs, 1)]
+        for task in [uav.go_to_waypoint(goal, blocking=False) for uav, goal in zip(uavs, goals, strict=True)]:
+            task.wait()
+        for number, (uav, vehicle) in enumerate(zip(uavs, vehicles, strict=True), 1):
+            assert uav.ns == f"uav_{number}"
+            assert vehicle.autopilot.position[1] == pytest.approx(-0.15 + 2.0 * number, abs=0.5)  # east, by the truth
+        for task in [uav.land(blocking=False) for uav in uavs]:
+            task.wait()

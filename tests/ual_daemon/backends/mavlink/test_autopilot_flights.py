@@ -1,0 +1,311 @@
+"""The MAVLink backend and simulated autopilots on one clock: what must hold when a pilot, a link or a sensor meddles.
+
+Times are the vehicle's, so that they hold on a busy computer too.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from tests.autopilots import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
+from tests.autopilots.lockstep import LockstepBackend
+from tests.autopilots.px4 import LOITER, OFFBOARD, RTL
+from tests.conftest import LIMIT_S
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError, WrongStateError
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import State, Telemetry
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.supervision import LinkState
+
+SPEED = 12.0
+HEIGHT_M = 3.0
+ASKING = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
+SILENT = Faults(is_silent=True)
+BAD = Faults(loss=0.3, jitter_s=0.2, corruption=0.1, duplication=0.05)
+
+
+class Flight:
+    """A simulated autopilot, a link to it that can get bad, and the UAV that flies it."""
+
+    def __init__(self, kind: str, seed: int = 0) -> None:
+        self._port = MemoryPort()
+        self.link = BadLink(self._port, seed)
+        self.autopilot: Autopilot = Px4(self.link) if kind == "px4" else ArduPilot(self.link)
+        self.start()
+
+    def start(self) -> None:
+        """Starts the class that flies it, as a new daemon would."""
+        self.seen: list[tuple[float, Telemetry]] = []
+        self.started_s = self.now_s
+        self._port.sent.clear()
+        self._port.arriving.clear()
+        self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self._port, SPEED)
+        self.uav = UAL(self.backend)
+        self.uav.vehicle.subscribe(lambda telemetry: self.seen.append((self.now_s, telemetry)))
+
+    def kill(self) -> None:
+        """The daemon is gone in the middle of a flight, without a word to the autopilot."""
+        self.backend.close()
+
+    @property
+    def now_s(self) -> float:
+        return self.autopilot.elapsed_s
+
+    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + LIMIT_S
+        while not condition():
+            assert time.monotonic() < deadline_s, f"{what} did not come; {self.uav.telemetry()}"
+            time.sleep(0.002)
+
+    def wait_for_state(self, *states: State) -> None:
+        self.wait_for(lambda: self.uav.state() in states, " or ".join(state.name for state in states))
+
+    def let_pass(self, duration_s: float) -> None:
+        until_s = self.now_s + duration_s
+        self.wait_for(lambda: self.now_s >= until_s, "time passing")
+
+    def first_s(self, condition: Callable[[Telemetry], bool], after_s: float = 0.0) -> float:
+        """When telemetry first fulfilled a condition."""
+
+        def found() -> list[float]:
+            return [time_s for time_s, telemetry in list(self.seen) if time_s >= after_s and condition(telemetry)]
+
+        self.wait_for(lambda: bool(found()), "such telemetry")
+        return found()[0]
+
+    def states_since(self, after_s: float) -> list[State]:
+        """The states since a time, repetitions left out."""
+        result: list[State] = []
+        for time_s, telemetry in list(self.seen):
+            if time_s >= after_s and (not result or result[-1] is not telemetry.state):
+                result.append(telemetry.state)
+        return result
+
+    def commands_since(self, after_s: float) -> set[int]:
+        """What the autopilot was told, other than to send something."""
+        return {command for time_s, command, _, _ in self.autopilot.commands if time_s >= after_s} - ASKING
+
+    def take_off(self) -> None:
+        self.wait_for_state(State.LANDED_DISARMED)
+        self.wait_for(lambda: self.backend.snapshot().home_altitude_amsl_m is not None, "its home")
+        self.wait_for(lambda: self.backend.snapshot().projection is not None, "its origin")
+        assert self.autopilot.pilot_arm()
+        self.wait_for_state(State.LANDED_ARMED)
+        self.uav.take_off(HEIGHT_M)
+
+    def goal(self, dx: float, dy: float) -> Pose:
+        here = self.uav.pose().pose.position
+        return Pose.at(here.x + dx, here.y + dy, here.z)
+
+    def land(self) -> None:
+        self.uav.land()
+        self.wait_for_state(State.LANDED_DISARMED)
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def flight(kind: str) -> Iterator[Flight]:
+    flight = Flight(kind)
+    yield flight
+    flight.uav.close()
+
+
+def px4_of(flight: Flight) -> Px4:
+    assert isinstance(flight.autopilot, Px4)
+    return flight.autopilot
+
+
+def test_the_safety_pilot_takes_over_in_the_middle_of_a_go_to_again_and_again(flight: Flight) -> None:
+    uav = flight.uav
+    flight.take_off()
+    for number in range(5):
+        task = uav.go_to_waypoint(flight.goal(20.0 if number % 2 else -20.0, 0.0), blocking=False)
+        flight.wait_for(lambda: uav.velocity().twist.linear.norm() > 1.0, "its speed")
+        with flight.autopilot.lock:
+            taken_s = flight.now_s
+            flight.autopilot.pilot_take_over()
+        with pytest.raises(TaskAbortedError, match="taken by the safety pilot"):
+            task.wait(LIMIT_S)
+        flight.wait_for_state(State.FLYING_MANUAL)
+        ended_s = flight.first_s(lambda telemetry: telemetry.state is State.FLYING_MANUAL, taken_s)
+        assert ended_s - taken_s < 0.5
+        flight.let_pass(4.0)
+        assert [each for each in flight.autopilot.setpoints_s if each > ended_s + 0.02] == []
+        assert uav.velocity().twist.linear.norm() < 0.2  # the pilot's mode holds it, and nothing else moves it
+        assert flight.commands_since(taken_s) == set()
+        assert uav.state() is State.FLYING_MANUAL
+        with pytest.raises(WrongStateError):
+            uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+        held = uav.pose().pose.position
+        uav.recover_from_manual()
+        flight.let_pass(1.0)
+        assert (uav.pose().pose.position - held).norm() < 0.2
+    flight.land()
+
+
+def test_a_daemon_that_was_killed_in_flight_and_is_new_tells_the_truth_at_once(flight: Flight, kind: str) -> None:
+    flight.take_off()
+    flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.5, "its speed")
+    flight.kill()
+    flight.autopilot.run(1.8)  # nobody is there
+    flight.start()
+    flight.wait_for(flight.uav.is_ready, "a state")
+    expected = State.FLYING_AUTO if kind == "ardupilot" else State.LANDING  # ArduPilot stays in GUIDED, PX4 returns
+    ready_s = flight.first_s(lambda telemetry: telemetry.state is not State.UNINITIALIZED)
+    assert ready_s - flight.started_s < 2.0
+    assert flight.states_since(ready_s)[0] is expected
+    flight.let_pass(1.0)
+    assert flight.commands_since(flight.started_s) == set()  # nothing is armed, and no mode changed, unasked
+    if kind == "px4":
+        assert px4_of(flight).mode == RTL
+        assert px4_of(flight).request_mode(LOITER)  # a landing is not replaced: the pilot ends it
+        flight.wait_for_state(State.FLYING_MANUAL)
+        flight.uav.recover_from_manual()
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_flight_is_flown_to_its_end_over_a_bad_link(kind: str, seed: int) -> None:
+    flight = Flight(kind, seed)
+    try:
+        flight.link.down = flight.link.up = BAD
+        flight.take_off()
+        goal = flight.goal(6.0, -4.0)
+        flight.uav.go_to_waypoint(goal)
+        assert (flight.uav.pose().pose.position - goal.position).norm() < 1.0
+        flight.land()
+        statistics = flight.backend.link_statistics()
+        assert statistics.loss == pytest.approx(1.0 - 0.7 * 0.9, abs=0.06)
+        assert statistics.corrupt_count > 100
+    finally:
+        flight.link.down = flight.link.up = Faults()
+        flight.uav.close()
+
+
+def test_a_silent_link_is_lost_within_two_seconds_and_serves_again_when_it_is_back(flight: Flight, kind: str) -> None:
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
+    flight.let_pass(1.0)
+    silent_s = flight.now_s
+    flight.link.down = flight.link.up = SILENT
+    with pytest.raises(LinkLostError):
+        task.wait(LIMIT_S)
+    assert flight.first_s(lambda telemetry: telemetry.state is State.UNINITIALIZED, silent_s) - silent_s < 2.0
+    flight.let_pass(3.0)
+    assert flight.backend.link_statistics().state is LinkState.LOST
+    back_s = flight.now_s
+    flight.link.down = flight.link.up = Faults()
+    flight.wait_for(flight.uav.is_ready, "its state")
+    ready_s = flight.first_s(lambda telemetry: telemetry.state is not State.UNINITIALIZED, back_s)
+    assert ready_s - back_s < 3.0
+    flight.let_pass(1.0)
+    assert flight.commands_since(back_s) == set()
+    if kind == "px4":  # it did what it does without setpoints, and is not pulled back out of it
+        assert px4_of(flight).mode == RTL
+        assert flight.uav.state() is State.LANDING
+    else:
+        assert flight.uav.state() is State.FLYING_AUTO
+
+
+def test_px4_is_not_pulled_back_into_offboard_by_itself_when_setpoints_paused() -> None:
+    flight = Flight("px4")
+    try:
+        flight.take_off()
+        task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
+        flight.let_pass(1.0)
+        flight.link.up = SILENT  # what PX4 says is still heard
+        with pytest.raises(TaskAbortedError):
+            task.wait(LIMIT_S)
+        assert px4_of(flight).mode == RTL
+        assert px4_of(flight).intention == OFFBOARD  # setpoints would bring it back at once
+        flight.link.up = Faults()
+        back_s = flight.now_s
+        flight.let_pass(2.0)
+        assert px4_of(flight).mode == RTL
+        assert [each for each in flight.autopilot.setpoints_s if each > back_s] == []
+    finally:
+        flight.uav.close()
+
+
+def test_a_short_pause_of_setpoints_does_not_end_a_go_to(flight: Flight) -> None:
+    flight.take_off()
+    goal = flight.goal(12.0, 0.0)
+    task = flight.uav.go_to_waypoint(goal, blocking=False)
+    flight.let_pass(1.0)
+    flight.link.up = SILENT
+    flight.let_pass(0.6)
+    flight.link.up = Faults()
+    task.wait(LIMIT_S)
+    assert (flight.uav.pose().pose.position - goal.position).norm() < 0.5
+    flight.land()
+
+
+def test_a_refused_arming_says_why(flight: Flight, kind: str) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.autopilot.arm_refusal = "Accels inconsistent"
+    with pytest.raises(RejectedByAutopilotError) as caught:
+        flight.uav.arm()
+    if kind == "ardupilot":
+        assert "Arm: Accels inconsistent" in str(caught.value)
+        assert caught.value.metadata["result"] == "FAILED"
+    else:  # PX4 tells its words to ground stations only, but everybody that there is a reason
+        assert "arm denied resolve failures" in str(caught.value)
+        assert caught.value.metadata["result"] == "TEMPORARILY_REJECTED"
+    assert flight.uav.state() is State.LANDED_DISARMED
+
+
+def test_without_satellites_it_is_uninitialized_and_says_why(flight: Flight) -> None:
+    flight.take_off()
+    lost_s = flight.now_s
+    flight.autopilot.lose_gps()
+    flight.wait_for_state(State.UNINITIALIZED)
+    assert flight.first_s(lambda telemetry: telemetry.state is State.UNINITIALIZED, lost_s) - lost_s < 6.5
+    reason = flight.uav.telemetry().state_reason
+    assert "no good position" in reason
+    flight.wait_for(lambda: not flight.autopilot.is_armed, "its landing by itself")
+
+
+def test_a_reboot_is_noticed_and_everything_asked_anew(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    if isinstance(flight.autopilot, ArduPilot):
+        flight.autopilot.settle_s = 4.0
+    flight.autopilot.commands.clear()
+    flight.autopilot.reboot()
+    booted_s = flight.now_s
+    flight.wait_for(lambda: flight.backend.link_statistics().reboots_count == 1, "the reboot in the statistics")
+    flight.first_s(lambda telemetry: telemetry.state is State.UNINITIALIZED, booted_s)
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(2.0)
+    intervals = {params[0] for _, command, params, _ in flight.autopilot.commands if command == 511}
+    assert float(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE) in intervals
+    flight.take_off()
+    flight.land()
+
+
+def test_nothing_of_ours_cancels_a_take_off_of_ardupilot_and_one_that_another_cancels_fails() -> None:
+    flight = Flight("ardupilot")
+    try:
+        flight.wait_for_state(State.LANDED_DISARMED)
+        assert flight.autopilot.pilot_arm()
+        flight.wait_for_state(State.LANDED_ARMED)
+        task = flight.uav.take_off(HEIGHT_M, blocking=False)
+        flight.wait_for(lambda: bool(flight.commands_since(0.0) & {mavlink.MAV_CMD_NAV_TAKEOFF}), "its take-off")
+        assert isinstance(flight.autopilot, ArduPilot)
+        assert flight.autopilot.setpoints_s == []  # a setpoint of ours would cancel it
+        with flight.autopilot.lock:
+            flight.autopilot.cancel_takeoff()
+        with pytest.raises(UalTimeoutError, match=r"at 0\.00 m"):  # ArduPilot says nothing
+            task.wait(LIMIT_S)
+    finally:
+        flight.uav.close()

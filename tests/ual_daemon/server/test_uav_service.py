@@ -1,0 +1,53 @@
+"""The service by itself, without a server: what waits for what."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from typing import Any, cast
+
+import grpc
+import pytest
+
+from tests.ual_daemon.stepped import stepped
+from ual.errors import TaskAbortedError
+from ual.v1 import ual_pb2 as pb
+from ual_daemon.motions import Prepared
+from ual_daemon.server.uav_service import UalServicer
+from ual_daemon.server.updates import Updates
+from ual_daemon.tasks import VehicleTask
+
+LIMIT_S = 30.0
+CONTEXT = cast("grpc.aio.ServicerContext[Any, Any]", None)
+
+
+def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_begin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with stepped() as uav:
+        uav.fly()
+        is_planned, may_go_on = threading.Event(), threading.Event()
+        follow_path = uav.vehicle.motions.follow_path
+
+        def slowly(*args: Any, **options: Any) -> Prepared[VehicleTask]:
+            prepared = follow_path(*args, **options)
+            is_planned.set()
+            assert may_go_on.wait(LIMIT_S)
+            return prepared
+
+        monkeypatch.setattr(uav.vehicle.motions, "follow_path", slowly)
+        request = pb.FollowPathRequest(non_blocking=True)
+        request.waypoints.add().pose.position.x = 9.0
+
+        async def run() -> None:
+            service = UalServicer(uav.vehicle, Updates(uav.vehicle, lambda _: None))
+            path = asyncio.create_task(service.FollowPath(request, CONTEXT))
+            assert await asyncio.to_thread(is_planned.wait, LIMIT_S)
+            await service.Abort(pb.AbortRequest(), CONTEXT)
+            may_go_on.set()
+            with pytest.raises(TaskAbortedError, match="replaced by abort"):
+                await path
+
+        asyncio.run(run())
+        uav.run(2.0)
+        assert uav.pose.position.x < 0.1

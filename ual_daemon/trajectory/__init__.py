@@ -1,0 +1,32 @@
+"""Smooth references in time, within limits. Pure mathematics.
+
+| module | what |
+|---|---|
+| `motion` | a moment of a reference, and what a trajectory is |
+| `envelope` | the limits of velocity, acceleration and jerk |
+| `pulse` | changes of speed |
+| `bend` | from any motion to rest, or towards a goal |
+| `line` | straight to a goal; braking |
+| `path` | through many waypoints: `run` (legs and rounded corners, `leg`) between stops, `simplify` before it |
+| `heading`, `turn`, `facing` | where the nose points meanwhile |
+| `pieces` | motion as pieces of constant jerk |
+"""
+
+from ual_daemon.trajectory.envelope import acceleration_limit, speed_limit
+from ual_daemon.trajectory.line import Brake, Line
+from ual_daemon.trajectory.motion import Motion, Trajectory
+from ual_daemon.trajectory.path import Chain, Waypoint, path
+from ual_daemon.trajectory.run import Run
+
+__all__ = [
+    "Brake",
+    "Chain",
+    "Line",
+    "Motion",
+    "Run",
+    "Trajectory",
+    "Waypoint",
+    "acceleration_limit",
+    "path",
+    "speed_limit",
+]

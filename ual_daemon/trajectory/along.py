@@ -1,0 +1,133 @@
+"""A motion that is already (almost) along the line to its goal: it goes on, time-optimal from any state.
+
+Along the line and across it, the motion is planned by itself, by Ruckig (Berscheid & Kroeger, "Jerk-limited Real-time
+Trajectory Generation with Arbitrary Target States", RSS 2021). Across it gets a small share of the limits, so that both
+together keep them. So a goal that is told again, or moved a little, changes a flight to it as little.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+
+import ruckig
+
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.trajectory.envelope import (
+    RAMP_S,
+    acceleration_limit,
+    acceleration_share,
+    speed_limit,
+    speed_share,
+)
+from ual_daemon.trajectory.motion import Motion
+
+_LONGEST_S = 600.0
+"""Ruckig's numbers fail for what lasts hours."""
+_ALONG_SHARE = 0.95
+_HALVINGS = 6
+_NOTHING = 1e-9
+_LOOKS = 40
+_SLACK = 1e-6
+
+
+class Along:
+    """Straight on to a goal; see `plan`."""
+
+    def __init__(self, origin: Vector3, goal: Vector3, axes: Sequence[Vector3], trajectory: ruckig.Trajectory) -> None:
+        self._origin, self._goal, self._axes, self._trajectory = origin, goal, axes, trajectory
+        self.duration_s: float = trajectory.duration
+
+    @classmethod
+    def plan(cls, start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float) -> Along | None:
+        """The motion to rest at a goal; None where the start is not along the way there, or the way is too long."""
+        way = goal - start.position
+        length_m = way.norm()
+        if length_m <= _NOTHING:
+            return None
+        axes = _axes(way / length_m)
+        top_m_s = min(fastest_m_s, speed_limit(axes[0], limits))
+        if length_m / top_m_s > _LONGEST_S:
+            return None
+        velocity = [start.velocity.dot(axis) for axis in axes]
+        acceleration = [start.acceleration.dot(axis) for axis in axes]
+        if all(abs(number) <= _NOTHING for number in (*velocity[1:], *acceleration[1:])):
+            shares: tuple[float, ...] = (1.0, 0.0, 0.0)
+            axes, velocity, acceleration = axes[:1], velocity[:1], acceleration[:1]
+        else:
+            shares = _shares(axes, limits)
+        speeds = [top_m_s * shares[0]]
+        for axis, share in zip(axes[1:], shares[1:], strict=False):
+            speeds.append(min(speed_limit(axis, limits), speed_limit(-axis, limits)) * share)
+        accelerations = [acceleration_limit(e, limits) * c for e, c in zip(axes, shares, strict=False)]
+        if not (_fits(velocity, speeds) and _fits(acceleration, accelerations)):
+            return None
+        given = ruckig.InputParameter(len(axes))
+        given.current_position = [0.0] * len(axes)
+        given.current_velocity, given.current_acceleration = velocity, acceleration
+        given.target_position = [length_m, 0.0, 0.0][: len(axes)]
+        given.max_velocity, given.max_acceleration = speeds, accelerations
+        given.max_jerk = [limit / RAMP_S for limit in accelerations]
+        given.synchronization = ruckig.Synchronization.No
+        trajectory = ruckig.Trajectory(len(axes))
+        if ruckig.Ruckig(len(axes)).calculate(given, trajectory) != ruckig.Result.Working:
+            return None
+        found = cls(start.position, goal, axes, trajectory)
+        return found if found.is_within(limits) else None
+
+    def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
+        """Position, velocity and acceleration at a time."""
+        if time_s >= self.duration_s:
+            return self._goal, Vector3(), Vector3()
+        p, v, a = self._trajectory.at_time(max(0.0, time_s))
+        return self._origin + self._sum(p), self._sum(v), self._sum(a)
+
+    def _sum(self, components: Sequence[float]) -> Vector3:
+        x = y = z = 0.0
+        for axis, component in zip(self._axes, components, strict=True):
+            x += axis.x * component
+            y += axis.y * component
+            z += axis.z * component
+        return Vector3(x, y, z)
+
+    def is_within(self, limits: Limits) -> bool:
+        """Whether the velocities and accelerations, together, are allowed: a start at a limit may leave it askew."""
+        for look in range(_LOOKS + 1):
+            _, v, a = self.at(self.duration_s * look / _LOOKS)
+            share = acceleration_share(a, limits)
+            died_out = v + a * (share * RAMP_S / 2)
+            if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _SLACK:
+                return False
+        return True
+
+
+def _axes(direction: Vector3) -> list[Vector3]:
+    h = direction.horizontal_norm()
+    across = Vector3(-direction.y / h, direction.x / h, 0.0) if h > _NOTHING else Vector3(0.0, 1.0, 0.0)
+    return [direction, across, direction.cross(across)]
+
+
+def _fits(numbers: Sequence[float], limits: Sequence[float]) -> bool:
+    return all(abs(number) <= limit * (1.0 + _SLACK) for number, limit in zip(numbers, limits, strict=True))
+
+
+def _shares(axes: Sequence[Vector3], limits: Limits) -> tuple[float, float, float]:
+    """The shares of the limits for the motion along and across, so that all together they keep them."""
+    sides = list(itertools.product((-1.0, 1.0), repeat=3))
+
+    def is_within(across: float, limit: Callable[[Vector3], float], share: Callable[[Vector3], float]) -> bool:
+        sizes = [limit(axis) * c for axis, c in zip(axes, (_ALONG_SHARE, across, across), strict=True)]
+        corners = (axes[0] * (sizes[0] * i) + axes[1] * (sizes[1] * j) + axes[2] * (sizes[2] * k) for i, j, k in sides)
+        return all(share(corner) <= 1.0 for corner in corners)
+
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        fits = is_within(
+            middle,
+            lambda e: min(speed_limit(e, limits), speed_limit(-e, limits)),
+            lambda v: speed_share(v, limits),
+        ) and is_within(middle, lambda e: acceleration_limit(e, limits), lambda a: acceleration_share(a, limits))
+        low, high = (middle, high) if fits else (low, middle)
+    return _ALONG_SHARE, low, low

@@ -1,0 +1,236 @@
+"""From any motion to another velocity, and to a goal: what a trajectory that starts in motion begins with.
+
+A motion that starts with an acceleration goes on with it: the acceleration turns at one jerk, as fast as allowed, to
+that of the change of velocity. What lies between two allowed accelerations is allowed; the velocities on that short way
+are looked at, and where they would leave the limits (the start is at its speed limit, say), the acceleration first dies
+out. That is always within the limits for whatever start these plans themselves lead to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.trajectory.envelope import (
+    RAMP_S,
+    acceleration_limit,
+    acceleration_share,
+    speed_limit,
+    speed_share,
+)
+from ual_daemon.trajectory.motion import Motion
+from ual_daemon.trajectory.pieces import Pieces
+from ual_daemon.trajectory.pulse import Pulse, fastest_change_m_s, largest
+
+_NO_ACCELERATION = 1e-9
+_NO_TIME_S = 1e-9
+_MOST_SPEEDS = 10
+_MOST_AIMS = 60
+_GOOD_AIM = 1e-3
+_GOOD_SPEED = 0.01
+_HIT_M = 1e-9
+_LOOKS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of velocity that begins with an acceleration: that turns to another one within `turn_s`, which holds for
+    `hold_s` and dies out within `fall_s`.
+    """
+
+    velocity: Vector3
+    acceleration: Vector3
+    turn_s: float
+    turned: Vector3
+    hold_s: float
+    fall_s: float
+
+    @classmethod
+    def to(cls, after: Vector3, velocity: Vector3, acceleration: Vector3, limits: Limits) -> Change:
+        """The shortest one from a velocity with an acceleration to the velocity `after`, or nearly."""
+        if acceleration_share(acceleration, limits) <= _NO_ACCELERATION:
+            change = after - velocity
+            size = change.norm()
+            if size < 1e-12:
+                return cls(velocity, Vector3(), 0.0, Vector3(), 0.0, 0.0)
+            pulse = Pulse.shortest(size, acceleration_limit(change / size, limits))
+            turned = change / (pulse.ramp_s + pulse.hold_s)
+            return cls(velocity, Vector3(), pulse.ramp_s, turned, pulse.hold_s, pulse.ramp_s)
+
+        def plan(turn_s: float) -> tuple[Vector3, float, float]:
+            missing = after - velocity - acceleration * (turn_s / 2)
+            size = missing.norm()
+            if size < 1e-12:
+                return Vector3(), 0.0, 0.0
+            limit = acceleration_limit(missing / size, limits)
+            # From share * limit * (turn_s / 2 + share * RAMP_S / 2) = size.
+            share = 4 * size / limit / (turn_s + math.sqrt(turn_s**2 + 8 * size * RAMP_S / limit))
+            if share < 1.0:
+                return missing * (share * limit / size), 0.0, share * RAMP_S
+            return missing * (limit / size), size / limit - (turn_s + RAMP_S) / 2, RAMP_S
+
+        turn_s = _shortest(
+            lambda turn_s: acceleration_share(plan(turn_s)[0] - acceleration, limits) * RAMP_S,
+            acceleration_share(acceleration, limits) * RAMP_S,
+        )
+        return cls(velocity, acceleration, turn_s, *plan(turn_s))
+
+    def way(self) -> Vector3:
+        """How far it takes."""
+        v, a0, a1 = self.velocity, self.acceleration, self.turned
+        t, h, f = self.turn_s, self.hold_s, self.fall_s
+        # Of the velocity; of the acceleration at the start; of that which it turns to.
+        of_v = t + h + f
+        of_a0 = t * t / 3 + t * (h + f) / 2
+        of_a1 = t * t / 6 + t * (h + f) / 2 + h * h / 2 + h * f + f * f / 3
+        return Vector3(
+            v.x * of_v + a0.x * of_a0 + a1.x * of_a1,
+            v.y * of_v + a0.y * of_a0 + a1.y * of_a1,
+            v.z * of_v + a0.z * of_a0 + a1.z * of_a1,
+        )
+
+    def append(self, pieces: Pieces, after: Vector3) -> None:
+        """Appends it to the motion that it was planned for."""
+        end = pieces.position + self.way()
+        if self.turn_s > 0.0:
+            pieces.add(self.turn_s, (self.turned - self.acceleration) / self.turn_s)
+        pieces.add(self.hold_s, Vector3())
+        if self.fall_s > 0.0:
+            pieces.add(self.fall_s, -self.turned / self.fall_s)
+        pieces.settle(end, after)
+
+    def is_within(self, limits: Limits) -> bool:
+        """Whether the velocities are allowed while the acceleration turns, and those at which it would have died out
+        if it did so from that moment on. The rest lies between allowed velocities.
+        """
+        allowed = 1.0 + 1e-9
+        for look in range(_LOOKS + 1):
+            x = look / _LOOKS
+            acceleration = self.acceleration + (self.turned - self.acceleration) * x
+            velocity = self.velocity + (self.acceleration + acceleration) * (x * self.turn_s / 2)
+            died_out = velocity + acceleration * (acceleration_share(acceleration, limits) * RAMP_S / 2)
+            share = max(speed_share(velocity, limits), speed_share(died_out, limits))
+            if look == 0:  # a start beyond the limits must not go further beyond
+                allowed = max(allowed, share)
+            elif share > allowed:
+                return False
+        return True
+
+
+def _shortest(needed_s: Callable[[float], float], die_out_s: float) -> float:
+    """The shortest time that is as long as `needed_s` for it, or hardly longer."""
+    if needed_s(0.0) <= _NO_TIME_S:
+        return 0.0
+    enough_s = die_out_s + RAMP_S  # to die out, and then to rise
+    if needed_s(die_out_s) <= die_out_s + _NO_TIME_S:
+        enough_s = die_out_s
+    turn_s = largest(lambda turn_s: needed_s(turn_s) - turn_s, 0.0, enough_s, within=1e-6) + _NO_TIME_S
+    turn_s += max(0.0, needed_s(turn_s) - turn_s)
+    return turn_s if needed_s(turn_s) <= turn_s * (1.0 + 1e-7) + _NO_TIME_S else die_out_s + RAMP_S
+
+
+def brake(start: Motion, limits: Limits) -> Pieces:
+    """From a motion to rest."""
+    pieces = Pieces(start.position, start.velocity, start.acceleration)
+    change = Change.to(Vector3(), start.velocity, start.acceleration, limits)
+    if not change.is_within(limits):
+        _die_out(pieces, limits)
+        change = Change.to(Vector3(), pieces.velocity, Vector3(), limits)
+    change.append(pieces, Vector3())
+    return pieces
+
+
+def aim(start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float = math.inf) -> tuple[Pieces, Vector3, float]:
+    """The beginning of a motion to a goal: it bends to fly straight at it, as fast as can still be stopped there.
+
+    Returns the motion so far, the direction of the straight line to the goal that it ends in, and how long that is.
+    Where the goal is too near for any, the motion ends at rest.
+    """
+    pieces = Pieces(start.position, start.velocity, start.acceleration)
+    change, direction, speed = _Aim(pieces, goal, limits, fastest_m_s).best()
+    if not change.is_within(limits):
+        _die_out(pieces, limits)
+        change, direction, speed = _Aim(pieces, goal, limits, fastest_m_s).best()
+    change.append(pieces, direction * speed)
+    return pieces, direction, (goal - pieces.position).norm()
+
+
+def _die_out(pieces: Pieces, limits: Limits) -> None:
+    """Appends to a motion what brings its acceleration to 0."""
+    duration_s = acceleration_share(pieces.acceleration, limits) * RAMP_S
+    if duration_s > 0.0:
+        pieces.add(duration_s, -pieces.acceleration / duration_s)
+        pieces.settle(pieces.position, pieces.velocity)
+
+
+class _Aim:
+    """The search for the velocity, straight at a goal, that a motion bends to."""
+
+    def __init__(self, pieces: Pieces, goal: Vector3, limits: Limits, fastest_m_s: float) -> None:
+        self._velocity, self._acceleration = pieces.velocity, pieces.acceleration
+        self._way = goal - pieces.position
+        self._limits = limits
+        self._fastest_m_s = fastest_m_s
+
+    def best(self) -> tuple[Change, Vector3, float]:
+        """The change, the direction after it, and the speed: the largest one that can be stopped from at the goal, by
+        false position over the share of the speed limit. At rest it always can.
+        """
+        stop, left, left_m = self._bend(Vector3())
+        direction = left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0)
+        low, at_low = 0.0, self._stoppable_m_s(direction, left_m)
+        # No bend is longer than the way to stop and back.
+        fastest = self._stoppable_m_s(direction, left_m + 2 * stop.way().norm())
+        share, high, at_high = min(1.0, fastest / self._speed_limit(direction)), 1.0, -fastest
+        for _ in range(_MOST_SPEEDS):
+            found = self._at(share, direction, _GOOD_AIM)
+            spare = -1.0 if found is None else self._stoppable_m_s(found[1], found[3]) - found[2]
+            if found is None or spare < 0.0:
+                high, at_high = share, spare
+            else:
+                low, at_low, direction = share, spare, found[1]
+                if share == 1.0 or spare < _GOOD_SPEED * found[2]:
+                    break
+            share = low + (high - low) * max(0.1, min(0.9, at_low / (at_low - at_high)))
+        while low > 0.0:
+            found = self._at(low, direction, 0.0)
+            if found is not None and found[2] <= self._stoppable_m_s(found[1], found[3]):
+                return found[:3]
+            low = low * 0.98 - 0.01
+        left = self._way - stop.way()
+        return stop, left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0), 0.0
+
+    def _bend(self, velocity: Vector3) -> tuple[Change, Vector3, float]:
+        """The change to a velocity, the way that it leaves to the goal, and its length."""
+        change = Change.to(velocity, self._velocity, self._acceleration, self._limits)
+        left = self._way - change.way()
+        return change, left, left.norm()
+
+    def _at(self, share: float, direction: Vector3, miss: float) -> tuple[Change, Vector3, float, float] | None:
+        """The change to a share of the largest speed that then hits the goal (or misses it by an angle), by fixed-point
+        iteration; with direction, speed and the way left. None where there is none to be found, or none that could be
+        stopped from.
+        """
+        last_miss = math.inf
+        for count in range(_MOST_AIMS):
+            speed = share * self._speed_limit(direction)
+            change, left, left_m = self._bend(direction * speed)
+            if left_m < _HIT_M:
+                return None
+            missed = (left / left_m - direction).norm()
+            if missed <= max(miss, _HIT_M / left_m, 1e-14):
+                return change, direction, speed, left_m
+            if count > 1 and (missed > 0.9 * last_miss or speed > 1.3 * self._stoppable_m_s(direction, left_m)):
+                return None
+            last_miss = missed
+            direction = left / left_m
+        return None
+
+    def _stoppable_m_s(self, direction: Vector3, way_m: float) -> float:
+        return fastest_change_m_s(way_m, acceleration_limit(direction, self._limits))
+
+    def _speed_limit(self, direction: Vector3) -> float:
+        return min(self._fastest_m_s, speed_limit(direction, self._limits))

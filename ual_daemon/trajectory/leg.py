@@ -1,0 +1,99 @@
+"""A straight leg, from one speed to another, and the corner at its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ual.geometry import Vector3
+from ual_daemon.trajectory.pulse import Pulse, change_m
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Speeds up (or slows down) to a peak along a direction, keeps that, and changes to the speed at its end; then the
+    velocity changes, by a pulse, to that of the next leg. The accelerations are 0 in between.
+    """
+
+    begin: Vector3
+    direction: Vector3
+    before_m_s: float
+    peak_m_s: float
+    after_m_s: float
+    up: Pulse
+    cruise_s: float
+    down: Pulse
+    corner: Pulse
+    next_direction: Vector3
+
+    @classmethod
+    def along(
+        cls,
+        begin: Vector3,
+        direction: Vector3,
+        way_m: float,
+        speeds_m_s: tuple[float, float, float],
+        acceleration_m_s2: float,
+        corner: Pulse | None = None,
+        next_direction: Vector3 | None = None,
+    ) -> Leg:
+        """A leg whose straight part is `way_m` long, with the speeds before, on, and after it."""
+        before, peak, after = speeds_m_s
+        ramps_m = change_m(before, peak, acceleration_m_s2) + change_m(peak, after, acceleration_m_s2)
+        return cls(
+            begin,
+            direction,
+            before,
+            peak,
+            after,
+            Pulse.shortest(abs(peak - before), acceleration_m_s2),
+            max(0.0, way_m - ramps_m) / peak if peak > 0.0 else 0.0,
+            Pulse.shortest(abs(peak - after), acceleration_m_s2),
+            corner or Pulse(),
+            next_direction or direction,
+        )
+
+    @property
+    def straight_s(self) -> float:
+        """How long the straight part takes."""
+        return self.up.duration_s + self.cruise_s + self.down.duration_s
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes, its corner included."""
+        return self.straight_s + self.corner.duration_s
+
+    def along_m(self, time_s: float) -> float:
+        """The way along the straight part."""
+        return self._along(min(time_s, self.straight_s))[0]
+
+    def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
+        """Position, velocity and acceleration at a time from 0 to its duration."""
+        straight_s = self.straight_s
+        d, p = self.direction, self.begin
+        s, v, a = self._along(min(time_s, straight_s))
+        position = Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s)
+        if time_s <= straight_s:
+            return position, Vector3(d.x * v, d.y * v, d.z * v), Vector3(d.x * a, d.y * a, d.z * a)
+        t = time_s - straight_s
+        way, speed, acceleration = self.corner.at(t)
+        v = self.after_m_s
+        change, onward = (self.next_direction - d) * v, d * v
+        return position + onward * t + change * way, onward + change * speed, change * acceleration
+
+    def _along(self, t: float) -> tuple[float, float, float]:
+        """Way, speed and acceleration on the straight part."""
+        before, peak = self.before_m_s, self.peak_m_s
+        up_s = self.up.duration_s
+        if t < up_s:
+            way, speed, acceleration = self.up.at(t)
+            change = peak - before
+            return before * t + change * way, before + change * speed, change * acceleration
+        begun_m = (before + peak) / 2 * up_s
+        t -= up_s
+        if t < self.cruise_s:
+            return begun_m + peak * t, peak, 0.0
+        begun_m += peak * self.cruise_s
+        t -= self.cruise_s
+        way, speed, acceleration = self.down.at(t)
+        change = self.after_m_s - peak
+        return begun_m + peak * t + change * way, peak + change * speed, change * acceleration

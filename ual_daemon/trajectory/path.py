@@ -1,0 +1,278 @@
+"""Paths through many waypoints."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ual.errors import InvalidArgumentError
+from ual.geometry import Vector3, wrap_angle
+from ual.types import Limits, PathHeading
+from ual_daemon.trajectory.bend import aim
+from ual_daemon.trajectory.facing import Facing, free_m
+from ual_daemon.trajectory.heading import Turns, turn_s
+from ual_daemon.trajectory.line import Line
+from ual_daemon.trajectory.motion import Motion, Trajectory
+from ual_daemon.trajectory.pieces import Pieces
+from ual_daemon.trajectory.run import CLOSE_SHARE, Run
+from ual_daemon.trajectory.simplify import kept
+
+_SAME_PLACE_M = 1e-6
+_LEAST_CUT_M = 1e-3
+_SHARPEST_ROUNDED_CORNER = math.cos(math.radians(170.0))
+_VERTICAL = 1e-3
+"""The horizontal part of a direction below which it has no azimuth."""
+_SAME_TURN_RAD = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A place to pass, in the local frame; the heading there (None: the one before), and the speed limit on the leg
+    that ends there (None: no other than the UAV's).
+    """
+
+    position: Vector3
+    yaw_rad: float | None = None
+    max_speed_m_s: float | None = None
+
+
+class Chain(Trajectory):
+    """One trajectory after the other, standing still in between."""
+
+    def __init__(self, parts: Sequence[tuple[Trajectory, int, int]]) -> None:
+        """`parts` come with the number of the first waypoint of each, and whether (1 or 0) it ends at one."""
+        self._parts = parts
+        self.limits = parts[0][0].limits
+        self._starts = [0.0]
+        for part, _, _ in parts[:-1]:
+            self._starts.append(self._starts[-1] + part.duration_s)
+        self.stops_s = [start for start, (_, _, is_stop) in zip(self._starts[1:], parts, strict=False) if is_stop]
+        self.duration_s = self._starts[-1] + parts[-1][0].duration_s
+        self.length_m = math.fsum(part.length_m for part, _, _ in parts)
+        after, left = [0.0], 0.0
+        for part, _, _ in reversed(parts[1:]):
+            left += part.length_m
+            after.append(left)
+        self._length_after = after[::-1]
+
+    def at(self, time_s: float) -> Motion:
+        if time_s >= self.duration_s:
+            return self._parts[-1][0].end()  # exactly, not by a difference of times
+        index = self._index(time_s)
+        return self._parts[index][0].at(time_s - self._starts[index])
+
+    def waypoint_at(self, time_s: float) -> int:
+        index = self._index(time_s)
+        part, first, _ = self._parts[index]
+        return first + part.waypoint_at(time_s - self._starts[index])
+
+    def length_left_m(self, time_s: float) -> float:
+        index = self._index(time_s)
+        return self._parts[index][0].length_left_m(time_s - self._starts[index]) + self._length_after[index]
+
+    def _index(self, time_s: float) -> int:
+        return max(0, bisect.bisect_right(self._starts, time_s) - 1)
+
+
+def path(
+    start: Motion,
+    goals: Sequence[Waypoint],
+    corner_radius_m: float,
+    limits: Limits,
+    heading: PathHeading = PathHeading.WAYPOINTS,
+    point_of_interest: Vector3 | None = None,
+) -> Trajectory:
+    """A trajectory from `start` through the waypoints to rest at the last one.
+
+    A corner is rounded: it leaves its legs at most `corner_radius_m` from the waypoint. It stops where that is 0, where
+    the corner is (almost) a reversal, and where it turns on the spot. Waypoints that lie within a tenth of the radius
+    of a straight line between others (a recorded track) count as lying on it. A start in motion bends towards the
+    first waypoint.
+
+    The nose, always within the limits of the turn:
+
+    - `WAYPOINTS`: turns from the heading of each waypoint to that of the next in step with the leg between them, by the
+      shorter way. A leg that is too short for its turn is flown slower.
+    - `FIXED`: stays as it is at the start.
+    - `ALONG_PATH`: points along the leg; vertical legs keep the heading before. It turns standing at the start and at
+      stops, and at rounded corners while these are flown. Legs that are too short to turn so are flown slower.
+    - `POINT_OF_INTEREST`: faces the point; from a start that points elsewhere, and very near to the point, by smooth
+      turns (see `facing`). `point_of_interest` is required then.
+    """
+    if not goals:
+        raise InvalidArgumentError("goals: there are none", {"field": "goals"})
+    if heading is PathHeading.POINT_OF_INTEREST and point_of_interest is None:
+        raise InvalidArgumentError("point_of_interest: this heading needs one", {"field": "point_of_interest"})
+    return _Planner(start, goals, corner_radius_m, limits, heading, point_of_interest).plan()
+
+
+class _Planner:
+    """Cuts a path at its stops, and plans what is between them."""
+
+    def __init__(
+        self,
+        start: Motion,
+        goals: Sequence[Waypoint],
+        corner_radius_m: float,
+        limits: Limits,
+        heading: PathHeading,
+        point_of_interest: Vector3 | None,
+    ) -> None:
+        self._radius_m, self._limits = corner_radius_m, limits
+        self._heading, self._point = heading, point_of_interest
+        self._start = start
+        self._points = [start.position, *(goal.position for goal in goals)]
+        self._fastest = [math.inf if goal.max_speed_m_s is None else goal.max_speed_m_s for goal in goals]
+        self._yaws = [start.yaw_rad]
+        for goal in goals:
+            self._yaws.append(self._yaws[-1] if goal.yaw_rad is None else goal.yaw_rad)
+
+    def plan(self) -> Trajectory:
+        points = self._points
+        parts: list[tuple[Trajectory, int, int]] = []
+        now, first = self._start, 0
+        for last in range(1, len(points)):
+            if last + 1 < len(points) and self._is_rounded(last):
+                continue
+            for part in self._between(now, first, last):
+                parts.append((part, first, 0))
+                now = part.end()
+            parts[-1] = (*parts[-1][:2], 1)
+            first = last
+        return parts[0][0] if len(parts) == 1 else Chain(parts)
+
+    def _is_rounded(self, index: int) -> bool:
+        into = self._points[index] - self._points[index - 1]
+        out = self._points[index + 1] - self._points[index]
+        before_m, after_m = into.norm(), out.norm()
+        if min(self._radius_m, before_m / 2, after_m / 2) < _LEAST_CUT_M:
+            return False
+        return into.dot(out) >= _SHARPEST_ROUNDED_CORNER * before_m * after_m
+
+    def _between(self, now: Motion, first: int, last: int) -> list[Trajectory]:
+        """What leads from one stop to the next."""
+        if self._heading is PathHeading.POINT_OF_INTEREST:
+            if (self._points[last] - now.position).norm() < _SAME_PLACE_M and last - first == 1:
+                return [Line(now, self._points[last], now.yaw_rad, self._limits)]
+            return [self._run(now, first, last)]
+        if self._heading is PathHeading.ALONG_PATH and _is_resting(now):
+            yaw_rad = _azimuth(self._points[last if last - first == 1 else first + 1] - now.position, now.yaw_rad)
+            turned = Motion(now.position, yaw_rad)
+            onward: Trajectory = (
+                self._run(turned, first, last) if last - first > 1 else self._line(turned, last, yaw_rad)
+            )
+            if wrap_angle(yaw_rad - now.yaw_rad) == 0.0:
+                return [onward]
+            return [Line(now, now.position, yaw_rad, self._limits), onward]
+        if last - first > 1:
+            return [self._run(now, first, last)]
+        if self._heading is PathHeading.WAYPOINTS:
+            return [self._line(now, last, self._yaws[last])]
+        if self._heading is PathHeading.FIXED:
+            turns = Turns(now, self._limits)
+            turns.turn_to(None, 0.0, 0.0)
+            return [self._line(now, last, turns.end_rad)]
+        return [self._line(now, last, _azimuth(self._points[last] - now.position, now.yaw_rad))]
+
+    def _line(self, now: Motion, last: int, yaw_rad: float) -> Line:
+        return Line(now, self._points[last], yaw_rad, self._limits, self._fastest[last - 1])
+
+    def _run(self, now: Motion, first: int, last: int) -> Run:
+        """The legs from waypoint `first` to `last`, without a stop."""
+        limits = self._limits
+        bend = Pieces(now.position, now.velocity, now.acceleration)
+        if not _is_resting(now):
+            bend, _, _ = aim(now, self._points[first + 1], limits, self._fastest[first])
+        # The bend leads to the first waypoint, so that one must stay.
+        numbers = self._kept(first, last) if _is_resting(now) else [first, *self._kept(first + 1, last)]
+        points = [bend.position, *(self._points[number] for number in numbers[1:])]
+        if (points[1] - points[0]).norm() < _SAME_PLACE_M:  # the bend has come to rest at the first waypoint
+            del points[0], numbers[0]
+        fastest = [self._fastest[number - 1] for number in numbers[1:]]
+        yaws = [self._yaws[number] for number in numbers]
+        azimuths = _azimuths(points, now.yaw_rad)
+        # Only a leg between neighbours must not be left further from its ends than the radius.
+        reach = [self._radius_m if there == here + 1 else math.inf for here, there in itertools.pairwise(numbers)]
+        run = Run(bend, points, fastest, self._least_s(yaws, azimuths), reach, self._radius_m, limits)
+        run.passes_s = self._passes(run, first, numbers)
+        self._turn(run, now, yaws, azimuths)
+        return run
+
+    def _kept(self, first: int, last: int) -> list[int]:
+        """The waypoints, of those from one to another, that are no mere points of a line between others."""
+        yaws = _unwrapped(self._yaws[first : last + 1]) if self._heading is PathHeading.WAYPOINTS else None
+        within_m = self._radius_m * CLOSE_SHARE
+        numbers = kept(self._points[first : last + 1], self._fastest[first:last], yaws, within_m, _SAME_TURN_RAD)
+        return [first + number for number in numbers]
+
+    def _passes(self, run: Run, first: int, numbers: Sequence[int]) -> list[float]:
+        """When each waypoint behind `first` is passed."""
+        passes: list[float] = [run.bend_s] if numbers[0] > first else []
+        ends_s = [*run.corners_s, run.motion_s]
+        for index, (here, there) in enumerate(itertools.pairwise(numbers)):
+            begin, way = self._points[here], self._points[there] - self._points[here]
+            shares = [(point - begin).dot(way) / way.dot(way) for point in self._points[here + 1 : there]]
+            passes += [*(run.when(index, share) for share in shares), ends_s[index]]
+        return passes
+
+    def _least_s(self, yaws: Sequence[float], azimuths: Sequence[float]) -> list[float]:
+        """How long each leg must take for the nose to keep step."""
+        if self._heading is PathHeading.WAYPOINTS:
+            return [turn_s(wrap_angle(b - a), self._limits) for a, b in itertools.pairwise(yaws)]
+        if self._heading is PathHeading.ALONG_PATH:
+            turns = [turn_s(wrap_angle(b - a), self._limits) for a, b in itertools.pairwise(azimuths)]
+            return [(a + b) / 2 for a, b in zip([0.0, *turns], [*turns, 0.0], strict=True)]
+        return [0.0] * len(azimuths)
+
+    def _turn(self, run: Run, now: Motion, yaws: Sequence[float], azimuths: Sequence[float]) -> None:
+        if self._heading is PathHeading.POINT_OF_INTEREST:
+            assert self._point is not None
+            far_m = free_m(self._limits.horizontal_speed_m_s, self._limits)
+            is_far = run.bend_s == 0.0 and run.distance_m(self._point) > far_m
+            facing = Facing(now, self._point, run.body, run.motion_s, self._limits, is_far=is_far)
+            end_rad, _, _ = facing.at(facing.end_s, *run.body(facing.end_s))
+            run.turn(facing, end_rad)
+            return
+        turns = Turns(now, self._limits)
+        if self._heading is PathHeading.WAYPOINTS:
+            begin_s = 0.0
+            for yaw_rad, end_s in zip(yaws[1:], [*run.corners_s, run.motion_s], strict=True):
+                turns.turn_to(yaw_rad, begin_s, end_s)
+                begin_s = end_s
+        elif self._heading is PathHeading.FIXED:
+            turns.turn_to(None, 0.0, 0.0)
+        else:
+            turns.turn_to(azimuths[0], 0.0, run.bend_s)
+            for middle_s, leg, yaw_rad in zip(run.corners_s, run.legs, azimuths[1:], strict=False):
+                half_s = max(leg.corner.duration_s, turn_s(wrap_angle(yaw_rad - turns.end_rad), self._limits)) / 2
+                turns.turn_to(yaw_rad, middle_s - half_s, middle_s + half_s)
+        run.turn(turns, wrap_angle(turns.end_rad))
+
+
+def _is_resting(motion: Motion) -> bool:
+    return motion.velocity == motion.acceleration == Vector3()
+
+
+def _azimuth(way: Vector3, otherwise_rad: float) -> float:
+    if way.horizontal_norm() <= _VERTICAL * way.norm():
+        return otherwise_rad
+    return math.atan2(way.y, way.x)
+
+
+def _azimuths(points: Sequence[Vector3], before_rad: float) -> list[float]:
+    """The azimuth of each leg; a vertical one has that before."""
+    found = []
+    for begin, end in itertools.pairwise(points):
+        before_rad = _azimuth(end - begin, before_rad)
+        found.append(before_rad)
+    return found
+
+
+def _unwrapped(yaws: Sequence[float]) -> list[float]:
+    result = [yaws[0]]
+    for yaw in yaws[1:]:
+        result.append(result[-1] + wrap_angle(yaw - result[-1]))
+    return result

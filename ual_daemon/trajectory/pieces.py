@@ -1,0 +1,58 @@
+"""Motion made of pieces of constant jerk, one after the other."""
+
+from __future__ import annotations
+
+import bisect
+
+from ual.geometry import Vector3
+
+
+class Pieces:
+    """A motion whose position, velocity and acceleration are continuous, and whose jerk is constant in each piece.
+
+    It is built from its start on, by `add`; after the last piece it stays as that one ended.
+    """
+
+    def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> None:
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration  # at the end so far
+        self.duration_s = 0.0
+        self._times: list[float] = []
+        self._rows: list[tuple[Vector3, Vector3, Vector3, Vector3]] = []
+
+    def add(self, duration_s: float, jerk: Vector3) -> None:
+        """One more piece."""
+        if duration_s <= 0.0:
+            return
+        row = (self.position, self.velocity, self.acceleration, jerk)
+        self._times.append(self.duration_s)
+        self._rows.append(row)
+        self.position, self.velocity, self.acceleration = _moved(row, duration_s)
+        self.duration_s += duration_s
+
+    def settle(self, position: Vector3, velocity: Vector3) -> None:
+        """Says where and how fast the last piece ends, without acceleration, exactly: what is only the sum of many
+        roundings else.
+        """
+        self.position, self.velocity, self.acceleration = position, velocity, Vector3()
+
+    def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
+        """Position, velocity and acceleration at a time; before the start and after the end, those there."""
+        if not self._rows or time_s >= self.duration_s:
+            return self.position, self.velocity, self.acceleration
+        time_s = max(0.0, time_s)
+        index = bisect.bisect_right(self._times, time_s) - 1
+        return _moved(self._rows[index], time_s - self._times[index])
+
+
+def _moved(row: tuple[Vector3, Vector3, Vector3, Vector3], t: float) -> tuple[Vector3, Vector3, Vector3]:
+    p, v, a, j = row
+    t2, t3 = t * t / 2, t * t * t / 6
+    return (
+        Vector3(
+            p.x + v.x * t + a.x * t2 + j.x * t3,
+            p.y + v.y * t + a.y * t2 + j.y * t3,
+            p.z + v.z * t + a.z * t2 + j.z * t3,
+        ),
+        Vector3(v.x + a.x * t + j.x * t2, v.y + a.y * t + j.y * t2, v.z + a.z * t + j.z * t2),
+        Vector3(a.x + j.x * t, a.y + j.y * t, a.z + j.z * t),
+    )

@@ -1,0 +1,119 @@
+"""Changes of speed and of velocity, from one without acceleration to another, as fast as acceleration and jerk allow.
+
+The acceleration rises within a ramp, may hold, and falls within such a ramp, always along the difference of the
+velocities: so all velocities on the way lie between the two. It is symmetrical in time, so the way is that of the mean
+velocity. A corner, too, is such a change: it leaves one leg and joins the next equally far from where they meet (the
+parabolic blends of textbooks, as Biagiotti and Melchiorri make them smooth: by ramps of the acceleration).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ual_daemon.trajectory.envelope import RAMP_S
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """The acceleration of a change: it rises for `ramp_s`, holds for `hold_s`, falls for `ramp_s`."""
+
+    ramp_s: float = 0.0
+    hold_s: float = 0.0
+
+    @classmethod
+    def shortest(cls, change_m_s: float, acceleration_m_s2: float) -> Pulse:
+        """The shortest one for a change of speed."""
+        hold_s = change_m_s / acceleration_m_s2 - RAMP_S
+        if hold_s >= 0.0:
+            return cls(RAMP_S, hold_s)
+        return cls(math.sqrt(max(0.0, change_m_s) * RAMP_S / acceleration_m_s2), 0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes."""
+        return 2 * self.ramp_s + self.hold_s
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """For a change of 1 m/s from rest: the way, the speed and the acceleration at a time from 0 to its duration."""
+        ramp, hold = self.ramp_s, self.hold_s
+        if ramp == 0.0:
+            return 0.0, 0.0, 0.0
+        full = 1.0 / (ramp + hold)
+        if time_s < ramp:
+            acceleration = full * time_s / ramp
+            return acceleration * time_s * time_s / 6, acceleration * time_s / 2, acceleration
+        if time_s < ramp + hold:
+            t = time_s - ramp
+            begun = full * ramp / 2
+            return full * ramp * ramp / 6 + begun * t + full * t * t / 2, begun + full * t, full
+        left = max(0.0, 2 * ramp + hold - time_s)
+        acceleration = full * left / ramp
+        missing = acceleration * left / 2
+        return ramp + hold / 2 - left + missing * left / 3, 1.0 - missing, acceleration
+
+
+def change_s(change_m_s: float, acceleration_m_s2: float) -> float:
+    """How long the shortest change of speed takes."""
+    change_m_s = abs(change_m_s)
+    if change_m_s >= acceleration_m_s2 * RAMP_S:
+        return change_m_s / acceleration_m_s2 + RAMP_S
+    return 2 * math.sqrt(change_m_s * RAMP_S / acceleration_m_s2)
+
+
+def change_m(before_m_s: float, after_m_s: float, acceleration_m_s2: float) -> float:
+    """The way of the shortest change of speed along a straight line."""
+    return (before_m_s + after_m_s) / 2 * change_s(after_m_s - before_m_s, acceleration_m_s2)
+
+
+def fastest_change_m_s(way_m: float, acceleration_m_s2: float) -> float:
+    """The largest speed from which one can stop within a way; or that a change by as much, at the same mean speed as
+    stopping, is made at within that way.
+    """
+    if way_m >= acceleration_m_s2 * RAMP_S**2:
+        return (math.sqrt(RAMP_S**2 + 8 * way_m / acceleration_m_s2) - RAMP_S) * acceleration_m_s2 / 2
+    return (way_m**2 * acceleration_m_s2 / RAMP_S) ** (1 / 3) if way_m > 0.0 else 0.0
+
+
+def peak_m_s(before_m_s: float, after_m_s: float, way_m: float, fastest_m_s: float, acceleration_m_s2: float) -> float:
+    """The speed that is changed to, kept, and changed from, on a way between two speeds: as large as the way allows.
+
+    The way must be long enough for the change from one speed to the other.
+    """
+
+    def spare_m(peak: float) -> float:
+        return way_m - change_m(before_m_s, peak, acceleration_m_s2) - change_m(peak, after_m_s, acceleration_m_s2)
+
+    if spare_m(fastest_m_s) >= 0.0:
+        return fastest_m_s
+    lowest = max(before_m_s, after_m_s)
+    # Where both changes reach the limit of the acceleration.
+    a, r = acceleration_m_s2, RAMP_S
+    rest = (before_m_s + after_m_s) * r / 2 - (before_m_s**2 + after_m_s**2) / (2 * a) - way_m
+    peak = (math.sqrt(max(0.0, r * r - 4 * rest / a)) - r) * a / 2
+    return peak if peak - lowest >= a * r else largest(spare_m, lowest, fastest_m_s)
+
+
+def largest(spare: Callable[[float], float], low: float, high: float, within: float = 1e-13) -> float:
+    """The largest value for which a falling function is not negative, to a relative precision, by false position
+    (Illinois). It is not negative at `low`, and may be at `high`.
+    """
+    at_low, at_high = spare(low), spare(high)
+    if at_high >= 0.0:
+        return high
+    side = 0
+    while at_low > 0.0 and high - low > within * high:
+        middle = (low * at_high - high * at_low) / (at_high - at_low)
+        if not low < middle < high:
+            break
+        value = spare(middle)
+        if value >= 0.0:
+            low, at_low = middle, value
+            at_high = at_high / 2 if side > 0 else at_high
+            side = 1
+        else:
+            high, at_high = middle, value
+            at_low = at_low / 2 if side < 0 else at_low
+            side = -1
+    return low
