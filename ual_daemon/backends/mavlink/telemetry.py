@@ -11,6 +11,7 @@ from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon.backends.mavlink.axes import orientation_to_enu, swap_body, swap_local
 from ual_daemon.backends.mavlink.dialect import Dialect
 from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.mavlink.running_number import RunningNumber
 from ual_daemon.backends.mavlink.stamps import StampFilter
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 from ual_daemon.geodesy import Projection
@@ -34,8 +35,7 @@ _FIX = {
     mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
 }
 LATE_S = 0.3
-"""A jitter as long as this reorders messages. In it nobody sends so many that their numbers come half way round."""
-_SEQUENCES = 256
+"""A jitter as long as this reorders messages."""
 _UNKNOWN_U16 = 0xFFFF
 _TEXT_LENGTH = 50
 
@@ -58,8 +58,9 @@ class Telemetry:
         self._dialect = dialect
         self._stamps = StampFilter()
         self._heard_s: float | None = None
+        self._number = RunningNumber(LATE_S)
         self._told: dict[str, tuple[int, float]] = {}
-        """Of each value the number of the message that told it last, and when."""
+        """Of each value the running number of the message that told it last, and when."""
         self._stamp_s = 0.0
         self._armed: Sample[bool] | None
         self._mode: Sample[Mode] | None
@@ -114,21 +115,22 @@ class Telemetry:
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
-        self._heard_s = now_s
+        self.heard(message.get_seq(), now_s)
         message_id = message.get_msgId()
         handler = self._handlers.get(message_id)
         if handler is not None:
             handler(message, now_s, utc_now_s)
         self.seen[message_id] += 1
 
-    def armed_changed(self, is_armed: bool, sequence: int, now_s: float) -> None:
-        """It told by an event of this number, before its next heartbeat, that it was armed or disarmed."""
-        if self._is_newest("armed", sequence, now_s):
+    def armed_changed(self, is_armed: bool, now_s: float) -> None:
+        """It told by what was just heard, before its next heartbeat, that it was armed or disarmed."""
+        if self._is_newest("armed", now_s):
             self._armed = Sample(is_armed, now_s)
 
-    def heard(self, now_s: float) -> None:
-        """The autopilot sent something that is not used."""
+    def heard(self, sequence: int, now_s: float) -> None:
+        """The autopilot sent something, of this number; what it says, if that is used, is taken next."""
         self._heard_s = now_s
+        self._number.take(sequence, now_s)
 
     @property
     def heard_s(self) -> float | None:
@@ -175,36 +177,36 @@ class Telemetry:
             status_text=self._status_text,
         )
 
-    def _is_newest(self, what: str, sequence: int, now_s: float) -> bool:
-        """Whether a message of this number is newer than the one that told a value last. A late one is passed over:
-        else a link that reorders them would show the mode before for a moment, as if somebody had taken the UAV.
+    def _is_newest(self, what: str, now_s: float) -> bool:
+        """Whether what was just heard is newer than what told a value last. A late one is passed over: else a link that
+        reorders them would show the mode before for a moment, as if somebody had taken the UAV.
         """
-        last = self._told.get(what)
-        if last is not None and now_s - last[1] < LATE_S and (sequence - last[0]) % _SEQUENCES >= _SEQUENCES // 2:
+        number, last = self._number.value, self._told.get(what)
+        if last is not None and number < last[0] and now_s - last[1] < LATE_S:
             return False
-        self._told[what] = (sequence, now_s)
+        self._told[what] = (number, now_s)
         return True
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("armed", message.get_seq(), now_s):
+        if self._is_newest("armed", now_s):
             self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
         self.is_hardware_in_the_loop = bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
         self._on_mode(message, now_s, _)
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("mode", message.get_seq(), now_s):
+        if self._is_newest("mode", now_s):
             self._mode = Sample(self._dialect.mode(message.custom_mode), now_s)
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("landed", message.get_seq(), now_s):
+        if self._is_newest("landed", now_s):
             self._landed = Sample(_LANDED.get(message.landed_state, LandedState.UNKNOWN), now_s)
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("estimator", message.get_seq(), now_s):
+        if self._is_newest("estimator", now_s):
             self._estimator = Sample(self._dialect.estimator(message.flags), now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
-        if not self._is_newest("attitude", message.get_seq(), now_s):
+        if not self._is_newest("attitude", now_s):
             return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
         rates = swap_body(message.rollspeed, message.pitchspeed, message.yawspeed)
@@ -212,7 +214,7 @@ class Telemetry:
             self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
-        if not self._is_newest("position", message.get_seq(), now_s):
+        if not self._is_newest("position", now_s):
             return
         stamp_s = self._stamps.utc(_mm(message.time_boot_ms), now_s, utc_now_s)
         attitude = self._attitude
@@ -229,6 +231,7 @@ class Telemetry:
     def booted(self) -> None:
         """Forgets what belongs to the boot before; what is sampled grows old by itself."""
         self._stamps = StampFilter()
+        self._number = RunningNumber(LATE_S)
         self._told.clear()
         self.seen.clear()
         self.parameters.clear()

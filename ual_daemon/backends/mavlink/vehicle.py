@@ -105,13 +105,13 @@ class MavlinkVehicle:
 
     def notice(self, frame: Frame, now_s: float) -> None:
         """Takes the arrival of a message that no dialect of pymavlink knows, or that is not used."""
-        self.telemetry.heard(now_s)
+        self.telemetry.heard(frame.sequence, now_s)
         event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
         if event is not None:
             # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._wants_heartbeat = True
             if event.armed is not None:
-                self.telemetry.armed_changed(event.armed, frame.sequence, now_s)
+                self.telemetry.armed_changed(event.armed, now_s)
             if event.text:
                 self._commands.on_text(event.text)
 
