@@ -132,7 +132,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     from ual_daemon.backends import registry
     from ual_daemon.server import tls
 
-    configuration = config.resolve(sources, registry.names())
+    configuration = config.resolve(sources, registry.NAMES)
     settings = configuration.daemon
     try:
         uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from importlib.metadata import EntryPoint
 
 from ual_daemon.backends import registry
 from ual_daemon.main import main
@@ -15,10 +13,6 @@ _BACKENDS = (
 )
 
 
-def _entry_points(**selection: Any) -> Iterable[EntryPoint]:
-    return [*(each for each in _BACKENDS if each.matches(**selection)), *entry_points(**selection)]
-
-
 if __name__ == "__main__":
-    registry.entry_points = _entry_points  # type: ignore[assignment,attr-defined]
+    registry.entry_points = lambda: _BACKENDS
     main()
