@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import secrets
+import os
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class VehicleTask:
     def __init__(
         self, kind: TaskKind, description: str, clock: Clock, on_cancel: Callable[[VehicleTask], None]
     ) -> None:
-        self.id = f"{kind.name.lower()}-{secrets.token_hex(4)}"
+        self.id = f"{kind.name.lower()}-{os.urandom(4).hex()}"
         self.kind = kind
         self.description = description
         self.future: Future[None] = Future()

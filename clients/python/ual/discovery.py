@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -22,6 +21,7 @@ _DEFAULT_PORT = 50051
 _PORT_BEFORE_FIRST = 50050
 _LAST_PORT = 65535
 _READABLE = 0o644
+_OWN = 0o600
 
 
 def runtime_dir() -> Path:
@@ -29,7 +29,11 @@ def runtime_dir() -> Path:
     files.
     """
     configured = os.environ.get(RUNTIME_DIR_VARIABLE)
-    return Path(configured) if configured else Path(tempfile.gettempdir()) / "ual"
+    if configured:
+        return Path(configured)
+    from tempfile import gettempdir  # with a dozen modules: 1 MiB
+
+    return Path(gettempdir()) / "ual"
 
 
 def registry_file(ns: str) -> Path:
@@ -79,14 +83,15 @@ class Registration:
         """Registers the daemon; a reader sees the old file or the new one, never half of one."""
         file = registry_file(self.ns)
         # A new file of a name that nobody can know before: others may write in this directory, too.
-        handle, unfinished = tempfile.mkstemp(prefix=f"{self.ns}.", suffix=".tmp", dir=file.parent)
+        unfinished = file.with_name(f"{self.ns}.{os.urandom(8).hex()}.tmp")
+        handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, _OWN)
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
                 os.fchmod(handle, _READABLE)
                 stream.write(json.dumps(asdict(self)) + "\n")
-            Path(unfinished).replace(file)
+            unfinished.replace(file)
         except OSError:
-            Path(unfinished).unlink(missing_ok=True)
+            unfinished.unlink(missing_ok=True)
             raise
 
     @classmethod

@@ -8,9 +8,7 @@ the call raises `UalTimeoutError`, and a go-to or path that it waited for is can
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
-
-from typing_extensions import Self
+from typing import TYPE_CHECKING, Protocol
 
 from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import Fault
@@ -27,6 +25,9 @@ from ual.types import (
     Telemetry,
     Waypoints,
 )
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class Task(Protocol):

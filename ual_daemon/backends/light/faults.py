@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import secrets
+import os
 import threading
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -39,7 +39,7 @@ class Faults:
         _check(fault)
         duration_s = validation.not_negative(duration_s, "duration_s", at_most=1e9)
         now_s = self._clock.now_s()
-        fault_id = secrets.token_hex(4)
+        fault_id = os.urandom(4).hex()
         ends_s = now_s + duration_s if duration_s else math.inf
         with self._lock:
             self._active = MappingProxyType({**self._active, fault_id: (fault, now_s, ends_s)})
