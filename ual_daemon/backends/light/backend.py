@@ -15,9 +15,10 @@ from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Limits
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
+from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
-from ual_daemon.backends.light.world import Fleet, FlightMode, World
+from ual_daemon.backends.light.world import Vehicles, World
 from ual_daemon.backends.values import (
     Control,
     Estimator,
@@ -70,7 +71,6 @@ class LightBackend(Backend):
         self._settings = settings
         self._index = self.world.add(settings)
         self._projection = EllipsoidProjection(*settings.origin_geo)
-        # Python's own generator: numpy's takes a third of the start-up time of this backend to import.
         self._random = random.Random()  # noqa: S311  noise, no secret
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
@@ -151,7 +151,7 @@ class LightBackend(Backend):
 
     # --- The safety pilot's commands, and ours ------------------------------------------------------------------------
 
-    def pilot(self, action: Callable[[Fleet], str | None]) -> None:
+    def pilot(self, action: Callable[[Vehicles], str | None]) -> None:
         """Something the safety pilot does, by his own radio: neither a lost link nor its faults concern him.
 
         It shows in the data once this returns.
@@ -180,7 +180,7 @@ class LightBackend(Backend):
         """Standard deviations of the estimates from now on."""
         self._noise_sigmas = (position_m, velocity_m_s)
 
-    def _command(self, command: Command | None, action: Callable[[Fleet], str | None]) -> Future[None]:
+    def _command(self, command: Command | None, action: Callable[[Vehicles], str | None]) -> Future[None]:
         """Does what a command asks, unless a fault is in the way; the acknowledgement."""
         ack: Future[None] = Future()
         if self._faults.is_link_lost:
@@ -202,7 +202,7 @@ class LightBackend(Backend):
             ack.set_result(None)
         return ack
 
-    def _arm(self, fleet: Fleet) -> str | None:
+    def _arm(self, fleet: Vehicles) -> str | None:
         i = self._index
         if not fleet.has_position[i]:
             return "Arm: no position estimate"
@@ -215,13 +215,13 @@ class LightBackend(Backend):
         fleet.set_mode(i, FlightMode(int(fleet.mode[i])))  # what it was told before it stood disarmed is over
         return None
 
-    def _disarm(self, fleet: Fleet) -> str | None:
+    def _disarm(self, fleet: Vehicles) -> str | None:
         if not fleet.is_landed[self._index]:
             return "Disarm: not landed"
         fleet.is_armed[self._index] = False
         return None
 
-    def _guide(self, fleet: Fleet) -> str | None:
+    def _guide(self, fleet: Vehicles) -> str | None:
         i = self._index
         if not fleet.is_armed[i]:
             return "Mode: not armed"
@@ -231,7 +231,7 @@ class LightBackend(Backend):
         fleet.setpoint_s[i] = self.world.now_s()
         return None
 
-    def _switch(self, fleet: Fleet, mode: FlightMode) -> str | None:
+    def _switch(self, fleet: Vehicles, mode: FlightMode) -> str | None:
         if mode is FlightMode.HOLD and not fleet.has_position[self._index]:
             return "Mode: no position estimate"
         fleet.set_mode(self._index, mode)
@@ -274,32 +274,30 @@ class LightBackend(Backend):
         if self._faults.is_link_lost:
             self._snapshot = replace(self._snapshot, time_s=now_s, sequence=self._looked_step)
             return self._snapshot
-        i, fleet = self._index, self.world.fleet
-        position = Vector3(*(fleet.position[i] + fleet.estimate_offset[i]).tolist())
-        velocity = Vector3(*fleet.velocity[i].tolist())
+        seen = self.world.fleet.seen(self._index)
+        position, velocity = Vector3(*seen.position), Vector3(*seen.velocity)
         if any(self._noise_sigmas):
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
-        mode, is_armed, is_landed = fleet.mode.item(i), fleet.is_armed.item(i), fleet.is_landed.item(i)
-        has_position, percent = fleet.has_position.item(i), fleet.battery_percent.item(i)
-        landed = LandedState.ON_GROUND if is_landed else LandedState.IN_AIR
-        if mode == FlightMode.LAND and not is_landed:
+        percent = seen.battery_percent
+        landed = LandedState.ON_GROUND if seen.is_landed else LandedState.IN_AIR
+        if seen.mode == FlightMode.LAND and not seen.is_landed:
             landed = LandedState.LANDING
         self._snapshot = Snapshot(
             time_s=now_s,
             heard_s=now_s,
             stamp_s=self.world.epoch_s + now_s,
-            armed=Sample(is_armed, now_s),
+            armed=Sample(seen.is_armed, now_s),
             landed=Sample(landed, now_s),
-            mode=Sample(_MODES[mode], now_s),
-            estimator=Sample(_GOOD if has_position else _LOST, now_s),
-            pose=Sample(Pose(position, Quaternion.from_yaw(fleet.yaw.item(i))), now_s),
-            velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, fleet.yaw_rate.item(i))), now_s),
+            mode=Sample(_MODES[seen.mode], now_s),
+            estimator=Sample(_GOOD if seen.has_position else _LOST, now_s),
+            pose=Sample(Pose(position, Quaternion.from_yaw(seen.yaw)), now_s),
+            velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, seen.yaw_rate)), now_s),
             projection=self._projection,  # and the geographic position follows, for whoever asks
             home_altitude_amsl_m=self._projection.altitude_amsl_m,
             geoid_separation_m=self._settings.geoid_separation_m,
-            battery=Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if is_armed else 0.5),
-            gps=_FIX if has_position else _NO_FIX,
+            battery=Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5),
+            gps=_FIX if seen.has_position else _NO_FIX,
             status_text=self._status_text,
             sequence=self.world.steps,
         )

@@ -23,7 +23,7 @@ from ual.simulation import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Clock
-from ual_daemon.backends.light.world import Fleet
+from ual_daemon.backends.light.world import Vehicles
 
 
 class Faults:
@@ -69,11 +69,11 @@ class Faults:
             with self._lock:
                 self._active = MappingProxyType({k: v for k, v in self._active.items() if k not in over})
 
-    def apply(self, fleet: Fleet, index: int, now_s: float) -> None:
+    def apply(self, fleet: Vehicles, index: int, now_s: float) -> None:
         """Puts what they do to the vehicle into its row (the world's lock is held)."""
         fleet.power[index] = 1.0
         fleet.has_position[index] = True
-        fleet.estimate_offset[index] = 0.0
+        fleet.estimate_offset[index] = (0.0, 0.0, 0.0)
         for fault, began_s, _ in self._active.values():
             match fault:
                 case MotorsWeak(power_ratio):
@@ -82,7 +82,8 @@ class Faults:
                     fleet.has_position[index] = False
                 case EstimatorJumps(offset, period_s):
                     if int((now_s - began_s) / period_s) % 2 == 0:
-                        fleet.estimate_offset[index] = tuple(offset)
+                        x, y, z = offset
+                        fleet.estimate_offset[index] = (x, y, z)
                 case BatteryLow(remaining_percent):
                     fleet.battery_percent[index] = min(fleet.battery_percent[index], remaining_percent)
                 case _:

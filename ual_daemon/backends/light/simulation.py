@@ -9,7 +9,8 @@ from ual.geometry import Vector3
 from ual.simulation import Fault
 from ual_daemon import validation
 from ual_daemon.backends.light.faults import Faults
-from ual_daemon.backends.light.world import Fleet, FlightMode, World
+from ual_daemon.backends.light.physics import FlightMode
+from ual_daemon.backends.light.world import Vehicles, World
 
 if TYPE_CHECKING:
     from ual_daemon.backends.light.backend import LightBackend
@@ -40,12 +41,14 @@ class LightSimulation:
 
     def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
         """The safety pilot moves the sticks, each -1 to 1."""
-        sticks = [
-            validation.number(value, name, at_most=1.0)
-            for name, value in (("forward", forward), ("left", left), ("up", up), ("turn", turn))
-        ]
+        sticks = (
+            validation.number(forward, "forward", at_most=1.0),
+            validation.number(left, "left", at_most=1.0),
+            validation.number(up, "up", at_most=1.0),
+            validation.number(turn, "turn", at_most=1.0),
+        )
 
-        def move(fleet: Fleet) -> None:
+        def move(fleet: Vehicles) -> None:
             if fleet.mode[self._index] != FlightMode.MANUAL:
                 raise WrongStateError("the safety pilot does not fly; let him take over first")
             fleet.sticks[self._index] = sticks

@@ -1,9 +1,6 @@
-"""The world of the light simulation: time, and the motion of all its vehicles, stepped together in vectors.
+"""The world of the light simulation: time, and the vehicles that live in it.
 
-A vehicle answers a velocity command with first order (`response_s`), within its limits of speed and acceleration; its
-autopilot turns position setpoints into velocity commands by their feed-forward and a proportional gain. The ground is
-level, at the height at which the vehicle starts. One thread runs all vehicles of a world; with a speed factor of 0 it
-rests, and `step` runs the time.
+One thread runs all vehicles of a world; with a speed factor of 0 it rests, and `step` runs the time.
 """
 
 from __future__ import annotations
@@ -13,262 +10,22 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-
-import numpy as np
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
+from ual_daemon.backends.light.physics import NEVER_TOLD, STEP_S
 from ual_daemon.backends.light.settings import LightSettings
-from ual_daemon.backends.values import PositionSetpoint, Setpoint
+from ual_daemon.backends.light.single import Single
 
-STEP_S = 0.02
-"""The step of simulated time: 50 Hz, as fast as setpoints are useful."""
+if TYPE_CHECKING:
+    from ual_daemon.backends.light.fleet import Fleet
 
-SETPOINT_TIMEOUT_S = 1.0
-"""An autopilot that gets no setpoint for so long while it follows ours holds its position by itself (PX4: 1.2 s)."""
+Vehicles: TypeAlias = "Single | Fleet"
+"""All vehicles of a world; each has its row in every column."""
 
-_POSITION_GAIN = 1.5
-_YAW_GAIN = 2.0
-_WIND_DRAG = 0.1
-"""Acceleration by wind, 1/s times its speed; a small multirotor's drag against what its controller must make up."""
-_COMMAND_HEADROOM = 1.25
-"""How far velocity commands may go beyond the speed limits, so that the limits can be held exactly."""
-_LIFT_OFF_M = 0.05
-_LANDED_AFTER_S = 0.5
 _LATEST_STEPS = 10
-_TINY = 1e-9
-_NEVER_TOLD = -1
 _MAX_STEP_S = 3600.0
-
-if TYPE_CHECKING:  # numpy.typing takes long to import
-    from numpy.typing import NDArray
-
-Floats: TypeAlias = "NDArray[np.float64]"
-Bools: TypeAlias = "NDArray[np.bool_]"
-Ints: TypeAlias = "NDArray[np.int64]"
-
-
-class FlightMode(IntEnum):
-    """The modes of the simulated autopilot."""
-
-    MANUAL = 0
-    GUIDED = 1
-    HOLD = 2
-    LAND = 3
-    ALTITUDE = 4
-    """Holds the height only: what is left of guided flight and hold without a position."""
-
-
-class Fleet:
-    """The state of all vehicles of a world, one row each. Changed only with the world's lock held."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.position: Floats = np.zeros((0, 3))
-        self.velocity: Floats = np.zeros((0, 3))
-        self.yaw: Floats = np.zeros(0)
-        self.yaw_rate: Floats = np.zeros(0)
-        self.mode: Ints = np.zeros(0, dtype=np.int64)
-        self.is_armed: Bools = np.zeros(0, dtype=np.bool_)
-        self.is_landed: Bools = np.zeros(0, dtype=np.bool_)
-        self.has_flown: Bools = np.zeros(0, dtype=np.bool_)
-        self.on_ground_s: Floats = np.zeros(0)
-        self.battery_percent: Floats = np.zeros(0)
-        # What the autopilot was told last.
-        self.by_position: Bools = np.zeros(0, dtype=np.bool_)
-        self.setpoint_s: Floats = np.zeros(0)
-        self.goal: Floats = np.zeros((0, 3))
-        self.goal_velocity: Floats = np.zeros((0, 3))
-        self.goal_acceleration: Floats = np.zeros((0, 3))
-        self.goal_yaw: Floats = np.zeros(0)
-        self.goal_yaw_rate: Floats = np.zeros(0)
-        self.hold: Floats = np.zeros((0, 3))
-        self.sticks: Floats = np.zeros((0, 4))
-        # What its world does to it.
-        self.ground: Floats = np.zeros(0)
-        self.wind: Floats = np.zeros((0, 3))
-        self.power: Floats = np.zeros(0)
-        self.estimate_offset: Floats = np.zeros((0, 3))
-        self.has_position: Bools = np.zeros(0, dtype=np.bool_)
-        # What it can.
-        self.horizontal_speed: Floats = np.zeros(0)
-        self.vertical_speed: Floats = np.zeros(0)
-        self.horizontal_acceleration: Floats = np.zeros(0)
-        self.vertical_acceleration: Floats = np.zeros(0)
-        self.max_yaw_rate: Floats = np.zeros(0)
-        self.response_s: Floats = np.zeros(0)
-        self.landing_speed: Floats = np.zeros(0)
-        self.disarm_after_s: Floats = np.zeros(0)
-        self.endurance_s: Floats = np.zeros(0)
-
-    def add(self, settings: LightSettings) -> int:
-        """Adds a vehicle, standing on the ground, disarmed. Its row."""
-        row = {
-            "position": settings.start,
-            "yaw": settings.start_yaw_rad,
-            "mode": int(FlightMode.HOLD),
-            "is_landed": True,
-            "battery_percent": settings.battery_percent,
-            "setpoint_s": -math.inf,
-            "hold": settings.start,
-            "ground": settings.start[2],
-            "wind": settings.wind_m_s,
-            "power": 1.0,
-            "has_position": True,
-            "horizontal_speed": settings.horizontal_speed_m_s,
-            "vertical_speed": settings.vertical_speed_m_s,
-            "horizontal_acceleration": settings.horizontal_acceleration_m_s2,
-            "vertical_acceleration": settings.vertical_acceleration_m_s2,
-            "max_yaw_rate": settings.yaw_rate_rad_s,
-            "response_s": settings.response_s,
-            "landing_speed": settings.landing_speed_m_s,
-            "disarm_after_s": settings.disarm_after_landing_s,
-            "endurance_s": settings.battery_endurance_s,
-        }
-        for name, array in vars(self).items():
-            if isinstance(array, np.ndarray):
-                grown = np.concatenate([array, np.zeros((1, *array.shape[1:]), dtype=array.dtype)])
-                if name in row:
-                    grown[-1] = row[name]
-                setattr(self, name, grown)
-        self.count += 1
-        return self.count - 1
-
-    def conditions(self) -> Ints:
-        """All of each vehicle that its state follows from, as one number each: where that differs, so may the state."""
-        conditions: Ints = self.mode * 8 + self.is_armed * 4 + self.is_landed * 2 + self.has_position
-        return conditions
-
-    def tell(self, index: int, setpoint: Setpoint, now_s: float) -> None:
-        """Gives a setpoint to one autopilot."""
-        is_next = bool(self.by_position[index]) and now_s - self.setpoint_s[index] < 1.5 * STEP_S
-        self.setpoint_s[index] = now_s
-        self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
-        if isinstance(setpoint, PositionSetpoint):
-            self.by_position[index] = True
-            self.goal[index] = tuple(setpoint.position)
-            # The first-order response to a velocity command lags by response_s: ask for what it shall be then. A
-            # command holds for a step, in which the acceleration goes on to change as it just did.
-            acceleration = np.array(tuple(setpoint.acceleration))
-            changed = acceleration - self.goal_acceleration[index] if is_next else 0.0
-            self.goal_acceleration[index] = acceleration
-            self.goal_velocity[index] = tuple(setpoint.velocity)
-            self.goal_velocity[index] += (acceleration + changed / 2) * self.response_s[index]
-            self.goal_yaw[index] = setpoint.yaw_rad
-        else:
-            self.by_position[index] = False
-            self.goal_velocity[index] = tuple(setpoint.velocity)
-
-    def set_mode(self, index: int, mode: FlightMode) -> None:
-        """Switches one autopilot; it holds its place until it is told otherwise."""
-        self.mode[index] = mode
-        self.hold[index] = self.position[index] + self.estimate_offset[index]
-        self.sticks[index] = 0.0
-        if mode is FlightMode.GUIDED:
-            self.by_position[index] = True
-            self.goal[index] = self.hold[index]
-            self.goal_velocity[index] = 0.0
-            self.goal_acceleration[index] = 0.0
-            self.goal_yaw[index] = self.yaw[index]
-            self.goal_yaw_rate[index] = 0.0
-
-    def step(self, now_s: float) -> None:
-        """Moves all vehicles on by `STEP_S`."""
-        lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
-        for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
-            self.set_mode(int(index), FlightMode.HOLD)
-        needs_position = (self.mode == FlightMode.GUIDED) | (self.mode == FlightMode.HOLD)
-        for index in np.flatnonzero(~self.has_position & self.is_armed & needs_position):
-            self.set_mode(int(index), FlightMode.ALTITUDE)
-        command, yaw_rate = self._commands()
-        place = self.position
-        self._accelerate(command)
-        self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
-        self.yaw = np.remainder(self.yaw + self.yaw_rate * STEP_S + math.pi, math.tau) - math.pi
-        self._touch_ground(command, place)
-        drain = np.where(self.is_landed, 0.05, 1.0) * self.is_armed * (100.0 * STEP_S) / self.endurance_s
-        self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
-
-    def _commands(self) -> tuple[Floats, Floats]:
-        """Velocity (N, 3) and yaw rate (N,) that the autopilots ask for."""
-        guided, by_position = self.mode == FlightMode.GUIDED, self.by_position
-        estimated = self.position + self.estimate_offset
-        target = np.where((guided & by_position)[:, None], self.goal, self.hold)
-        keeps_place = (guided & by_position) | (self.mode == FlightMode.HOLD) | (self.mode == FlightMode.LAND)
-        command = np.where(keeps_place[:, None], _POSITION_GAIN * (target - estimated), 0.0)
-        command += np.where(guided[:, None], self.goal_velocity, 0.0)
-        command[:, 2] = np.where(self.mode == FlightMode.LAND, -self.landing_speed, command[:, 2])
-        wanted_turn = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
-        yaw_rate = np.where(guided, self.goal_yaw_rate + np.where(by_position, _YAW_GAIN * wanted_turn, 0.0), 0.0)
-        manual = self.mode == FlightMode.MANUAL
-        if manual.any():
-            forward, left, up, turn = self.sticks.T
-            cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-            by_sticks = np.stack(
-                [
-                    (forward * cos - left * sin) * self.horizontal_speed,
-                    (forward * sin + left * cos) * self.horizontal_speed,
-                    up * self.vertical_speed,
-                ],
-                axis=1,
-            )
-            command = np.where(manual[:, None], by_sticks, command)
-            yaw_rate = np.where(manual, turn * self.max_yaw_rate, yaw_rate)
-        return command, yaw_rate
-
-    def _accelerate(self, command: Floats) -> None:
-        """First-order response to the velocity commands, within the limits; then half-way integration."""
-        limit = _COMMAND_HEADROOM
-        command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
-        acceleration = (command - self.velocity) / self.response_s[:, None]
-        # The limits are those of what it does by itself: against the wind it has as much more as that takes.
-        push = _WIND_DRAG * self.wind
-        acceleration = _limited(
-            acceleration,
-            self.power * (self.horizontal_acceleration + np.hypot(push[:, 0], push[:, 1])),
-            self.power * (self.vertical_acceleration + np.abs(push[:, 2])),
-        )
-        acceleration += push
-        before = self.velocity
-        # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
-        after = before + acceleration * STEP_S
-        fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
-        after[:, :2] /= np.maximum(1.0, fast)[:, None]
-        after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
-        after = np.where(self.is_armed[:, None], after, 0.0)
-        self.velocity = after
-        self.position = self.position + (before + after) * (STEP_S / 2)
-
-    def _touch_ground(self, command: Floats, place: Floats) -> None:
-        """The ground carries, and what sits on it stays at its `place`; landing is noticed after a while, lift-off at a
-        small height; then motors stop.
-        """
-        stays = (self.position[:, 2] <= self.ground) & ((command[:, 2] <= 0.0) | ~self.is_armed)
-        sits = stays | (self.is_landed & ~self.is_armed)
-        self.velocity[sits] = 0.0
-        self.position[sits, :2] = place[sits, :2]
-        self.position[:, 2] = np.maximum(self.position[:, 2], self.ground)
-        self.on_ground_s = np.where(sits, self.on_ground_s + STEP_S, 0.0)
-        up = self.position[:, 2] > self.ground + _LIFT_OFF_M
-        self.is_landed = (self.is_landed | (self.on_ground_s >= _LANDED_AFTER_S)) & ~up
-        self.has_flown = (self.has_flown | up) & self.is_armed
-        rested = self.is_landed & self.has_flown & (self.on_ground_s >= _LANDED_AFTER_S + self.disarm_after_s)
-        if rested.any():
-            self.is_armed &= ~rested
-            self.has_flown &= ~rested
-            for index in np.flatnonzero(rested):
-                self.set_mode(int(index), FlightMode.HOLD)
-
-
-def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
-    """The vectors (N, 3), shortened where needed, their directions kept."""
-    excess = np.maximum(  # a limit of 0 (motors without power) is a very small one
-        np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, _TINY),
-        np.abs(vectors[:, 2]) / np.maximum(vertical, _TINY),
-    )
-    return vectors / np.maximum(1.0, excess)[:, None]
 
 
 class _Listener(NamedTuple):
@@ -287,12 +44,11 @@ class World:
 
     def __init__(self, speed_factor: float = 1.0) -> None:
         self.lock = threading.Lock()
-        self.fleet = Fleet()
+        self.fleet: Vehicles = Single()
         self.epoch_s = time.time()
         self._steps = 0
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
-        self._told: Ints = np.zeros(0, dtype=np.int64)
         self._speed_factor = speed_factor
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -309,13 +65,17 @@ class World:
     def add(self, settings: LightSettings) -> int:
         """Adds a vehicle; its row in the fleet."""
         with self.lock:
-            self._told = np.append(self._told, _NEVER_TOLD)
+            if isinstance(self.fleet, Single) and self.fleet.count:
+                from ual_daemon.backends.light.fleet import Fleet  # with numpy: 10 MiB, 50 ms
+
+                self.fleet = Fleet(self.fleet)
             return self.fleet.add(settings)
 
     def wind_to(self, index: int, velocity_m_s: Vector3) -> None:
         """Lets wind blow on one vehicle."""
         with self.lock:
-            self.fleet.wind[index] = tuple(velocity_m_s)
+            x, y, z = velocity_m_s
+            self.fleet.wind[index] = (x, y, z)
 
     def listen(self, index: int, on_step: Callable[[], None], is_needed: Callable[[], bool] = lambda: True) -> None:
         """From now on calls back after the first step, after each in which the conditions of the vehicle have changed,
@@ -329,7 +89,7 @@ class World:
             self._changed.notify_all()
         # After that: a step in between would take it as told, and tell nobody.
         with self.lock:
-            self._told[index] = _NEVER_TOLD
+            self.fleet.told[index] = NEVER_TOLD
 
     def unlisten(self, index: int) -> None:
         """Ends `listen`; no call comes once this returns."""
@@ -386,9 +146,7 @@ class World:
             with self.lock:
                 self._steps += 1
                 self.fleet.step(self.now_s())
-                conditions = self.fleet.conditions()
-                changed = set(np.flatnonzero(conditions != self._told).tolist())
-                self._told = conditions
+                changed = self.fleet.changed()
             for index, listener in self._listeners.items():
                 if index in changed or listener.is_needed():
                     listener.on_step()

@@ -9,7 +9,7 @@ import numpy as np
 from ual.geometry import Pose, Twist, Vector3
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
-from ual_daemon.backends.light.world import STEP_S, FlightMode
+from ual_daemon.backends.light.physics import STEP_S, FlightMode
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, VelocitySetpoint
 
 

@@ -20,7 +20,7 @@ from ual.simulation import (
     PositionLost,
 )
 from ual.types import GpsFix
-from ual_daemon.backends.light.world import STEP_S, FlightMode
+from ual_daemon.backends.light.physics import STEP_S, FlightMode
 
 HERE = hold(0.0, 0.0, 5.0)
 

@@ -13,7 +13,7 @@ from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
 from tests.ual_daemon.stepped import stepped
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError, WrongStateError
 from ual.geometry import Vector3
-from ual_daemon.backends.light.world import SETPOINT_TIMEOUT_S, STEP_S, FlightMode
+from ual_daemon.backends.light.physics import SETPOINT_TIMEOUT_S, STEP_S, FlightMode
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, VelocitySetpoint
 
 SLACK = 1.0 + 1e-9

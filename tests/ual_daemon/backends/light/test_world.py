@@ -16,7 +16,7 @@ from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
-from ual_daemon.backends.light.world import STEP_S
+from ual_daemon.backends.light.physics import STEP_S
 from ual_daemon.settings import ConfigError
 
 

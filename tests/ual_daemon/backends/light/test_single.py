@@ -1,0 +1,93 @@
+"""One vehicle alone is moved by code of its own: it must move as it does in a fleet."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.conftest import LIMIT_S
+from tests.strategies import ANGLES, vectors
+from ual.geometry import Vector3
+from ual_daemon.backends.light import LightSettings, World
+from ual_daemon.backends.light.fleet import Fleet
+from ual_daemon.backends.light.physics import STEP_S, FlightMode
+from ual_daemon.backends.light.single import Single
+from ual_daemon.backends.light.world import Vehicles
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
+
+LIMITS = st.builds(
+    LightSettings,
+    horizontal_speed_m_s=st.floats(0.5, 10.0),
+    vertical_acceleration_m_s2=st.floats(0.5, 5.0),
+    response_s=st.floats(0.05, 2.0),
+    disarm_after_landing_s=st.floats(0.0, 1.0),
+    battery_percent=st.floats(0.0, 100.0),
+    start=st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)),
+    wind_m_s=st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)),
+)
+SETPOINTS: st.SearchStrategy[Setpoint] = st.builds(
+    PositionSetpoint, vectors(10.0), ANGLES, vectors(3.0), vectors(3.0), st.floats(-2.0, 2.0)
+) | st.builds(VelocitySetpoint, vectors(3.0), st.floats(-2.0, 2.0))
+STICKS = st.tuples(*[st.floats(-1.0, 1.0)] * 4)
+CHANGES = (
+    st.tuples(st.just("mode"), st.sampled_from(FlightMode))
+    | st.tuples(st.just("tell"), SETPOINTS)
+    | st.tuples(st.just("sticks"), STICKS)
+    | st.tuples(st.just("has_position"), st.booleans())
+    | st.tuples(st.just("power"), st.floats(0.0, 1.0))
+    | st.tuples(st.just("estimate_offset"), vectors(2.0).map(tuple))
+    | st.tuples(st.just("wind"), vectors(9.0).map(tuple))
+    | st.tuples(st.just("is_armed"), st.just(True))
+)
+
+
+@settings(max_examples=25, derandomize=True)  # where a float decides, the last bit would now and then
+@given(LIMITS, st.lists(st.tuples(CHANGES, st.integers(1, 60)), max_size=12))
+def test_one_alone_moves_as_in_a_fleet(limits: LightSettings, course: list[tuple[tuple[str, object], int]]) -> None:
+    single = Single()
+    single.add(limits)
+    fleet = Fleet(single)
+    both: tuple[Vehicles, ...] = (single, fleet)
+    now_s = 0.0
+    take_off = [(("is_armed", True), 1), (("mode", FlightMode.GUIDED), 1)]
+    up: tuple[str, object] = ("tell", VelocitySetpoint(Vector3(0.0, 0.0, 1.0)))
+    for (what, value), steps in [*take_off, *[(up, 10)] * 10, *course]:
+        for each in both:
+            if isinstance(value, FlightMode):
+                each.set_mode(0, value)
+            elif isinstance(value, PositionSetpoint | VelocitySetpoint):
+                each.tell(0, value, now_s)
+            else:
+                getattr(each, what)[0] = value
+        for _ in range(steps):
+            now_s += STEP_S
+            for each in both:
+                each.step(now_s)
+            assert single.changed() == fleet.changed()
+            for name, alone in single.row().items():
+                assert np.asarray(alone) == pytest.approx(getattr(fleet, name)[0], abs=1e-6), name
+    for one, other in zip(single.seen(0), fleet.seen(0), strict=True):
+        assert one == pytest.approx(other, abs=1e-6)
+        assert type(one) is type(other)
+
+
+def test_a_second_vehicle_leaves_the_first_where_it_is() -> None:
+    world = World(speed_factor=0.0)
+    world.add(LightSettings(start=(1.0, 2.0, 3.0)))
+    world.wind_to(0, Vector3(1.0, 0.0, 0.0))
+    world.step(1.0)
+    before = world.fleet.seen(0)
+    assert world.add(LightSettings(start=(4.0, 5.0, 6.0))) == 1
+    assert world.fleet.seen(0) == before
+    assert tuple(world.fleet.wind[0]) == (1.0, 0.0, 0.0)
+    assert world.fleet.seen(1).position == (4.0, 5.0, 6.0)
+
+
+def test_one_alone_needs_no_numpy() -> None:
+    code = "import sys; from ual_daemon import UAL; UAL(backend='light').close(); sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0

@@ -1,0 +1,253 @@
+"""The motion of many vehicles, stepped together in vectors. One alone is moved, by the same laws, by `single.Single`.
+
+A vehicle answers a velocity command with first order (`response_s`), within its limits of speed and acceleration; its
+autopilot turns position setpoints into velocity commands by their feed-forward and a proportional gain. The ground is
+level, at the height at which the vehicle starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ual_daemon.backends.light.physics import (
+    COMMAND_HEADROOM,
+    LANDED_AFTER_S,
+    LANDED_DRAIN,
+    LIFT_OFF_M,
+    POSITION_GAIN,
+    SETPOINT_TIMEOUT_S,
+    STEP_S,
+    TINY,
+    WIND_DRAG,
+    YAW_GAIN,
+    FlightMode,
+    Seen,
+    beginning,
+)
+from ual_daemon.backends.light.settings import LightSettings
+from ual_daemon.backends.light.single import Single
+from ual_daemon.backends.values import PositionSetpoint, Setpoint
+
+if TYPE_CHECKING:  # numpy.typing takes long to import
+    from numpy.typing import NDArray
+
+Floats: TypeAlias = "NDArray[np.float64]"
+Bools: TypeAlias = "NDArray[np.bool_]"
+Ints: TypeAlias = "NDArray[np.int64]"
+
+
+class Fleet:
+    """The state of all vehicles of a world, one row each. Changed only with the world's lock held."""
+
+    def __init__(self, single: Single) -> None:
+        """Goes on with the first vehicle where it is."""
+        self.count = 0
+        self.position: Floats = np.zeros((0, 3))
+        self.velocity: Floats = np.zeros((0, 3))
+        self.yaw: Floats = np.zeros(0)
+        self.yaw_rate: Floats = np.zeros(0)
+        self.mode: Ints = np.zeros(0, dtype=np.int64)
+        self.is_armed: Bools = np.zeros(0, dtype=np.bool_)
+        self.is_landed: Bools = np.zeros(0, dtype=np.bool_)
+        self.has_flown: Bools = np.zeros(0, dtype=np.bool_)
+        self.on_ground_s: Floats = np.zeros(0)
+        self.battery_percent: Floats = np.zeros(0)
+        # What the autopilot was told last.
+        self.by_position: Bools = np.zeros(0, dtype=np.bool_)
+        self.setpoint_s: Floats = np.zeros(0)
+        self.goal: Floats = np.zeros((0, 3))
+        self.goal_velocity: Floats = np.zeros((0, 3))
+        self.goal_acceleration: Floats = np.zeros((0, 3))
+        self.goal_yaw: Floats = np.zeros(0)
+        self.goal_yaw_rate: Floats = np.zeros(0)
+        self.hold: Floats = np.zeros((0, 3))
+        self.sticks: Floats = np.zeros((0, 4))
+        # What its world does to it.
+        self.ground: Floats = np.zeros(0)
+        self.wind: Floats = np.zeros((0, 3))
+        self.power: Floats = np.zeros(0)
+        self.estimate_offset: Floats = np.zeros((0, 3))
+        self.has_position: Bools = np.zeros(0, dtype=np.bool_)
+        self.told: Ints = np.zeros(0, dtype=np.int64)
+        # What it can.
+        self.horizontal_speed: Floats = np.zeros(0)
+        self.vertical_speed: Floats = np.zeros(0)
+        self.horizontal_acceleration: Floats = np.zeros(0)
+        self.vertical_acceleration: Floats = np.zeros(0)
+        self.max_yaw_rate: Floats = np.zeros(0)
+        self.response_s: Floats = np.zeros(0)
+        self.landing_speed: Floats = np.zeros(0)
+        self.disarm_after_s: Floats = np.zeros(0)
+        self.endurance_s: Floats = np.zeros(0)
+
+        self._append(single.row())
+
+    def add(self, settings: LightSettings) -> int:
+        """Adds a vehicle, standing on the ground, disarmed. Its row."""
+        self._append(beginning(settings))
+        return self.count - 1
+
+    def _append(self, row: Mapping[str, Any]) -> None:
+        for name, array in vars(self).items():
+            if isinstance(array, np.ndarray):
+                grown = np.concatenate([array, np.zeros((1, *array.shape[1:]), dtype=array.dtype)])
+                if name in row:
+                    grown[-1] = row[name]
+                setattr(self, name, grown)
+        self.count += 1
+
+    def changed(self) -> set[int]:
+        """The vehicles of which anything that their state follows from has changed since this was asked last."""
+        conditions = self.mode * 8 + self.is_armed * 4 + self.is_landed * 2 + self.has_position
+        changed = set(np.flatnonzero(conditions != self.told).tolist())
+        self.told = conditions
+        return changed
+
+    def seen(self, index: int) -> Seen:
+        """What one autopilot says of itself."""
+        x, y, z = (self.position[index] + self.estimate_offset[index]).tolist()
+        vx, vy, vz = self.velocity[index].tolist()
+        return Seen(
+            (x, y, z),
+            (vx, vy, vz),
+            self.yaw.item(index),
+            self.yaw_rate.item(index),
+            self.mode.item(index),
+            self.is_armed.item(index),
+            self.is_landed.item(index),
+            self.has_position.item(index),
+            self.battery_percent.item(index),
+        )
+
+    def tell(self, index: int, setpoint: Setpoint, now_s: float) -> None:
+        """Gives a setpoint to one autopilot."""
+        is_next = bool(self.by_position[index]) and now_s - self.setpoint_s[index] < 1.5 * STEP_S
+        self.setpoint_s[index] = now_s
+        self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
+        if isinstance(setpoint, PositionSetpoint):
+            self.by_position[index] = True
+            self.goal[index] = tuple(setpoint.position)
+            # The first-order response to a velocity command lags by response_s: ask for what it shall be then. A
+            # command holds for a step, in which the acceleration goes on to change as it just did.
+            acceleration = np.array(tuple(setpoint.acceleration))
+            changed = acceleration - self.goal_acceleration[index] if is_next else 0.0
+            self.goal_acceleration[index] = acceleration
+            self.goal_velocity[index] = tuple(setpoint.velocity)
+            self.goal_velocity[index] += (acceleration + changed / 2) * self.response_s[index]
+            self.goal_yaw[index] = setpoint.yaw_rad
+        else:
+            self.by_position[index] = False
+            self.goal_velocity[index] = tuple(setpoint.velocity)
+
+    def set_mode(self, index: int, mode: FlightMode) -> None:
+        """Switches one autopilot; it holds its place until it is told otherwise."""
+        self.mode[index] = mode
+        self.hold[index] = self.position[index] + self.estimate_offset[index]
+        self.sticks[index] = 0.0
+        if mode is FlightMode.GUIDED:
+            self.by_position[index] = True
+            self.goal[index] = self.hold[index]
+            self.goal_velocity[index] = 0.0
+            self.goal_acceleration[index] = 0.0
+            self.goal_yaw[index] = self.yaw[index]
+            self.goal_yaw_rate[index] = 0.0
+
+    def step(self, now_s: float) -> None:
+        """Moves all vehicles on by `STEP_S`."""
+        lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
+        for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
+            self.set_mode(int(index), FlightMode.HOLD)
+        needs_position = (self.mode == FlightMode.GUIDED) | (self.mode == FlightMode.HOLD)
+        for index in np.flatnonzero(~self.has_position & self.is_armed & needs_position):
+            self.set_mode(int(index), FlightMode.ALTITUDE)
+        command, yaw_rate = self._commands()
+        place = self.position
+        self._accelerate(command)
+        self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
+        self.yaw = np.remainder(self.yaw + self.yaw_rate * STEP_S + math.pi, math.tau) - math.pi
+        self._touch_ground(command, place)
+        drain = np.where(self.is_landed, LANDED_DRAIN, 1.0) * self.is_armed * (100.0 * STEP_S) / self.endurance_s
+        self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
+
+    def _commands(self) -> tuple[Floats, Floats]:
+        """Velocity (N, 3) and yaw rate (N,) that the autopilots ask for."""
+        guided, by_position = self.mode == FlightMode.GUIDED, self.by_position
+        estimated = self.position + self.estimate_offset
+        target = np.where((guided & by_position)[:, None], self.goal, self.hold)
+        keeps_place = (guided & by_position) | (self.mode == FlightMode.HOLD) | (self.mode == FlightMode.LAND)
+        command = np.where(keeps_place[:, None], POSITION_GAIN * (target - estimated), 0.0)
+        command += np.where(guided[:, None], self.goal_velocity, 0.0)
+        command[:, 2] = np.where(self.mode == FlightMode.LAND, -self.landing_speed, command[:, 2])
+        wanted_turn = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
+        yaw_rate = np.where(guided, self.goal_yaw_rate + np.where(by_position, YAW_GAIN * wanted_turn, 0.0), 0.0)
+        manual = self.mode == FlightMode.MANUAL
+        if manual.any():
+            forward, left, up, turn = self.sticks.T
+            cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+            by_sticks = np.stack(
+                [
+                    (forward * cos - left * sin) * self.horizontal_speed,
+                    (forward * sin + left * cos) * self.horizontal_speed,
+                    up * self.vertical_speed,
+                ],
+                axis=1,
+            )
+            command = np.where(manual[:, None], by_sticks, command)
+            yaw_rate = np.where(manual, turn * self.max_yaw_rate, yaw_rate)
+        return command, yaw_rate
+
+    def _accelerate(self, command: Floats) -> None:
+        """First-order response to the velocity commands, within the limits; then half-way integration."""
+        limit = COMMAND_HEADROOM
+        command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
+        acceleration = (command - self.velocity) / self.response_s[:, None]
+        # The limits are those of what it does by itself: against the wind it has as much more as that takes.
+        push = WIND_DRAG * self.wind
+        acceleration = _limited(
+            acceleration,
+            self.power * (self.horizontal_acceleration + np.hypot(push[:, 0], push[:, 1])),
+            self.power * (self.vertical_acceleration + np.abs(push[:, 2])),
+        )
+        acceleration += push
+        before = self.velocity
+        # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
+        after = before + acceleration * STEP_S
+        fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
+        after[:, :2] /= np.maximum(1.0, fast)[:, None]
+        after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
+        after = np.where(self.is_armed[:, None], after, 0.0)
+        self.velocity = after
+        self.position = self.position + (before + after) * (STEP_S / 2)
+
+    def _touch_ground(self, command: Floats, place: Floats) -> None:
+        """The ground carries, and what sits on it stays at its `place`; landing is noticed after a while, lift-off at a
+        small height; then motors stop.
+        """
+        stays = (self.position[:, 2] <= self.ground) & ((command[:, 2] <= 0.0) | ~self.is_armed)
+        sits = stays | (self.is_landed & ~self.is_armed)
+        self.velocity[sits] = 0.0
+        self.position[sits, :2] = place[sits, :2]
+        self.position[:, 2] = np.maximum(self.position[:, 2], self.ground)
+        self.on_ground_s = np.where(sits, self.on_ground_s + STEP_S, 0.0)
+        up = self.position[:, 2] > self.ground + LIFT_OFF_M
+        self.is_landed = (self.is_landed | (self.on_ground_s >= LANDED_AFTER_S)) & ~up
+        self.has_flown = (self.has_flown | up) & self.is_armed
+        rested = self.is_landed & self.has_flown & (self.on_ground_s >= LANDED_AFTER_S + self.disarm_after_s)
+        if rested.any():
+            self.is_armed &= ~rested
+            self.has_flown &= ~rested
+            for index in np.flatnonzero(rested):
+                self.set_mode(int(index), FlightMode.HOLD)
+
+
+def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
+    """The vectors (N, 3), shortened where needed, their directions kept."""
+    excess = np.maximum(  # a limit of 0 (motors without power) is a very small one
+        np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, TINY),
+        np.abs(vectors[:, 2]) / np.maximum(vertical, TINY),
+    )
+    return vectors / np.maximum(1.0, excess)[:, None]
