@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import click
 from click.core import ParameterSource
 
-from ual_daemon import config, logs
+from ual_daemon import config, lazy, logs
 from ual_daemon.config import Configuration, ConfigurationError, FlagSource, Source
 from ual_daemon.settings import ConfigError, VehicleSettings
 
@@ -129,6 +129,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     # One thread less on the way of each message: docs/decisions/0010.
     os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
+    lazy.prepare()
     from ual_daemon.backends import registry
     from ual_daemon.server import tls
 
