@@ -3,7 +3,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import pytest
@@ -67,10 +67,12 @@ def test_samples_come_on_another_thread(daemon: FakeDaemon, uav: ual.Uav) -> Non
     assert threading.main_thread() not in threads
 
 
-def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon: FakeDaemon, uav: ual.Uav) -> None:
+def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(
+    daemon: FakeDaemon, uav: ual.Uav, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = daemon.script()
     received = Received()
-    is_busy, may_go_on = threading.Event(), threading.Event()
+    is_busy, all_came, may_go_on = threading.Event(), threading.Event(), threading.Event()
 
     def callback(telemetry: Telemetry) -> None:
         if telemetry.sequence == 1:
@@ -81,14 +83,22 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(daemon:
     source.put(sample(1))
     with uav.subscribe(callback) as subscription:
         assert is_busy.wait(LIMIT_S)
+        monkeypatch.setattr(subscription, "put", put_and_tell(subscription.put, 6, all_came))
         for number, missed_count in ((2, 0), (5, 2), (6, 0)):
             source.put(sample(number, missed_count))
-        newest = subscription._newest
-        with newest._changed:
-            assert newest._changed.wait_for(lambda: newest._missed_count == 4, LIMIT_S)
+        assert all_came.wait(LIMIT_S)
         may_go_on.set()
         received.wait_for(6)
     assert [(each.sequence, each.missed_count) for each in received.samples] == [(1, 0), (6, 4)]
+
+
+def put_and_tell(put: Callable[[Telemetry], None], sequence: int, came: threading.Event) -> Callable[[Telemetry], None]:
+    def put_told(telemetry: Telemetry) -> None:
+        put(telemetry)
+        if telemetry.sequence == sequence:
+            came.set()
+
+    return put_told
 
 
 def test_subscriptions_of_one_rate_share_a_stream_and_the_latest_gets_the_newest_sample_at_once(

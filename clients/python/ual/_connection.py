@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import grpc
@@ -41,13 +42,20 @@ class Connection:
             self._wait_until_back(error)
         return self._run_once(call, limit_s)
 
-    def stream_telemetry(self, rate_hz: float) -> Any:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
-        """The stream of telemetry: an iterator with `cancel`, which raises `grpc.RpcError`."""
-        request = pb.StreamTelemetryRequest(rate_hz=rate_hz)
-        return self._use(lambda stubs: stubs.ual.StreamTelemetry(request, metadata=self.target.metadata))
+    def stream_telemetry(self, rate_hz: float) -> TelemetryStream:
+        """A stream of telemetry, over a channel of its own. Raises where the daemon is not found."""
+        # Imported with the first channel anyhow, as late as that.
+        from grpc.experimental import ChannelOptions
 
-    def watch_task(self, task_id: str, rate_hz: float, timeout_s: float | None) -> Any:  # noqa: ANN401 (as above)
-        """The stream of a task's progress: as `stream_telemetry`."""
+        address = self.target.address()
+        if self._is_closed:
+            raise _closed()
+        # Its reader waits for it himself, not for a thread that waits for all calls: docs/decisions/0016.
+        channel = self._make_channel(address, ((ChannelOptions.SingleThreadedUnaryStream, 1),))
+        return TelemetryStream(channel, self.target, address, rate_hz)
+
+    def watch_task(self, task_id: str, rate_hz: float, timeout_s: float | None) -> Any:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
+        """The stream of a task's progress: an iterator with `cancel`, which raises `grpc.RpcError`."""
         request = pb.WatchTaskRequest(task_id=task_id, rate_hz=rate_hz)
         return self._use(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
 
@@ -112,10 +120,11 @@ class Connection:
             retired.close()
         return stubs
 
-    def _make_channel(self, address: str) -> grpc.Channel:
+    def _make_channel(self, address: str, more: tuple[tuple[str, int], ...] = ()) -> grpc.Channel:
+        options = (*CHANNEL_OPTIONS, *more)
         if self.target.credentials is None:
-            return grpc.insecure_channel(address, CHANNEL_OPTIONS)
-        return grpc.secure_channel(address, self.target.credentials, CHANNEL_OPTIONS)
+            return grpc.insecure_channel(address, options)
+        return grpc.secure_channel(address, self.target.credentials, options)
 
     def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
         """Waits for a daemon that was there before: it may be starting again, or gRPC pausing before it looks."""
@@ -132,6 +141,34 @@ class Connection:
             if error.code() in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
                 raise unreachable from error
             raise self.error(error) from error
+
+
+class TelemetryStream:
+    """One stream of telemetry. Belongs to the thread that reads it; `close` may be called from any."""
+
+    def __init__(self, channel: grpc.Channel, target: Target, address: str, rate_hz: float) -> None:
+        self._channel = channel
+        self._target = target
+        self._address = address
+        self._call: Any = Stubs(channel).ual.StreamTelemetry(
+            pb.StreamTelemetryRequest(rate_hz=rate_hz), metadata=target.metadata
+        )
+
+    def read(self) -> Iterator[pb.StreamTelemetryResponse]:
+        """The samples, until it is closed. Raises what the daemon, or the connection, ends it by."""
+        try:
+            yield from self._call
+        except grpc.RpcError as error:
+            raise rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
+        finally:
+            self.close()
+            with suppress(grpc.RpcError):  # only once its end has been read does gRPC give back what it holds
+                for _ in self._call:
+                    pass
+
+    def close(self) -> None:
+        """Ends it."""
+        self._channel.close()  # not by `cancel`: of a call that it ended, the reader would not read the end
 
 
 def _closed() -> UalError:

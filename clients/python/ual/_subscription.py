@@ -10,15 +10,15 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from queue import Empty, SimpleQueue
 
-import grpc
 from typing_extensions import Self
 
 from ual import convert
 from ual._calls import QUICK_S
-from ual._connection import Connection
+from ual._connection import Connection, TelemetryStream
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
 
@@ -126,7 +126,7 @@ class _Feed:
         self._closing = threading.Event()
         self._answered = threading.Event()
         self._refusal: UalError | None = None
-        self._call: Any = None
+        self._stream: TelemetryStream | None = None
         self._thread = threading.Thread(target=self._drain, name="ual telemetry", daemon=True)
 
     def start(self) -> None:
@@ -144,9 +144,8 @@ class _Feed:
         """From now on it gets the samples, the newest at once."""
         with self._lock:
             self.subscriptions = (*self.subscriptions, subscription)
-            sample = self._sample
-        if sample is not None:
-            subscription.put(replace(sample, missed_count=0))
+            if self._sample is not None:
+                subscription.put(replace(self._sample, missed_count=0))
 
     def leave(self, subscription: Subscription) -> None:
         """It gets no more."""
@@ -156,8 +155,8 @@ class _Feed:
     def close(self) -> None:
         """Ends the stream."""
         self._closing.set()
-        if self._call is not None:
-            self._call.cancel()
+        if self._stream is not None:
+            self._stream.close()
         if self._thread.is_alive():
             self._thread.join()
 
@@ -180,18 +179,15 @@ class _Feed:
 
     def _drain_once(self, reported: str) -> str:
         """Reads one stream to its end."""
-        self._call = call = self._connection.stream_telemetry(self.rate_hz)
-        if self._closing.is_set():  # closed before it could see the call
-            call.cancel()
-        try:
-            for response in call:
-                self._hand_out(convert.telemetry_from_proto(response.telemetry, response.missed_count))
-                self._answered.set()
-                if reported:
-                    reported = ""
-                    _log.info("telemetry is back")
-        except grpc.RpcError as error:
-            raise self._connection.error(error) from error
+        self._stream = stream = self._connection.stream_telemetry(self.rate_hz)
+        if self._closing.is_set():  # closed before it could see the stream
+            stream.close()
+        for response in stream.read():
+            self._hand_out(convert.telemetry_from_proto(response.telemetry, response.missed_count))
+            self._answered.set()
+            if reported:
+                reported = ""
+                _log.info("telemetry is back")
         return reported
 
     def _hand_out(self, sample: Telemetry) -> None:
@@ -203,32 +199,35 @@ class _Feed:
 
 
 class _Newest:
-    """Holds the newest sample until it is taken, and counts those that were lost before it."""
+    """Holds the newest sample until it is taken, and counts those that were lost before it.
+
+    A queue that holds one sample: Python's own waits without making a lock each time, as a condition does.
+    `put` is called by one thread at a time.
+    """
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._sample: Telemetry | None = None
-        self._missed_count = 0
+        self._queue: SimpleQueue[tuple[Telemetry, int] | None] = SimpleQueue()
         self._is_closed = False
 
     def put(self, sample: Telemetry) -> None:
-        with self._changed:
-            self._missed_count += sample.missed_count + (self._sample is not None)
-            self._sample = sample
-            self._changed.notify()
+        missed_count = sample.missed_count
+        if not self._queue.empty():
+            with suppress(Empty):  # taken after all
+                waiting = self._queue.get_nowait()
+                if waiting is None:  # closed: whoever takes is still to see that
+                    self._queue.put(None)
+                    return
+                missed_count += waiting[1] + 1
+        self._queue.put((sample, missed_count))
 
     def take(self) -> Telemetry | None:
         """The newest sample, with the number of those missed before it, once there is one; None once closed."""
-        with self._changed:
-            while self._sample is None and not self._is_closed:
-                self._changed.wait()
-            if self._is_closed or self._sample is None:
-                return None
-            sample, self._sample = self._sample, None
-            missed_count, self._missed_count = self._missed_count, 0
+        taken = self._queue.get()
+        if taken is None or self._is_closed:
+            return None
+        sample, missed_count = taken
         return sample if sample.missed_count == missed_count else replace(sample, missed_count=missed_count)
 
     def close(self) -> None:
-        with self._changed:
-            self._is_closed = True
-            self._changed.notify()
+        self._is_closed = True
+        self._queue.put(None)
