@@ -69,6 +69,7 @@ class Daemon:
             raise
         # What is loaded by now stays. Unfrozen, a full collection takes 10 to 15 ms, between two setpoints.
         gc.freeze()
+        gc.enable()
         try:
             for each in served:
                 each.open()
