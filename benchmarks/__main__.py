@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import compileall
 import json
 import os
 import platform
@@ -40,6 +41,10 @@ def main() -> int:
     rounds = arguments.rounds or effort.rounds
     began_s = time.monotonic()
     prefer_this()
+    for package in ("ual_daemon", "clients/python/ual"):
+        # As pip does it with what it installs, the peers: else changed files are compiled anew at each start where
+        # Python may not write them (PYTHONDONTWRITEBYTECODE).
+        compileall.compile_dir(str(REPOSITORY / package), quiet=2)
 
     results = measure(effort, rounds, arguments.only or _PARTS)
 
