@@ -12,6 +12,7 @@ from concurrent.futures import Future
 from functools import partial
 
 from ual.errors import LinkLostError, UalError
+from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.commands import Command
@@ -25,7 +26,7 @@ from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, defau
 from ual_daemon.backends.mavlink.signing import Signer, read_key
 from ual_daemon.backends.mavlink.supervision import LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
-from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Sample, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 _log = logging.getLogger(__name__)
@@ -170,7 +171,7 @@ class MavlinkBackend(Backend):
     def _converse(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
         next_tick_s = updated_s = turn_s = self.clock.now_s()
         sessions_count = 0
-        pose_time_s: float | None = None
+        pose: Sample[Pose] | None = None
         while not self._is_closing:
             chunks = connection.receive(next_tick_s - self.clock.now_s(), self.clock.now_s())
             turn_s, last_turn_s = self.clock.now_s(), turn_s
@@ -185,23 +186,24 @@ class MavlinkBackend(Backend):
             for data, address in chunks:
                 conversation.receive(data, address, self.clock.now_s(), self.clock.utc_s())
             now_s = self.clock.now_s()
+            vehicle = conversation.vehicle
+            if vehicle is not None and not self._info.autopilot:
+                self.freshness = vehicle.dialect.freshness
+            # First what waits for a new pose: references, and whoever listens. The rest has time.
+            newest = None if vehicle is None else vehicle.telemetry.pose
+            if newest is not pose or now_s - updated_s >= TICK_S:
+                pose, updated_s = newest, now_s
+                self._update(vehicle, connection.trouble, now_s, on_update)
             self._supervise(connection, now_s)
             while self._posted:
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
-            vehicle = conversation.vehicle
-            if vehicle is not None and not self._info.autopilot:
-                self.freshness = vehicle.dialect.freshness
             if vehicle is not None and (now_s >= next_tick_s or not self._info.autopilot):
                 info = vehicle.info()
                 if info != self._info:  # the same one as long as nothing is new: what follows from it stays, too
                     self._info = info
             if now_s >= next_tick_s:
                 next_tick_s = now_s + TICK_S
-            newest_s = None if vehicle is None else vehicle.telemetry.pose_time_s
-            if newest_s != pose_time_s or now_s - updated_s >= TICK_S:
-                pose_time_s, updated_s = newest_s, now_s
-                self._update(vehicle, connection.trouble, now_s, on_update)
 
     def _supervise(self, connection: Connection, now_s: float) -> None:
         heard_s = self._supervision.heard_s

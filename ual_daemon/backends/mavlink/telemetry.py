@@ -138,9 +138,14 @@ class Telemetry:
         return self._heard_s
 
     @property
-    def pose_time_s(self) -> float | None:
-        """When the newest pose came."""
-        return None if self._pose is None else self._pose.time_s
+    def pose(self) -> Sample[Pose] | None:
+        """The newest pose."""
+        return self._pose
+
+    @property
+    def velocity(self) -> Sample[Twist] | None:
+        """The newest velocity, which came with the newest pose."""
+        return self._velocity
 
     @property
     def attitude_time_s(self) -> float | None:
@@ -209,9 +214,9 @@ class Telemetry:
         if not self._is_newest("attitude", now_s):
             return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
-        rates = swap_body(message.rollspeed, message.pitchspeed, message.yawspeed)
-        if math.isfinite(w + x + y + z + sum(rates)) and (w, x, y, z) != (0.0, 0.0, 0.0, 0.0):
-            self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
+        roll, pitch, yaw = message.rollspeed, message.pitchspeed, message.yawspeed
+        if math.isfinite(w + x + y + z + roll + pitch + yaw) and (w, x, y, z) != (0.0, 0.0, 0.0, 0.0):
+            self._attitude = Sample((orientation_to_enu(w, x, y, z), swap_body(roll, pitch, yaw)), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if not self._is_newest("position", now_s):
@@ -220,13 +225,12 @@ class Telemetry:
         attitude = self._attitude
         if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
             return
-        position = swap_local(message.x, message.y, message.z)
-        velocity = swap_local(message.vx, message.vy, message.vz)
-        if math.isfinite(sum(position) + sum(velocity)):
+        x, y, z, vx, vy, vz = message.x, message.y, message.z, message.vx, message.vy, message.vz
+        if math.isfinite(x + y + z + vx + vy + vz):
             orientation, rates = attitude.value
             self._stamp_s = stamp_s  # the pose's: where that is old, the stamp says so
-            self._pose = Sample(Pose(position, orientation), now_s)
-            self._velocity = Sample(Twist(velocity, rates), now_s)
+            self._pose = Sample(Pose(swap_local(x, y, z), orientation), now_s)
+            self._velocity = Sample(Twist(swap_local(vx, vy, vz), rates), now_s)
 
     def booted(self) -> None:
         """Forgets what belongs to the boot before; what is sampled grows old by itself."""

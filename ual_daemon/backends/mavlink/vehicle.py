@@ -70,6 +70,8 @@ class MavlinkVehicle:
         self._next_ask_s: float | None = None
         self._wants_heartbeat = False
         self._heartbeat_s = -math.inf
+        self._unlearnt_s: tuple[float, float] | None = None
+        """When the newest position came from which nothing was learnt yet, by our clock and by the autopilot's."""
         self._feed_forward = FeedForward() if learns_feed_forward and dialect.takes_feed_forward else None
 
     def uses(self, message_id: int) -> bool:
@@ -98,10 +100,7 @@ class MavlinkVehicle:
         elif message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC:
             self._on_timesync(message, now_s, utc_now_s)
         elif message_id == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED and self._feed_forward is not None:
-            snapshot = telemetry.snapshot(now_s)
-            pose, velocity = snapshot.pose, snapshot.velocity
-            if pose is not None and velocity is not None and pose.time_s == now_s:
-                self._feed_forward.learn(boot_ms / 1000.0, pose.value, velocity.value.linear)
+            self._unlearnt_s = (now_s, boot_ms / 1000.0)
 
     def notice(self, frame: Frame, now_s: float) -> None:
         """Takes the arrival of a message that no dialect of pymavlink knows, or that is not used."""
@@ -140,7 +139,10 @@ class MavlinkVehicle:
         return self._transmit(message, is_perishable=True)
 
     def tick(self, now_s: float) -> None:
-        """Does what time asks for; to be called often."""
+        """Does what time asks for, and what can wait until an update has been told; to be called often."""
+        if self._unlearnt_s is not None:
+            self._learn(*self._unlearnt_s)
+            self._unlearnt_s = None
         if self._next_heartbeat_s is None or now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + HEARTBEAT_S
             self._transmit(heartbeat())
@@ -190,6 +192,12 @@ class MavlinkVehicle:
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
         )
+
+    def _learn(self, came_s: float, own_s: float) -> None:
+        pose, velocity = self.telemetry.pose, self.telemetry.velocity
+        if self._feed_forward is None or pose is None or velocity is None or pose.time_s != came_s:
+            return
+        self._feed_forward.learn(own_s, pose.value, velocity.value.linear)
 
     def _has_stopped_streaming(self, now_s: float) -> bool:
         """Whether it sends something, but what it was asked for no more, as after a boot that was short."""
