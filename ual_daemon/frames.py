@@ -75,6 +75,8 @@ class FrameTree:
         self._lock = threading.Lock()
         self._fixed = {MAP, self.odom, self.body, *(frame.frame_id for frame in settings.frames)}
         self._links = self._build(settings)
+        self._odom_in_map: tuple[_Links, Transform | None] = ({}, None)
+        """Of which links it was found."""
 
     def _build(self, settings: VehicleSettings) -> _Links:
         home: Transform | None = Transform(
@@ -113,6 +115,15 @@ class FrameTree:
     def has_home(self) -> bool:
         """Whether it is known where ``<ns>/odom`` lies."""
         return self._links[self.odom].transform is not None
+
+    def odom_in_map(self) -> Transform | None:
+        """Takes ``<ns>/odom`` to ``map``; None while it is not known where it lies. Kept, as each sample asks."""
+        links = self._links
+        found_of, found = self._odom_in_map
+        if found_of is not links:
+            found = self.lookup(MAP, self.odom, None) if self.has_home() else None
+            self._odom_in_map = (links, found)
+        return found
 
     def is_fixed(self, name: str) -> bool:
         """Whether a frame is built in or configured, and no body: it stays where it is."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ual.errors import WrongStateError
-from ual.geometry import Pose, Transform, Twist
+from ual.geometry import IDENTITY, Pose, Transform, Twist
 from ual.types import GeoPoint, Odometry, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.estimator import Estimate
@@ -28,7 +28,6 @@ def make_sample(
         pose = None if body is None else to_frame.apply_pose(body)
         velocity = None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular)
         reference = None if reference is None else to_frame.apply_pose(reference)
-    in_map = _lookup(places, MAP, places.tree.body, body)
     return Telemetry(
         state=found.state,
         state_reason=found.why,
@@ -37,7 +36,7 @@ def make_sample(
         pose=pose,
         velocity=velocity,
         odometry=_odometry(snapshot, places, body, twist),
-        transform=in_map and _stamped(in_map, snapshot.stamp_s),
+        transform=_in_map(places, body, snapshot.stamp_s),
         reference_pose=reference,
         position_geo=snapshot.position_geo or _position_geo(snapshot),
         battery=snapshot.battery,
@@ -50,8 +49,14 @@ def make_sample(
     )
 
 
-def _stamped(transform: Transform, stamp_s: float) -> Transform:
-    return Transform(transform.translation, transform.rotation, transform.frame_id, transform.child_frame_id, stamp_s)
+def _in_map(places: Places, body: Pose | None, stamp_s: float) -> Transform | None:
+    home = places.tree.odom_in_map()
+    if home is None or body is None:
+        return None
+    position, orientation = body.position + home.translation, body.orientation
+    if home.rotation is not IDENTITY:  # seldom
+        position, orientation = home.apply(body.position), home.rotation * body.orientation
+    return Transform(position, orientation, MAP, places.tree.body, stamp_s)
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
