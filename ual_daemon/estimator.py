@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ual.types import State
 from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState, Sample, Snapshot
@@ -42,7 +43,12 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
         return Estimate(State.LANDING, f"the autopilot lands (mode {mode})")
-    if control is Control.REFERENCES:
+    return _in_the_air(mode, takes_references=control is Control.REFERENCES)
+
+
+@lru_cache(maxsize=64)  # asked for by every setpoint
+def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
+    if takes_references:
         return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode})")
     return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references")
 

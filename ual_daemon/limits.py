@@ -37,5 +37,8 @@ def scaled_down(twist: Twist, limits: Limits) -> Twist:
     v = twist.linear
     vertical = limits.climb_speed_m_s if v.z > 0 else limits.descent_speed_m_s
     excess = max(1.0, v.horizontal_norm() / limits.horizontal_speed_m_s, abs(v.z) / vertical)
-    turn = max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, twist.angular.z))
+    w = twist.angular
+    turn = max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, w.z))
+    if excess == 1.0 and turn == w.z and w.x == w.y == 0.0:
+        return twist
     return Twist(v if excess == 1.0 else v / excess, Vector3(0.0, 0.0, turn))

@@ -11,7 +11,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
-from ual.errors import WrongStateError
+from ual.errors import UalError, WrongStateError
 from ual.geometry import PointStamped, PoseStamped, TwistStamped, Vector3
 from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskKind
 from ual_daemon import limits, validation
@@ -263,37 +263,59 @@ class Motions:
 
     def set_pose(self, pose: PoseStamped) -> Prepared[None]:
         """A pose reference, sent as it is; it has left when it has begun."""
-        with self._checks.refusing("set_pose"):
-            self._checks.require_capability(Capability.POSITION, "set_pose")
-            goal = self._places.goal(pose, "pose")
-            snapshot = self._checks.require_state("set_pose", State.FLYING_AUTO)
-            if self._places.is_moving(goal):  # within the limits: wherever it may go
-                return self._refer("set_pose", self._chase(goal, self._limits(), snapshot), snapshot)
-            local = self._places.to_local(goal, snapshot)
-            yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
-            return self._refer("set_pose", Hold(local.position, yaw_rad), snapshot)
+        return self._setpoint("set_pose", self._pose, pose)
 
     def set_velocity(self, velocity: TwistStamped) -> Prepared[None]:
         """A velocity reference; it has left when it has begun."""
-        with self._checks.refusing("set_velocity"):
-            self._checks.require_capability(Capability.VELOCITY, "set_velocity")
-            twist, frame_id = self._places.velocity(velocity, "velocity")
-            snapshot = self._checks.require_state("set_velocity", State.FLYING_AUTO)
-            in_body = frame_id == self._places.tree.body
-            if not in_body:
-                twist = self._places.velocity_to_local(twist, frame_id, snapshot)
-            scaled = limits.scaled_down(twist, self._limits())
-            expires_s = snapshot.time_s + VELOCITY_TIMEOUT_S
-            return self._refer("set_velocity", Velocity(scaled, in_body=in_body, expires_s=expires_s), snapshot)
+        return self._setpoint("set_velocity", self._velocity, velocity)
 
-    def _refer(self, name: str, reference: Reference, snapshot: Snapshot) -> Prepared[None]:
-        plan = self._admit(name, reference, snapshot)
+    def tell(self, setpoint: PoseStamped | TwistStamped) -> None:
+        """Begins `set_pose` or `set_velocity` at once: the short way through the same checks, as every setpoint of a
+        stream comes by.
+        """
+        name = "set_velocity" if isinstance(setpoint, TwistStamped) else "set_pose"
+        try:
+            reference, snapshot = (
+                self._velocity(setpoint) if isinstance(setpoint, TwistStamped) else self._pose(setpoint)
+            )
+            self._require_inside(name, reference, snapshot)
+            self._flight.refer(reference, name, snapshot)
+        except UalError as error:
+            self._checks.log_refusal(name, error)
+            raise
+
+    def _setpoint(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> Prepared[None]:
+        with self._checks.refusing(name):
+            reference, snapshot = make(setpoint)
+            plan = self._admit(name, reference, snapshot)
 
         def begin() -> None:
             with self._checks.refusing(name):
                 self._flight.refer(reference, name, snapshot)
 
         return Prepared(plan, begin)
+
+    def _pose(self, pose: PoseStamped) -> tuple[Reference, Snapshot]:
+        """The reference of a pose, in the state of a snapshot."""
+        self._checks.require_capability(Capability.POSITION, "set_pose")
+        goal = self._places.goal(pose, "pose")
+        snapshot = self._checks.require_state("set_pose", State.FLYING_AUTO)
+        if self._places.is_moving(goal):  # within the limits: wherever it may go
+            return self._chase(goal, self._limits(), snapshot), snapshot
+        local = self._places.to_local(goal, snapshot)
+        yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
+        return Hold(local.position, yaw_rad), snapshot
+
+    def _velocity(self, velocity: TwistStamped) -> tuple[Reference, Snapshot]:
+        """The reference of a velocity, in the state of a snapshot."""
+        self._checks.require_capability(Capability.VELOCITY, "set_velocity")
+        twist, frame_id = self._places.velocity(velocity, "velocity")
+        snapshot = self._checks.require_state("set_velocity", State.FLYING_AUTO)
+        in_body = frame_id == self._places.tree.body
+        if not in_body:
+            twist = self._places.velocity_to_local(twist, frame_id, snapshot)
+        scaled = limits.scaled_down(twist, self._limits())
+        return Velocity(scaled, in_body=in_body, expires_s=snapshot.time_s + VELOCITY_TIMEOUT_S), snapshot
 
     def recover_from_manual(self) -> Prepared[Future[None]]:
         """Takes control back; the future ends when the state is FLYING_AUTO."""
@@ -319,13 +341,18 @@ class Motions:
         Raises what keeps it from beginning; tells what it would be.
         """
         self._flight.require_replaceable(command)
-        if self._geofence is not None:
-            if isinstance(motion, Chase):
-                way = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
-                self._geofence.require_inside(way, command, snapshot)
-            else:
-                self._geofence.admit(command, motion, self._limits(), snapshot)
+        self._require_inside(command, motion, snapshot)
         return Plan(motion.length_m, motion.duration_s) if isinstance(motion, Trajectory) else Plan()
+
+    def _require_inside(self, command: str, motion: Trajectory | Reference, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` for what would leave the fence."""
+        if self._geofence is None:
+            return
+        if isinstance(motion, Chase):
+            way = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
+            self._geofence.require_inside(way, command, snapshot)
+        else:
+            self._geofence.admit(command, motion, self._limits(), snapshot)
 
     def _tracker(self) -> type[Follow | Pursuit]:
         takes_motion = self._backend.info().takes is Takes.ALL

@@ -8,6 +8,7 @@ keeps the limits, else a slower or a smaller one, or none yet.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from ual.geometry import Vector3
@@ -20,13 +21,15 @@ from ual_daemon.trajectory.envelope import (
     turn_jerk_limit,
 )
 
-_LOOKS = 40
+LOOK_S = 0.02
+"""How closely a change is looked at: as often as setpoints are sent (50 Hz). Over a longer time one would see only the
+mean of a jerk that the change adds to and of what follows it."""
 _MARGIN = 1e-3
 _SHORTEST_S = 0.4
-_LONGEST_S = 20.0
+_LONGEST_S = 8.0
 _RETRY_S = 0.1
 _SMALL = 0.1
-_TRIES = ((1.0, 1.0), (1.0, 2.0), (0.5, 1.0))
+_TRIES = ((1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
 """A share of the wanted change, and how much longer than the shortest it takes."""
 
 
@@ -115,11 +118,13 @@ class Pace:
         return None
 
     def _is_kept(self, change: _Change) -> bool:
-        limits, step_s = self._trajectory.limits, change.duration_s / _LOOKS
+        limits = self._trajectory.limits
         last: Motion | None = None
-        for look in range(_LOOKS + 1):
-            time_s, pace, rate = change.at(look * step_s)
-            own = self._trajectory.at(time_s)
+        last_s = 0.0
+        for look in range(math.ceil(change.duration_s / LOOK_S) + 1):
+            look_s = min(look * LOOK_S, change.duration_s)
+            time_s, pace, rate = change.at(look_s)
+            own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, look_s - last_s), look_s
             sent = paced(own, pace, rate)
             if (
                 speed_share(sent.velocity, limits) > max(1.0, speed_share(own.velocity, limits)) + _MARGIN

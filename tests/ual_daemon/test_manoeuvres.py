@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 
@@ -97,7 +97,7 @@ def sent(ack: Future[None], autopilot: Autopilot) -> Command:
 
 
 def later(autopilot: Autopilot, seconds: float) -> Snapshot:
-    return replace(autopilot.snapshot(), time_s=autopilot.time_s + seconds)
+    return autopilot.snapshot().at(autopilot.time_s + seconds)
 
 
 def test_a_command_has_time_to_show_its_effect(autopilot: Autopilot, ack: Future[None]) -> None:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -102,7 +101,7 @@ def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
 
 def test_without_a_pose_the_reference_waits() -> None:
     follow = Follow(line(), now_s=0.0)
-    follow.setpoint(replace(at(Vector3(), 0.1), pose=None))
+    follow.setpoint(at(Vector3(), 0.1)._replace(pose=None))
     assert follow.time_s == 0.0
 
 

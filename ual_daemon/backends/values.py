@@ -6,10 +6,9 @@ are x forward, y left, z up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum
-from operator import attrgetter
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Capability, GeoPoint, GpsInfo, Limits
@@ -69,8 +68,7 @@ class Sample(Generic[T_co]):
     time_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """Everything the autopilot said last, immutable; None is what it has not said (yet).
 
     `time_s` is when the snapshot was taken and `heard_s` when the autopilot was last heard, both on the backend's
@@ -100,11 +98,8 @@ class Snapshot:
     sequence: int = 0
 
     def at(self, time_s: float) -> Snapshot:
-        """The same at another time: `dataclasses.replace`, but fast, as every setpoint asks for it."""
-        return Snapshot(time_s, *_ALL_BUT_TIME(self))
-
-
-_ALL_BUT_TIME = attrgetter(*(each.name for each in fields(Snapshot)[1:]))
+        """The same at another time. Fast, as every setpoint asks for it: why this is a tuple."""
+        return Snapshot._make((time_s, *self[1:]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,6 @@ import grpc
 
 from ual import convert
 from ual.errors import InvalidArgumentError
-from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
@@ -129,29 +128,26 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.FollowPathResponse(task=task)
 
     async def SetPose(self, request: pb.SetPoseRequest, context: _Context) -> pb.SetPoseResponse:
-        motion = self._vehicle.motions.set_pose(convert.pose_from_proto(request))
+        pose = convert.pose_from_proto(request)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=convert.plan_to_proto(motion.plan))
-        motion.begin()
+            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
+        self._vehicle.motions.tell(pose)
         return pb.SetPoseResponse()
 
     async def SetVelocity(self, request: pb.SetVelocityRequest, context: _Context) -> pb.SetVelocityResponse:
-        motion = self._vehicle.motions.set_velocity(convert.velocity_from_proto(request))
+        velocity = convert.velocity_from_proto(request)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=convert.plan_to_proto(motion.plan))
-        motion.begin()
+            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan))
+        self._vehicle.motions.tell(velocity)
         return pb.SetVelocityResponse()
 
     async def StreamSetpoints(
         self, request_iterator: AsyncIterator[pb.StreamSetpointsRequest], context: _Context
     ) -> pb.StreamSetpointsResponse:
         accepted_count = 0
+        tell = self._vehicle.motions.tell
         async for request in request_iterator:
-            setpoint = convert.setpoint_from_proto(request)
-            if isinstance(setpoint, TwistStamped):
-                self._vehicle.motions.set_velocity(setpoint).begin()
-            else:
-                self._vehicle.motions.set_pose(setpoint).begin()
+            tell(convert.setpoint_from_proto(request))
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 

@@ -272,7 +272,7 @@ class LightBackend(Backend):
         now_s = self.world.now_s()
         self._looked_step = self.world.steps
         if self._faults.is_link_lost:
-            self._snapshot = replace(self._snapshot, time_s=now_s, sequence=self._looked_step)
+            self._snapshot = self._snapshot._replace(time_s=now_s, sequence=self._looked_step)
             return self._snapshot
         seen = self.world.fleet.seen(self._index)
         position, velocity = Vector3(*seen.position), Vector3(*seen.velocity)

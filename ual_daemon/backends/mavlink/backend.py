@@ -214,7 +214,7 @@ class MavlinkBackend(Backend):
     def _update(self, vehicle: MavlinkVehicle | None, trouble: str, now_s: float, on_update: UpdateCallback) -> None:
         snapshot = Snapshot(now_s) if vehicle is None else vehicle.snapshot(now_s)
         if trouble:
-            snapshot = dataclasses.replace(snapshot, status_text=trouble)
+            snapshot = snapshot._replace(status_text=trouble)
         self._snapshot = snapshot
         try:
             on_update(snapshot)

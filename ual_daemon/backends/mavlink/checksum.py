@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fastcrc import crc16
 from pymavlink.dialects.v20 import all as mavlink
 
 _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map.items()} | {
@@ -15,6 +16,8 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map
     413: 77,  # RESPONSE_EVENT_ERROR
 }
 
+_BYTES = [bytes((each,)) for each in range(256)]
+
 
 def is_right(message_id: int, covered: bytes, checksum: bytes) -> bool:
     """Whether the checksum of a frame is that of what it covers (all but magic, checksum and signature).
@@ -27,5 +30,4 @@ def is_right(message_id: int, covered: bytes, checksum: bytes) -> bool:
 
 def of(covered: bytes, extra: int) -> bytes:
     """The checksum of what it covers, with the seed of the message."""
-    crc: int = mavlink.x25crc(covered + bytes((extra,))).crc
-    return crc.to_bytes(2, "little")
+    return crc16.mcrf4xx(covered + _BYTES[extra]).to_bytes(2, "little")

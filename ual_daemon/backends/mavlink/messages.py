@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import struct
-import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 # All dialects in one: "common" lacks CURRENT_MODE, which PX4 sends.
 from pymavlink.dialects.v20 import all as mavlink
@@ -22,20 +21,46 @@ EVENT_ID = 410
 """PX4's event interface, which no dialect of pymavlink has: see `px4_events`."""
 
 
-_HEADER = struct.Struct("<BBBBBBBHB")
-"""Magic, payload length, incompatible and compatible flags, sequence, system, component, message id (24 bits)."""
+_MAGIC = bytes((MAGIC_V2,))
+_Target = mavlink.MAVLink_set_position_target_local_ned_message
+_TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
+"""After the magic: payload length, incompatible and compatible flags, sequence, system, component, message id (24
+bits); then the payload in its order on the wire, largest fields first."""
+_TARGET_SIZE = 53
 
 
-class TargetMessage(mavlink.MAVLink_set_position_target_local_ned_message):  # type: ignore[misc]  # without types
-    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects in between: every setpoint waits for it."""
+class TargetMessage(NamedTuple):
+    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects in between: every setpoint waits for it.
 
-    def _pack(self, mav: Any, crc_extra: int, payload: bytes, force_mavlink1: bool = False) -> bytes:  # noqa: ANN401
-        if mav.signing.sign_outgoing or force_mavlink1:
-            signed: bytes = super()._pack(mav, crc_extra, payload, force_mavlink1)
-            return signed
-        payload = payload.rstrip(b"\0") or payload[:1]  # as MAVLink 2 asks: trailing zeros are not sent
-        header = _HEADER.pack(MAGIC_V2, len(payload), 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, self.id, 0)
-        return b"".join((header, payload, checksum.of(header[1:] + payload, crc_extra)))
+    Its fields are pymavlink's, in their order. NED axes, m, m/s, m/s², rad.
+    """
+
+    time_boot_ms: int
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    afx: float
+    afy: float
+    afz: float
+    yaw: float
+    yaw_rate: float
+
+    def pack(self, mav: Any) -> bytes:  # noqa: ANN401
+        """The bytes, as the sender `mav` sends them."""
+        time_ms, system, component, frame, mask, *motion = self
+        if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to go
+            theirs: bytes = _Target(*self).pack(mav)
+            return theirs
+        ids = (mav.seq, mav.srcSystem, mav.srcComponent, _Target.id, 0)
+        covered = _TARGET.pack(_TARGET_SIZE, 0, 0, *ids, time_ms, *motion, mask, system, component, frame)
+        return b"".join((_MAGIC, covered, checksum.of(covered, _Target.crc_extra)))
 
 
 class CorruptFrameError(Exception):
@@ -43,10 +68,12 @@ class CorruptFrameError(Exception):
 
 
 class Codec:
-    """Our end of a MAVLink conversation: who we are, and the running number of what we send, signed if so wished."""
+    """Our end of a MAVLink conversation: who we are, and the running number of what we send, signed if so wished.
+
+    Not thread-safe: what is numbered first must leave first, so that who sends has to hold a lock for both.
+    """
 
     def __init__(self, component_id: int, signer: Signer | None = None) -> None:
-        self._lock = threading.Lock()
         self._signer = signer
         self._sender = mavlink.MAVLink(None, srcSystem=0, srcComponent=component_id)
         self._receiver = mavlink.MAVLink(None)
@@ -64,20 +91,18 @@ class Codec:
 
     def join(self, system_id: int) -> None:
         """From now on we are a component of this system."""
-        with self._lock:
-            self._sender.srcSystem = system_id
+        self._sender.srcSystem = system_id
 
     def encode(self, message: Message) -> bytes:
-        """The bytes of a message. From any thread."""
-        with self._lock:
-            if self._signer is not None:
-                self._sender.signing.timestamp = self._signer.next_timestamp()
-            data: bytes = message.pack(self._sender)
-            self._sender.seq = (self._sender.seq + 1) % 256
+        """The bytes of a message."""
+        if self._signer is not None:
+            self._sender.signing.timestamp = self._signer.next_timestamp()
+        data: bytes = message.pack(self._sender)
+        self._sender.seq = (self._sender.seq + 1) % 256
         return data
 
     def decode(self, frame: Frame) -> Message:
-        """The message in a frame; its signature is not checked. Raises `CorruptFrameError`. From one thread."""
+        """The message in a frame; its signature is not checked. Raises `CorruptFrameError`."""
         try:
             return self._receiver.decode(bytearray(frame.data))
         except mavlink.MAVError as error:

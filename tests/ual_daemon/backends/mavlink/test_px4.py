@@ -68,13 +68,16 @@ def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
     st.lists(st.sampled_from([0.0, -0.0, 1.0]) | st.floats(width=32), min_size=11, max_size=11),
     st.integers(0, 0xFFFFFFFF),
     st.integers(0, 255),
+    st.sampled_from([0, 1, 8]),
 )
-def test_setpoints_are_framed_as_pymavlink_frames_them(values: list[float], time_ms: int, sequence: int) -> None:
+def test_setpoints_are_framed_as_pymavlink_frames_them(
+    values: list[float], time_ms: int, sequence: int, frame: int
+) -> None:
     sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=191)
     sender.seq = sequence
-    fields = (time_ms, 7, 1, 1, 0b110111111000, *values)
-    theirs = mavlink.MAVLink_set_position_target_local_ned_message(*fields).pack(sender)
-    assert TargetMessage(*fields).pack(sender) == theirs
+    ids = (time_ms, 7, 1, frame, 0b110111111000)
+    theirs = mavlink.MAVLink_set_position_target_local_ned_message(*ids, *values).pack(sender)
+    assert TargetMessage(*ids, *values).pack(sender) == theirs
 
 
 def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
