@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import copy
+import dataclasses
+import pickle
 from typing import TypeVar
 
 import pytest
@@ -31,6 +34,7 @@ from ual.types import (
     Info,
     PathHeading,
     Plan,
+    State,
     TaskInfo,
     TaskKind,
     TaskStatus,
@@ -115,6 +119,28 @@ def test_telemetry_comes_back_as_it_was(telemetry: Telemetry) -> None:
     assert back.missed_count == telemetry.missed_count
     assert (back.odometry is None) == (telemetry.odometry is None)
     assert (back.task is None) == (telemetry.task is None)
+
+
+def test_a_received_sample_is_as_any_other() -> None:
+    made = Telemetry(State.FLYING_AUTO, pose=Pose.at(1.0, 2.0, 3.0), frame_id="uav_1/odom", armed=True)
+    message = wire(convert.telemetry_to_proto(made))
+
+    def received() -> Telemetry:
+        return convert.telemetry_from_proto(message)
+
+    assert received().pose is not None
+    first = received()
+    assert first.pose is first.pose  # made once
+    assert received() == made
+    assert made == received()
+    assert hash(received()) == hash(made)
+    assert repr(received()) == repr(made)
+    assert pickle.loads(pickle.dumps(received())) == made
+    assert copy.copy(received()) == copy.deepcopy(received()) == made
+    assert dataclasses.replace(received(), missed_count=3) == dataclasses.replace(made, missed_count=3)
+    assert not hasattr(received(), "altitude")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        received().armed = False  # type: ignore[misc]
 
 
 @given(values.task_infos, values.ual_errors)

@@ -8,9 +8,10 @@ not here. Poses, twists and telemetry flow often: their functions set fields one
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
-from typing import TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 from google.protobuf.duration_pb2 import Duration
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -448,28 +449,24 @@ def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
 
 
 def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Telemetry:
-    """One sample, with how many the subscriber missed before it."""
-    has, header = message.HasField, message.header
-    return Telemetry(
+    """One sample, with how many the subscriber missed before it.
+
+    Most of it is made when it is first read: few subscribers read all of it. What a newer daemon may tell and we do not
+    know is read now, so that it fails here.
+    """
+    return Telemetry.late(
+        partial(_part_of_telemetry, message),
         state=_state(message.state),
-        state_reason=message.state_reason,
-        stamp_s=stamp_from_proto(header.stamp),
-        frame_id=header.frame_id,
-        pose=_read_pose(message.pose) if has("pose") else None,
-        velocity=_read_twist(message.velocity) if has("velocity") else None,
-        odometry=_odometry_from_proto(message.odometry) if has("odometry") else None,
-        transform=transform_from_proto(message.transform) if has("transform") else None,
-        reference_pose=_read_pose(message.reference_pose) if has("reference_pose") else None,
-        position_geo=_geo_point_from_proto(message.position_geo) if has("position_geo") else None,
-        battery=_battery_from_proto(message.battery) if has("battery") else None,
-        gps=_gps_from_proto(message.gps) if has("gps") else None,
-        flight_mode=message.flight_mode,
-        armed=message.armed,
-        task=task_from_proto(message.task) if has("task") else None,
-        sequence=message.sequence,
-        status_text=message.status_text,
+        task=task_from_proto(message.task) if message.HasField("task") else None,
         missed_count=missed_count,
     )
+
+
+def _part_of_telemetry(message: pb.Telemetry, name: str) -> object:
+    read = _TELEMETRY_READERS.get(name)
+    if read is None:  # a plain value
+        return getattr(message, name)
+    return read(message)
 
 
 def _write_odometry(odometry: Odometry, message: pb.Odometry) -> None:
@@ -544,6 +541,25 @@ def _gps_from_proto(message: pb.GpsInfo) -> GpsInfo:
         message.horizontal_accuracy_m if has("horizontal_accuracy_m") else None,
         message.vertical_accuracy_m if has("vertical_accuracy_m") else None,
     )
+
+
+def _reader(name: str, read: Callable[[Any], object]) -> Callable[[pb.Telemetry], object]:
+    """Reads a part that may not be there."""
+    return lambda message: read(getattr(message, name)) if message.HasField(name) else None  # type: ignore[arg-type]
+
+
+_TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
+    "stamp_s": lambda message: stamp_from_proto(message.header.stamp),
+    "frame_id": lambda message: message.header.frame_id,
+    "pose": _reader("pose", _read_pose),
+    "velocity": _reader("velocity", _read_twist),
+    "odometry": _reader("odometry", _odometry_from_proto),
+    "transform": _reader("transform", transform_from_proto),
+    "reference_pose": _reader("reference_pose", _read_pose),
+    "position_geo": _reader("position_geo", _geo_point_from_proto),
+    "battery": _reader("battery", _battery_from_proto),
+    "gps": _reader("gps", _gps_from_proto),
+}
 
 
 # Frames and info

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from typing import TYPE_CHECKING
 
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class State(Enum):
@@ -164,8 +168,33 @@ class Plan:
     duration_s: float | None = None
 
 
+class _LateFields:
+    """The base of a dataclass whose fields may be made when they are first read. Any thread may be the first."""
+
+    __slots__ = ("_make",)
+
+    @classmethod
+    def late(cls, make: Callable[[str], object], **known: object) -> Self:
+        """A value with these fields; each other one is made by its name."""
+        new = object.__new__(cls)
+        object.__setattr__(new, "_make", make)
+        for name, value in known.items():
+            object.__setattr__(new, name, value)
+        return new
+
+    if not TYPE_CHECKING:  # to a type checker, any name would be a field
+
+        def __getattr__(self, name: str) -> object:
+            """Python asks here for what is not there."""
+            if name not in self.__dataclass_fields__:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            value = self._make(name)
+            object.__setattr__(self, name, value)
+            return value
+
+
 @dataclass(frozen=True, slots=True)
-class Telemetry:
+class Telemetry(_LateFields):
     """One sample of everything known; what is not known is None.
 
     `frame_id` is the frame of `pose`, `velocity` and `reference_pose`; `stamp_s` is the time of the pose, UTC since
