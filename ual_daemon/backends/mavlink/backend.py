@@ -33,6 +33,8 @@ _log = logging.getLogger(__name__)
 
 TICK_S = 0.05
 """How often time is looked at, and the longest between two updates."""
+LOOK_S = 0.01
+"""How often at most it is looked at, however many messages come: each second some hundreds of a PX4."""
 PAUSE_S = 1.0
 """When this thread had no turn for so long (a stopped process, a starved computer), what it finds waiting is old: PX4
 may have left OFFBOARD meanwhile, and a setpoint sent by what it said before would bring it back there."""
@@ -169,7 +171,7 @@ class MavlinkBackend(Backend):
             _log_statistics(self.link_statistics())
 
     def _converse(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
-        next_tick_s = updated_s = turn_s = self.clock.now_s()
+        next_tick_s = next_look_s = updated_s = turn_s = self.clock.now_s()
         sessions_count = 0
         pose: Sample[Pose] | None = None
         while not self._is_closing:
@@ -189,11 +191,15 @@ class MavlinkBackend(Backend):
             vehicle = conversation.vehicle
             if vehicle is not None and not self._info.autopilot:
                 self.freshness = vehicle.dialect.freshness
-            # First what waits for a new pose: references, and whoever listens. The rest has time.
             newest = None if vehicle is None else vehicle.telemetry.pose
-            if newest is not pose or now_s - updated_s >= TICK_S:
+            has_moved = newest is not pose
+            if has_moved or now_s - updated_s >= TICK_S:
                 pose, updated_s = newest, now_s
                 self._update(vehicle, connection.trouble, now_s, on_update)
+            # After a new pose the rest waits for the next turn: whoever was just told of it needs Python's lock now.
+            if (has_moved or now_s < next_look_s) and now_s < next_tick_s and not self._posted:
+                continue
+            next_look_s = now_s + LOOK_S
             self._supervise(connection, now_s)
             while self._posted:
                 self._posted.popleft()(now_s)
