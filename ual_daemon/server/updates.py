@@ -28,7 +28,9 @@ class Sample:
     @cached_property
     def message(self) -> pb.StreamTelemetryResponse:
         """The message for a reader that lost nothing."""
-        return pb.StreamTelemetryResponse(telemetry=convert.telemetry_to_proto(self.telemetry))
+        message = pb.StreamTelemetryResponse()
+        convert.write_telemetry(self.telemetry, message.telemetry)
+        return message
 
 
 class Hops:
@@ -76,8 +78,7 @@ class Reader:
         self._newest: Sample | None = first
         self._sequence = first.telemetry.sequence
         self._missed_count = 0
-        self._filled = asyncio.Event()
-        self._filled.set()
+        self._waiting: asyncio.Future[None] | None = None
 
     @property
     def due_s(self) -> float:
@@ -97,12 +98,14 @@ class Reader:
         self._due_s = max(self._due_s + self._period_s, now_s)
         self._sequence = sample.telemetry.sequence
         self._newest = sample
-        self._filled.set()
+        if self._waiting is not None and not self._waiting.done():
+            self._waiting.set_result(None)
 
     async def read(self) -> tuple[Sample, int]:
         """The newest sample, once there is one that was not read, and how many were lost since the one before."""
-        await self._filled.wait()
-        self._filled.clear()
+        if self._newest is None:
+            self._waiting = self._loop.create_future()
+            await self._waiting
         assert self._newest is not None
         sample, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0

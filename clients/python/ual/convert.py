@@ -418,6 +418,12 @@ def plan_from_proto(message: pb.Plan) -> Plan:
 def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
     """One sample. `missed_count` belongs to a subscriber and is sent beside it."""
     message = pb.Telemetry()
+    write_telemetry(telemetry, message)
+    return message
+
+
+def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
+    """As `telemetry_to_proto`, into an empty message, or part of one."""
     header = message.header
     stamp_to_proto(telemetry.stamp_s, header.stamp)
     header.frame_id = telemetry.frame_id
@@ -432,7 +438,7 @@ def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
     if telemetry.velocity is not None:
         _write_twist(telemetry.velocity, message.velocity)
     if telemetry.odometry is not None:
-        _write_odometry(telemetry.odometry, message.odometry)
+        _write_odometry(telemetry.odometry, message.odometry, telemetry, message)
     if telemetry.transform is not None:
         _write_transform(telemetry.transform, message.transform)
     if telemetry.reference_pose is not None:
@@ -445,7 +451,6 @@ def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
         message.gps.CopyFrom(_gps_to_proto(telemetry.gps))
     if telemetry.task is not None:
         message.task.CopyFrom(task_to_proto(telemetry.task))
-    return message
 
 
 def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Telemetry:
@@ -469,11 +474,15 @@ def _part_of_telemetry(message: pb.Telemetry, name: str) -> object:
     return read(message)
 
 
-def _write_odometry(odometry: Odometry, message: pb.Odometry) -> None:
+def _write_odometry(odometry: Odometry, message: pb.Odometry, telemetry: Telemetry, written: pb.Telemetry) -> None:
+    """What `written` has of `telemetry` already is copied: that is faster."""
     stamp_to_proto(odometry.stamp_s, message.header.stamp)
     message.header.frame_id = odometry.frame_id
     message.child_frame_id = odometry.child_frame_id
-    _write_pose(odometry.pose, message.pose)
+    if odometry.pose is telemetry.pose:
+        message.pose.CopyFrom(written.pose)
+    else:
+        _write_pose(odometry.pose, message.pose)
     _write_twist(odometry.twist, message.twist)
 
 
