@@ -9,6 +9,7 @@ from ual_daemon.backends.mavlink import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGIC = re.compile(rb"[\xfd\xfe]")
+_MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
@@ -80,6 +81,11 @@ class FrameReader:
 
     def read(self, datagram: bytes) -> list[Frame]:
         """The frames of a datagram, which holds whole ones only."""
+        if datagram[:1] in _MAGICS and _size_at(datagram, 0) == len(datagram):  # nearly always: one frame
+            frame = _frame(datagram)
+            if frame is not None:
+                self._is_in_garbage = False
+                return [frame]
         frames = [*self.feed(datagram), *self.finish()]
         self._is_in_garbage = False
         return frames

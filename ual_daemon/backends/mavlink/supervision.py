@@ -70,6 +70,9 @@ class SequenceGaps:
             self._newest = sequence
             return 0
         step = (sequence - self._newest) % _SEQUENCES
+        if step == 1 and not self._missing:  # nearly always: nothing was lost
+            self._newest = sequence
+            return 0
         if step == 0 or step >= _SEQUENCES - _LATE_COUNT:
             if sequence not in self._missing:
                 return 0  # twice
