@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import aclosing, asynccontextmanager
-from typing import Any, TypeAlias, TypeVar
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import aclosing
+from functools import partial
+from typing import Any, TypeAlias, cast
 
 import grpc
 
@@ -14,11 +15,9 @@ from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual_daemon import logs
 
-_Request = TypeVar("_Request")
-_Response = TypeVar("_Response")
 _Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
-_Details: TypeAlias = grpc.HandlerCallDetails
 _Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
+_Serve: TypeAlias = Callable[[Any, _Context], Awaitable[Any]]
 
 _log = logging.getLogger(__name__)
 
@@ -26,8 +25,8 @@ NAMESPACE_KEY = "ual-ns"
 SHUTTING_DOWN = "the daemon is shutting down"
 
 
-class Calls(grpc.aio.ServerInterceptor):
-    """Stands before every call of the server.
+class Calls:
+    """Stands before every call of what is registered with `before`.
 
     `log_name` is what the log calls the UAV. `shutdown_refuses` are the beginnings of the methods that are refused once
     the shutdown has begun.
@@ -41,6 +40,13 @@ class Calls(grpc.aio.ServerInterceptor):
         self._streams: set[asyncio.Task[Any]] = set()
         self._unary: set[asyncio.Task[Any]] = set()
 
+    def before(self, server: grpc.aio.Server) -> grpc.aio.Server:
+        """The server, for what is registered with it (``add_..._to_server``) to be called by way of this.
+
+        Not an interceptor of gRPC, which would have to wrap each method anew for each call.
+        """
+        return cast("grpc.aio.Server", _Registry(server, self))
+
     def begin_shutdown(self) -> None:
         """Ends the streams, and refuses new calls that fly."""
         self._is_shutting_down = True
@@ -52,52 +58,33 @@ class Calls(grpc.aio.ServerInterceptor):
         for task in self._unary:
             task.cancel()
 
-    async def intercept_service(
-        self,
-        continuation: Callable[[_Details], Awaitable[grpc.RpcMethodHandler[_Request, _Response] | None]],
-        handler_call_details: _Details,
-    ) -> grpc.RpcMethodHandler[_Request, _Response] | None:
-        handler = await continuation(handler_call_details)
-        if handler is None:  # no such method: gRPC says so
-            return None
-        if handler.response_streaming:
-            return self._streaming(handler, handler_call_details)
-        return self._answering(handler, handler_call_details)
-
-    def _answering(self, handler: _Handler, details: _Details) -> _Handler:
-        serve: Any = handler.stream_unary if handler.request_streaming else handler.unary_unary
-        running = self._streams if handler.request_streaming else self._unary
-
-        async def call(request: object, context: _Context) -> object:
-            async with self._call(details, context, running):
-                return await serve(request, context)
-
-        make: Any = (
-            grpc.stream_unary_rpc_method_handler if handler.request_streaming else grpc.unary_unary_rpc_method_handler
+    def wrapped(self, method: str, handler: _Handler) -> _Handler:
+        """The handler of a method (``/package.Service/Method``), with this before it."""
+        is_asked_by_stream, is_answered_by_stream = handler.request_streaming, handler.response_streaming
+        running = self._streams if is_asked_by_stream or is_answered_by_stream else self._unary
+        found: Any = (
+            (handler.stream_stream if is_asked_by_stream else handler.unary_stream)
+            if is_answered_by_stream
+            else (handler.stream_unary if is_asked_by_stream else handler.unary_unary)
         )
+        serve: _Serve = partial(_respond, found) if is_answered_by_stream else found
+
+        async def call(request: Any, context: _Context) -> Any:  # noqa: ANN401  each method has its own
+            return await self._call(method, serve, running, request, context)
+
+        makers: dict[tuple[bool, bool], Any] = {
+            (False, False): grpc.unary_unary_rpc_method_handler,
+            (False, True): grpc.unary_stream_rpc_method_handler,
+            (True, False): grpc.stream_unary_rpc_method_handler,
+            (True, True): grpc.stream_stream_rpc_method_handler,
+        }
+        make = makers[is_asked_by_stream, is_answered_by_stream]
         wrapped: _Handler = make(call, handler.request_deserializer, handler.response_serializer)
         return wrapped
 
-    def _streaming(self, handler: _Handler, details: _Details) -> _Handler:
-        serve: Any = handler.stream_stream if handler.request_streaming else handler.unary_stream
-
-        # Written here, and not handed on by yield, so that a call that is ended while it writes ends here, too.
-        async def call(request: object, context: _Context) -> None:
-            # Now, and not with the first message: gRPC would send it once more where that message is interrupted, and
-            # the caller would never hear of the end.
-            await context.send_initial_metadata(())
-            async with self._call(details, context, self._streams), aclosing(serve(request, context)) as responses:
-                async for response in responses:
-                    await context.write(response)
-
-        make: Any = (
-            grpc.stream_stream_rpc_method_handler if handler.request_streaming else grpc.unary_stream_rpc_method_handler
-        )
-        wrapped: _Handler = make(call, handler.request_deserializer, handler.response_serializer)
-        return wrapped
-
-    @asynccontextmanager
-    async def _call(self, details: _Details, context: _Context, running: set[asyncio.Task[Any]]) -> AsyncIterator[None]:
+    async def _call(
+        self, method: str, serve: _Serve, running: set[asyncio.Task[Any]], request: object, context: _Context
+    ) -> object:
         logs.caller.set(context.peer())
         if self._log_name:
             logs.uav.set(self._log_name)
@@ -105,11 +92,13 @@ class Calls(grpc.aio.ServerInterceptor):
         assert task is not None
         running.add(task)
         try:
-            await self._check(details, context)
-            yield
+            if self._is_shutting_down and method.startswith(self._shutdown_refuses):
+                await context.abort(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
+            self._require_ns(context)
+            return await serve(request, context)
         except UalError as error:
             # The vehicle has logged what it refused; this is for what did not come so far.
-            logs.event(_log, logging.DEBUG, "call_failed", method=details.method, reason=error.reason, why=error)
+            logs.event(_log, logging.DEBUG, "call_failed", method=method, reason=error.reason, why=error)
             await _abort(context, error)
         except asyncio.CancelledError:
             if not self._is_shutting_down or context.cancelled():
@@ -120,21 +109,48 @@ class Calls(grpc.aio.ServerInterceptor):
         except grpc.aio.AbortError:
             raise
         except grpc.aio.InternalError as error:  # a message that could not be sent: the caller is gone
-            logs.event(_log, logging.DEBUG, "caller_gone", method=details.method, why=error)
+            logs.event(_log, logging.DEBUG, "caller_gone", method=method, why=error)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
-            _log.exception("%s failed unexpectedly", details.method)
+            _log.exception("%s failed unexpectedly", method)
             await _abort(context, UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}"))
         finally:
             running.discard(task)
+        return None
 
-    async def _check(self, details: _Details, context: _Context) -> None:
-        if self._is_shutting_down and details.method.startswith(self._shutdown_refuses):
-            await context.abort(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
-        for key, value in details.invocation_metadata or ():
+    def _require_ns(self, context: _Context) -> None:
+        for key, value in context.invocation_metadata() or ():
             if key == NAMESPACE_KEY and value != self._ns:
                 raise InvalidArgumentError(
                     f"this daemon flies {self._ns}, not {value!s:.64}", {"field": NAMESPACE_KEY, "namespace": self._ns}
                 )
+
+
+class _Registry:
+    """Takes what generated code registers with a server."""
+
+    def __init__(self, server: grpc.aio.Server, calls: Calls) -> None:
+        self._server = server
+        self._calls = calls
+
+    def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
+        """Nothing: these are the same methods again, as they were registered before gRPC 1.67."""
+
+    def add_registered_method_handlers(self, service: str, handlers: Mapping[str, _Handler]) -> None:
+        """The methods of a service."""
+        wrapped = {name: self._calls.wrapped(f"/{service}/{name}", each) for name, each in handlers.items()}
+        self._server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler(service, wrapped),))
+
+
+async def _respond(serve: Callable[[object, _Context], Any], request: object, context: _Context) -> None:
+    """Writes the responses of a stream. Here, and not handed on by yield, so that a call that is ended while it writes
+    ends here, too.
+    """
+    # Now, and not with the first message: gRPC would send it once more where that message is interrupted, and the
+    # caller would never hear of the end.
+    await context.send_initial_metadata(())
+    async with aclosing(serve(request, context)) as responses:
+        async for response in responses:
+            await context.write(response)
 
 
 async def _abort(context: _Context, error: UalError) -> None:

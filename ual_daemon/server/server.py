@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
-from grpc_reflection.v1alpha import reflection
+from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
@@ -59,12 +59,15 @@ class Server:
         self._calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
         self._health = HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, hops)
-        self._server = grpc.aio.server(interceptors=[self._calls], options=_OPTIONS)
-        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), self._server)
+        self._server = grpc.aio.server(options=_OPTIONS)
+        server = self._calls.before(self._server)
+        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), server)
         if simulation is not None:
-            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), self._server)
-        health_pb2_grpc.add_HealthServicer_to_server(self._health, self._server)
-        reflection.enable_server_reflection([*services, _HEALTH_SERVICE, reflection.SERVICE_NAME], self._server)
+            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), server)
+        health_pb2_grpc.add_HealthServicer_to_server(self._health, server)
+        names = [*services, _HEALTH_SERVICE, reflection.SERVICE_NAME]
+        servicer = reflection.aio.ReflectionServicer(names)
+        reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, server)  # type: ignore[no-untyped-call]
 
     async def start(
         self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None

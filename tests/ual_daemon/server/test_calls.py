@@ -13,11 +13,10 @@ import pytest
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
-from ual.types import Plan, State, Telemetry
+from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
-from ual_daemon.motions import Prepared
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
@@ -64,15 +63,11 @@ class FakeVehicle:
         self.is_arming.set()
         return self.arming
 
-    def set_velocity(self, velocity: TwistStamped) -> Prepared[None]:
+    def tell(self, velocity: TwistStamped) -> None:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
-
-        def begin() -> None:
-            self.setpoints.append(velocity)
-            self.has_setpoint.set()
-
-        return Prepared(Plan(), begin)
+        self.setpoints.append(velocity)
+        self.has_setpoint.set()
 
 
 class Served:
@@ -88,9 +83,9 @@ class Served:
 async def served() -> AsyncIterator[Served]:
     vehicle = FakeVehicle()
     calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
-    server = grpc.aio.server(interceptors=[calls])
+    server = grpc.aio.server()
     updates = Updates(cast("Vehicle", vehicle), lambda _: None)
-    ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(cast("Vehicle", vehicle), updates), server)
+    ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(cast("Vehicle", vehicle), updates), calls.before(server))
     port = server.add_insecure_port("127.0.0.1:0")
     await server.start()
     try:
