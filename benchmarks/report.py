@@ -25,12 +25,18 @@ _WITH_TAIL = ("_ms", "_ms_1", "_ms_10", "_ms_100")
 
 
 def target_table(lines: list[Line]) -> str:
-    """Each target, what was found, and whether that is enough."""
-    rows = ["| | target | found (median of rounds) | least to most | |", "|---|---|---|---|---|"]
+    """Each target, what was found, whether that is enough, and what is found with nothing behind the call."""
+    rows = [
+        "| | target | found (median of rounds) | least to most | | Python or gRPC alone |",
+        "|---|---|---|---|---|---|",
+    ]
     for line in lines:
         sign = "≥" if line.is_least else "≤"
         found, spread = ("–", "–") if line.found is None else _texts(line.found)
-        rows.append(f"| {line.what} | {sign} {line.limit:g} {line.unit} | {found} | {spread} | {line.verdict} |")
+        floor = "" if line.floor is None else _number(line.floor.median)
+        rows.append(
+            f"| {line.what} | {sign} {line.limit:g} {line.unit} | {found} | {spread} | {line.verdict} | {floor} |"
+        )
     return "\n".join(rows)
 
 

@@ -62,6 +62,23 @@ class MavsdkServer(Process):
         wait_for_port(self.tcp_port, self)
 
 
+class BareServer(Process):
+    """gRPC alone: `benchmarks.bare`."""
+
+    def __init__(self, port: int) -> None:
+        self.tcp_port = free_port(socket.SOCK_STREAM)
+        self.addresses = {"tcp": f"127.0.0.1:{self.tcp_port}"}
+        super().__init__([sys.executable, "-m", "benchmarks.bare", str(port), self.addresses["tcp"]])
+
+    def wait(self) -> None:
+        """Returns once its port is open, which it is when it has heard the vehicle."""
+        wait_for_port(self.tcp_port, self)
+
+    def close(self) -> None:
+        self.popen.kill()
+        super().close()
+
+
 def udp_url(port: int) -> str:
     """Listens there for the vehicle, as both understand it."""
     return f"udpin://127.0.0.1:{port}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks.effort import SUBSCRIBERS
 from benchmarks.results import Results, Spread, Statistic, p50, p99
-from benchmarks.ways import CLASS, MAVSDK_GRPC, NATIVE, STREAM, UNARY, Way
+from benchmarks.ways import CLASS, FLOORS, MAVSDK_GRPC, NATIVE, STREAM, UNARY, Way
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,8 @@ class Line:
     is_least: bool = False
     """Whether the limit is the least that is wanted, not the most."""
     why: str = ""
+    floor: Spread | None = None
+    """The same of what has nothing behind it (`benchmarks.ways.FLOORS`), where there is such a thing."""
 
     @property
     def verdict(self) -> str:
@@ -70,7 +72,13 @@ def _ratio(
         if not results.has(measure, each.name):
             why = f"{each.name} is not installed" if each.is_missing else f"{each.name} gave no values"
             return Line(what, limit, None, unit, is_least, why)
-    return Line(what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least)
+    floor = FLOORS.get(way)
+    floor_ratio = (
+        results.ratio(measure, floor.name, to.name, statistic)
+        if floor is not None and results.has(measure, floor.name, to.name)
+        else None
+    )
+    return Line(what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least, floor=floor_ratio)
 
 
 def _most(results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]) -> Line:

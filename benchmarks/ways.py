@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from benchmarks.children import Child, ChildError, free_port
 from benchmarks.peers import is_missing
-from benchmarks.servers import MavsdkServer, UalDaemon
+from benchmarks.servers import BareServer, MavsdkServer, UalDaemon
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,16 @@ STREAM = Way("UAL stream", "ual_stream", "tcp")
 STREAM_UNIX = Way("UAL stream, unix", "ual_stream", "unix")
 UNARY = Way("UAL unary", "ual_unary", "tcp")
 UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
+BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
+BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
+FLOORS = {STREAM: BARE_STREAM, UNARY: BARE_UNARY, CLASS: RAW}
+"""What does the same with nothing behind it: what Python and gRPC cost by themselves."""
 
-SETPOINT_WAYS = (RAW, NATIVE, CLASS, MAVSDK_GRPC, STREAM, STREAM_UNIX, UNARY, UNARY_UNIX)
-TELEMETRY_WAYS = (MAVSDK_GRPC, STREAM, NATIVE, CLASS)
+SETPOINT_WAYS = (RAW, NATIVE, CLASS, MAVSDK_GRPC, BARE_STREAM, STREAM, STREAM_UNIX, BARE_UNARY, UNARY, UNARY_UNIX)
+TELEMETRY_WAYS = (MAVSDK_GRPC, BARE_STREAM, STREAM, NATIVE, CLASS)
 SERVER_WAYS = (MAVSDK_GRPC, STREAM)
 
-Server = UalDaemon | MavsdkServer
+Server = UalDaemon | MavsdkServer | BareServer
 
 
 @dataclass
@@ -64,7 +68,12 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
     if not way.address:
         yield None
         return
-    with (MavsdkServer if way is MAVSDK_GRPC else UalDaemon)(port) as server:
+    kinds: dict[Way, type[MavsdkServer | BareServer]] = {
+        MAVSDK_GRPC: MavsdkServer,
+        BARE_STREAM: BareServer,
+        BARE_UNARY: BareServer,
+    }
+    with kinds.get(way, UalDaemon)(port) as server:
         server.wait()
         try:
             yield server

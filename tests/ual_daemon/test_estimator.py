@@ -251,7 +251,7 @@ def samples(values: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
 
 
 SNAPSHOTS = st.builds(
-    lambda **values: Snapshot(**values),  # hypothesis would make up the other fields of a tuple
+    lambda **values: Snapshot(**values),  # noqa: PLW0108  hypothesis would make up the other fields of a tuple
     time_s=TIMES | st.just(NOW_S),
     heard_s=st.none() | TIMES | st.just(NOW_S),
     armed=samples(st.booleans()),

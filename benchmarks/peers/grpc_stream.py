@@ -1,0 +1,65 @@
+"""gRPC alone (`benchmarks.bare`), by a stream of setpoints and one of telemetry, without our client."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from queue import SimpleQueue
+
+import grpc
+
+from benchmarks.marks import number_of_distance, speed_m_s
+from benchmarks.peers.base import SynchronousPeer, Times
+from ual.v1 import ual_pb2 as pb
+from ual.v1 import ual_pb2_grpc
+
+_OPENS_S = 0.2
+
+
+class Peer(SynchronousPeer):
+    def connect(self) -> None:
+        self._channel = grpc.insecure_channel(self.address)
+        self._stub = ual_pb2_grpc.UalServiceStub(self._channel)
+        self._given: SimpleQueue[pb.StreamSetpointsRequest | None] = SimpleQueue()
+        self._call = self._stub.StreamSetpoints.future(iter(self._given.get, None))
+        self.send(0)
+        time.sleep(_OPENS_S)
+
+    def send(self, number: int) -> None:
+        self._given.put(setpoint(number))
+
+    def flood(self, first: int, duration_s: float) -> int:
+        count = 0
+
+        def setpoints() -> Iterator[pb.StreamSetpointsRequest]:
+            nonlocal count
+            ends_s = time.monotonic() + duration_s
+            while time.monotonic() < ends_s:
+                yield setpoint(first + count)
+                count += 1
+
+        self._stub.StreamSetpoints(setpoints())
+        return count
+
+    def listen(self, subscribers_count: int, duration_s: float) -> Times:
+        came = Times()
+        call = self._stub.StreamTelemetry(pb.StreamTelemetryRequest(), timeout=duration_s)
+        try:
+            for response in call:
+                number = number_of_distance(response.telemetry.pose.position.y)
+                for _ in range(subscribers_count):
+                    came.add(number, time.monotonic_ns())
+        except grpc.RpcError:
+            pass  # the time is over
+        return came
+
+    def close(self) -> None:
+        self._given.put(None)
+        self._channel.close()
+
+
+def setpoint(number: int) -> pb.StreamSetpointsRequest:
+    """A velocity to the north that says a number."""
+    message = pb.StreamSetpointsRequest()
+    message.velocity.twist.linear.y = speed_m_s(number)
+    return message
