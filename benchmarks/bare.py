@@ -1,4 +1,4 @@
-"""gRPC alone: a server of the contract's setpoints and telemetry with nothing behind them, for the floor of what a server
+"""gRPC alone: a server of the contract's setpoints and telemetry with nothing behind them, the floor of what a server
 in Python can reach. No validation, no state, no watchdog: a setpoint becomes a datagram, a position a message.
 """
 
