@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from queue import SimpleQueue
 from typing import Any
 
 import grpc
@@ -94,17 +95,21 @@ class _Stream:
         self._connection = connection
         self._on_end = on_end
         self._clock = clock
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
+        # Wakes the sending thread, sooner than a condition would: true when there is a newest, false to end.
+        self._wake: SimpleQueue[bool] = SimpleQueue()
         self._is_ending = False
         self._ended = threading.Event()
         self._call: Any = None
 
     def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
         """Replaces the setpoint that waits to be sent."""
-        with self._changed:
+        with self._lock:
+            is_waking = self._newest is None
             self._newest = (setpoint, self._clock())
-            self._changed.notify()
+        if is_waking:
+            self._wake.put(True)
 
     def open(self) -> None:
         """Begins to send."""
@@ -127,19 +132,18 @@ class _Stream:
         return self
 
     def __next__(self) -> pb.StreamSetpointsRequest:
-        with self._changed:
-            while True:
-                self._changed.wait_for(lambda: self._newest is not None or self._is_ending)
-                if self._newest is None:
-                    raise StopIteration
+        while self._wake.get():
+            with self._lock:
+                assert self._newest is not None  # each is announced once, and taken here only
                 (setpoint, put_s), self._newest = self._newest, None
-                if self._clock() - put_s <= STALE_S:
-                    return setpoint
+            if self._clock() - put_s <= STALE_S:
+                return setpoint
+        self._wake.put(False)  # it stays ended, whoever asks again
+        raise StopIteration
 
     def _finish(self) -> None:
-        with self._changed:
-            self._is_ending = True
-            self._changed.notify()
+        self._is_ending = True
+        self._wake.put(False)
 
     def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
         was_asked = self._is_ending
