@@ -10,6 +10,7 @@ from ual.interface import Task
 from ual.types import Capability, State, TaskStatus
 
 _AHEAD_M = 4.0
+_FAR_M = 8.0  # a UAV at speed takes 3 m to stop, and must not be near its goal by then
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
 
@@ -57,28 +58,28 @@ def a_velocity_replaces_a_task(flight: Flight) -> None:
     flight.wait(flight.is_slow, "rest")
 
 
-@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def a_cancelled_task_holds(flight: Flight) -> None:
     """A cancelled task ends as ABORTED, and the UAV stops and holds."""
-    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     task.cancel()
     _require_stopped(flight, task)
 
 
-@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def an_abort_stops(flight: Flight) -> None:
     """An abort ends the task, and the UAV brakes and holds where it stops."""
-    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort()
     _require_stopped(flight, task)
 
 
-@check(_FLYING, capabilities=_POSITION, moves="2 m ahead")
+@check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
     """An abort that freezes comes back to the position that it had."""
-    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort(freeze=True)
     here = flight.position()
@@ -108,7 +109,7 @@ def _require_stopped(flight: Flight, task: Task) -> None:
     flight.wait(flight.is_slow, "rest", 10.0)
     require(flight.uav.is_idle(), "a task still runs")
     flight.require_stays("after the end of the task")
-    left_m = (flight.position() - flight.goal(_AHEAD_M, 0.0).position).norm()
+    left_m = (flight.position() - flight.goal(_FAR_M, 0.0).position).norm()
     require(left_m > flight.tolerances.position_m, "it flew on to the goal")
 
 
