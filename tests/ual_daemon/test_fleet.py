@@ -188,7 +188,7 @@ def test_an_idle_uav_tells_what_is_and_streams_each_update(start_daemon: StartDa
         while later.sequence == first.sequence:
             later = uavs[0].telemetry()
         assert later.stamp_s > first.stamp_s
-        stream = iter(uavs[1]._connection.stream_telemetry(0.0))
+        stream = uavs[1]._connection.stream_telemetry(0.0).read()
         told = [next(stream) for _ in range(5)]
         counted = [(sample.telemetry.sequence, sample.missed_count) for sample in told]
         for (before, _), (after, missed) in itertools.pairwise(counted):
