@@ -25,19 +25,21 @@ _WITH_TAIL = ("_ms", "_ms_1", "_ms_10", "_ms_100")
 
 
 def target_table(lines: list[Line]) -> str:
-    """Each target, what was found, whether that is enough, and what is found with nothing behind the call."""
-    rows = [
-        "| | target | found (median of rounds) | least to most | | Python or gRPC alone |",
-        "|---|---|---|---|---|---|",
-    ]
+    """Each target, what was found, whether that is enough, and for some what is found with nothing behind the call."""
+    has_floors = any(line.floor is not None for line in lines)
+    head = ["", "target", "found (median of rounds)", "least to most", "", *(["Python or gRPC alone"] * has_floors)]
+    rows = [_row(head), "|---" * len(head) + "|"]
     for line in lines:
         sign = "≥" if line.is_least else "≤"
         found, spread = ("–", "–") if line.found is None else _texts(line.found)
         floor = "" if line.floor is None else _number(line.floor.median)
-        rows.append(
-            f"| {line.what} | {sign} {line.limit:g} {line.unit} | {found} | {spread} | {line.verdict} | {floor} |"
-        )
+        cells = [line.what, f"{sign} {line.limit:g} {line.unit}", found, spread, line.verdict, *([floor] * has_floors)]
+        rows.append(_row(cells))
     return "\n".join(rows)
+
+
+def _row(cells: list[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
 
 
 def figures(results: Results) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 
 import ual
@@ -13,6 +14,7 @@ from ual_daemon.ual import UAL
 
 class Peer(SynchronousPeer):
     def connect(self) -> None:
+        logging.getLogger("ual_daemon").setLevel(logging.ERROR)
         self._uav = UAL("mavlink", "uav_1", url=f"udpin://127.0.0.1:{self.port}")
         until(lambda: self._uav.state() is State.FLYING_AUTO, "UAL flies")
         self.send(0)

@@ -6,6 +6,7 @@ python -m benchmarks.tracker [--flights N] [--only light|px4|ardupilot] [--outpu
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,6 +30,7 @@ def main() -> int:
     )
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build" / "bench", help="where plots are written")
     arguments = parser.parse_args()
+    logging.getLogger("ual_daemon").setLevel(logging.ERROR)  # tasks that are replaced on purpose
     parts = arguments.only or (_LIGHT, *_AUTOPILOTS)
     lines: list[Line] = []
     if _LIGHT in parts:
