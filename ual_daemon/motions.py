@@ -269,15 +269,20 @@ class Motions:
         """A velocity reference; it has left when it has begun."""
         return self._setpoint("set_velocity", self._velocity, velocity)
 
-    def tell(self, setpoint: PoseStamped | TwistStamped) -> None:
-        """Begins `set_pose` or `set_velocity` at once: the short way through the same checks, as every setpoint of a
-        stream comes by.
+    def tell_pose(self, pose: PoseStamped) -> None:
+        """Begins `set_pose` at once, by the short way: see `_tell`."""
+        self._tell("set_pose", self._pose, pose)
+
+    def tell_velocity(self, velocity: TwistStamped) -> None:
+        """Begins `set_velocity` at once, by the short way: see `_tell`."""
+        self._tell("set_velocity", self._velocity, velocity)
+
+    def _tell(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> None:
+        """As `_setpoint` and its `begin`, through the same checks, but each once: every setpoint of a stream comes by
+        here.
         """
-        name = "set_velocity" if isinstance(setpoint, TwistStamped) else "set_pose"
         try:
-            reference, snapshot = (
-                self._velocity(setpoint) if isinstance(setpoint, TwistStamped) else self._pose(setpoint)
-            )
+            reference, snapshot = make(setpoint)
             self._require_inside(name, reference, snapshot)
             self._flight.refer(reference, name, snapshot)
         except UalError as error:

@@ -197,10 +197,10 @@ class UAL:
         return _handle(motion.begin(), blocking, timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
-        self.vehicle.motions.tell(stamped_pose(pose))
+        self.vehicle.motions.tell_pose(stamped_pose(pose))
 
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self.vehicle.motions.tell(stamped_twist(velocity))
+        self.vehicle.motions.tell_velocity(stamped_twist(velocity))
 
     def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
         _wait(self.vehicle.motions.recover_from_manual().begin(), timeout_s, "recover_from_manual")

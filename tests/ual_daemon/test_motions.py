@@ -20,7 +20,7 @@ from ual.errors import (
     UnknownFrameError,
     WrongStateError,
 )
-from ual.geometry import PointStamped, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import PointStamped, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskStatus
 from ual_daemon import limits
 from ual_daemon.motions import Prepared
@@ -125,6 +125,71 @@ def test_a_way_that_was_planned_while_the_safety_pilot_took_over_does_not_begin(
     flying.sim.pilot_take_over()
     with pytest.raises(WrongStateError, match="FLYING_MANUAL"):
         prepared.begin()
+
+
+# --- The short way of setpoints ---------------------------------------------------------------------------------------
+
+
+REFUSED_POSES = {
+    "not a number": PoseStamped(Pose(Vector3(math.nan, 0.0, 3.0))),
+    "far": at(2e7, 0, 3),
+    "unknown frame": at(1, 1, 3, None, "nowhere"),
+    "a velocity": velocity(1.0),
+    "nothing": None,
+}
+REFUSED_VELOCITIES = {
+    "not a number": velocity(math.nan),
+    "fast": velocity(1001.0),
+    "unknown frame": velocity(1.0, frame_id="nowhere"),
+    "a pose": at(5, 0, 3),
+    "nothing": None,
+}
+
+
+def refusal(begin: Callable[[], object], caplog: pytest.LogCaptureFixture) -> tuple[type[UalError], str, list[str]]:
+    """What a setpoint is refused by, and what is logged of it."""
+    caplog.clear()
+    with pytest.raises(UalError) as refused, caplog.at_level(logging.WARNING, "ual_daemon"):
+        begin()
+    return type(refused.value), str(refused.value), [vars(record).get("ual_event", "") for record in caplog.records]
+
+
+def both_ways(uav: Stepped, name: str, setpoint: Any) -> tuple[Callable[[], object], Callable[[], object]]:
+    motions = uav.vehicle.motions
+    if name == "set_pose":
+        return lambda: motions.set_pose(setpoint).begin(), lambda: motions.tell_pose(setpoint)
+    return lambda: motions.set_velocity(setpoint).begin(), lambda: motions.tell_velocity(setpoint)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [*(("set_pose", each) for each in REFUSED_POSES), *(("set_velocity", each) for each in REFUSED_VELOCITIES)],
+)
+def test_the_short_way_refuses_what_the_long_one_does_and_nothing_is_sent(
+    flying: Stepped, name: str, what: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    setpoint = (REFUSED_POSES if name == "set_pose" else REFUSED_VELOCITIES)[what]
+    recorder = Recorder(flying, monkeypatch)
+    long_way, short_way = both_ways(flying, name, setpoint)
+    kind, text, events = refusal(long_way, caplog)
+    monkeypatch.setattr(flying.vehicle.motions._checks, "_last_refusal", ("", 0.0))
+    assert refusal(short_way, caplog) == (kind, text, events)
+    assert events == ["refused"]
+    assert recorder.sent == []
+
+
+@pytest.mark.parametrize("state", [State.LANDED_ARMED, State.FLYING_MANUAL])
+@pytest.mark.parametrize(("name", "setpoint"), [("set_pose", at(1, 1, 3)), ("set_velocity", velocity(1.0))])
+def test_the_short_way_sends_nothing_where_the_uav_is_not_ours(
+    uav: Stepped, name: str, setpoint: Any, state: State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bring_to(uav, state)
+    recorder = Recorder(uav, monkeypatch)
+    for begin in both_ways(uav, name, setpoint):
+        with pytest.raises(WrongStateError, match=f"{name} needs the state FLYING_AUTO"):
+            begin()
+    uav.run(1.0)
+    assert recorder.sent == []
 
 
 # --- Dry runs ---------------------------------------------------------------------------------------------------------

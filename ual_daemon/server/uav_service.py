@@ -12,6 +12,7 @@ import grpc
 
 from ual import convert
 from ual.errors import InvalidArgumentError
+from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
@@ -131,23 +132,27 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         pose = convert.pose_from_proto(request)
         if request.dry_run:
             return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
-        self._vehicle.motions.tell(pose)
+        self._vehicle.motions.tell_pose(pose)
         return pb.SetPoseResponse()
 
     async def SetVelocity(self, request: pb.SetVelocityRequest, context: _Context) -> pb.SetVelocityResponse:
         velocity = convert.velocity_from_proto(request)
         if request.dry_run:
             return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan))
-        self._vehicle.motions.tell(velocity)
+        self._vehicle.motions.tell_velocity(velocity)
         return pb.SetVelocityResponse()
 
     async def StreamSetpoints(
         self, request_iterator: AsyncIterator[pb.StreamSetpointsRequest], context: _Context
     ) -> pb.StreamSetpointsResponse:
         accepted_count = 0
-        tell = self._vehicle.motions.tell
+        motions = self._vehicle.motions
         async for request in request_iterator:
-            tell(convert.setpoint_from_proto(request))
+            setpoint = convert.setpoint_from_proto(request)
+            if isinstance(setpoint, TwistStamped):
+                motions.tell_velocity(setpoint)
+            else:
+                motions.tell_pose(setpoint)
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 

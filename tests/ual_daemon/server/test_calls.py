@@ -63,7 +63,7 @@ class FakeVehicle:
         self.is_arming.set()
         return self.arming
 
-    def tell(self, velocity: TwistStamped) -> None:
+    def tell_velocity(self, velocity: TwistStamped) -> None:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
         self.setpoints.append(velocity)
