@@ -70,6 +70,10 @@ class Calls:
         serve: _Serve = partial(_respond, found) if is_answered_by_stream else found
 
         async def call(request: Any, context: _Context) -> Any:  # noqa: ANN401  each method has its own
+            if is_answered_by_stream:
+                # Now, and not with the first message, and before a shutdown can end this call: gRPC would send it once
+                # more where it is interrupted, and the caller would never hear of the end.
+                await context.send_initial_metadata(())
             return await self._call(method, serve, running, request, context)
 
         makers: dict[tuple[bool, bool], Any] = {
@@ -145,9 +149,6 @@ async def _respond(serve: Callable[[object, _Context], Any], request: object, co
     """Writes the responses of a stream. Here, and not handed on by yield, so that a call that is ended while it writes
     ends here, too.
     """
-    # Now, and not with the first message: gRPC would send it once more where that message is interrupted, and the
-    # caller would never hear of the end.
-    await context.send_initial_metadata(())
     async with aclosing(serve(request, context)) as responses:
         async for response in responses:
             await context.write(response)

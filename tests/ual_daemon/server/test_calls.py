@@ -17,7 +17,7 @@ from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
-from ual_daemon.server.calls import Calls
+from ual_daemon.server.calls import SHUTTING_DOWN, Calls
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle import Vehicle
@@ -250,5 +250,56 @@ def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
             with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down"):
                 async for _ in stream:
                     pass
+
+    asyncio.run(run())
+
+
+class SlowToBegin:
+    """A call whose beginning takes a while to be sent."""
+
+    def __init__(self) -> None:
+        self.is_beginning = asyncio.Event()
+        self.goes_on = asyncio.Event()
+        self.has_begun = False
+        self.aborted: tuple[bool, str] | None = None
+
+    async def send_initial_metadata(self, _: object) -> None:
+        self.is_beginning.set()
+        await self.goes_on.wait()
+        self.has_begun = True
+
+    async def abort(self, _: grpc.StatusCode, details: str, *__: object) -> None:
+        self.aborted = (self.has_begun, details)
+        raise grpc.aio.AbortError
+
+    def peer(self) -> str:
+        return ""
+
+    def cancelled(self) -> bool:
+        return False
+
+    def invocation_metadata(self) -> tuple[()]:
+        return ()
+
+
+def test_shutdown_ends_no_stream_before_its_beginning_is_sent() -> None:
+    """gRPC would send that once more, and the caller would never hear of the end."""
+
+    async def never(*_: object) -> AsyncIterator[pb.StreamTelemetryResponse]:
+        raise AssertionError("it flies no more")
+        yield
+
+    async def run() -> None:
+        calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
+        handler = calls.wrapped("/ual.v1.UalService/StreamTelemetry", grpc.unary_stream_rpc_method_handler(never))
+        context = SlowToBegin()
+        call = asyncio.ensure_future(cast("Any", handler.unary_stream)(pb.StreamTelemetryRequest(), context))
+        await context.is_beginning.wait()
+        calls.begin_shutdown()
+        await asyncio.sleep(0)
+        context.goes_on.set()
+        with pytest.raises(grpc.aio.AbortError):
+            await call
+        assert context.aborted == (True, SHUTTING_DOWN)
 
     asyncio.run(run())
