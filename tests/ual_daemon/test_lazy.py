@@ -104,3 +104,23 @@ use_ssl()
 use_asyncio()
 """
     assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
+
+
+def test_what_is_set_before_it_is_loaded_is_set_for_everybody() -> None:
+    """As Python's HTTPS is told to trust a certificate of one's own."""
+    code = """
+import sys
+from importlib.util import find_spec
+from ual_daemon import lazy
+
+lazy.prepare()
+import ssl
+assert find_spec("ssl") and find_spec("hashlib")
+ssl._create_default_https_context = ssl._create_unverified_context
+ssl.OURS = 1
+import http.client
+assert "_ssl" in sys.modules
+assert http.client.HTTPSConnection("localhost")._context.verify_mode == ssl.CERT_NONE
+assert sys.modules["ssl"].OURS == ssl.OURS == 1
+"""
+    assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
