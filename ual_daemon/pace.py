@@ -64,6 +64,7 @@ class Pace:
         self._change: _Change | None = None
         self._changing_s = 0.0
         self._rest_s = 0.0
+        self._tries_count = 0
 
     def go_on(self, passed_s: float, limit_s: float, wanted: float) -> None:
         """Lets time pass, but not beyond a limit on the trajectory; the pace shall become what is wanted (0 to 1)."""
@@ -71,8 +72,7 @@ class Pace:
         if self._stands():  # whichever pace, it stands
             self._change, self._pace, self._rate = None, wanted, 0.0
         elif self._change is None and self._rest_s <= 0.0 and self._is_worth(wanted):
-            self._change, self._changing_s = self._find(wanted), 0.0
-            self._rest_s = _RETRY_S
+            self._change, self._changing_s = self._try(wanted), 0.0
         self._pass(passed_s)
         self.time_s = min(self.time_s, limit_s, self._trajectory.duration_s)
         self.motion = paced(self._trajectory.at(self.time_s), self._pace, self._rate)
@@ -98,23 +98,29 @@ class Pace:
             self._change, self._rate = None, 0.0
         self.time_s += self._pace * passed_s
 
-    def _find(self, wanted: float) -> _Change | None:
-        """A change of the pace that keeps the limits, if there is one."""
+    def _try(self, wanted: float) -> _Change | None:
+        """A change of the pace, if it keeps the limits. Another one at each update, as this runs on the thread that
+        flies, and looking at one takes milliseconds.
+        """
+        share, longer = _TRIES[self._tries_count]
+        self._tries_count = (self._tries_count + 1) % len(_TRIES)
         limits = self._trajectory.limits
         now = self._trajectory.at(self.time_s)
         stopping_s = acceleration_share(now.velocity, limits)
         turn_stopping_s = abs(now.yaw_rate_rad_s) / turn_acceleration_limit(limits)
-        for share, longer in _TRIES:
-            by = (wanted - self._pace) * share
-            # From the largest rate of the cubic, 1.5 by / T, and its second derivative, 6 by / T^2.
-            duration_s = max(
-                _SHORTEST_S,
-                1.5 * abs(by) * max(stopping_s, turn_stopping_s),
-                (6 * abs(by) * stopping_s * RAMP_S) ** 0.5,
-            )
-            change = _Change(self.time_s, self._pace, by, min(_LONGEST_S, duration_s * longer))
-            if self._is_kept(change):
-                return change
+        by = (wanted - self._pace) * share
+        # From the largest rate of the cubic, 1.5 by / T, and its second derivative, 6 by / T^2.
+        duration_s = max(
+            _SHORTEST_S,
+            1.5 * abs(by) * max(stopping_s, turn_stopping_s),
+            (6 * abs(by) * stopping_s * RAMP_S) ** 0.5,
+        )
+        change = _Change(self.time_s, self._pace, by, min(_LONGEST_S, duration_s * longer))
+        if self._is_kept(change):
+            self._tries_count, self._rest_s = 0, _RETRY_S
+            return change
+        if self._tries_count == 0:
+            self._rest_s = _RETRY_S
         return None
 
     def _is_kept(self, change: _Change) -> bool:

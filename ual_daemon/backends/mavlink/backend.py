@@ -189,8 +189,8 @@ class MavlinkBackend(Backend):
                 conversation.receive(data, address, self.clock.now_s(), self.clock.utc_s())
             now_s = self.clock.now_s()
             vehicle = conversation.vehicle
-            if vehicle is not None and not self._info.autopilot:
-                self.freshness = vehicle.dialect.freshness
+            if vehicle is not None and not self._info.autopilot:  # before the first update that is about it
+                self.freshness, self._info = vehicle.dialect.freshness, vehicle.info()
             newest = None if vehicle is None else vehicle.telemetry.pose
             has_moved = newest is not pose
             if has_moved or now_s - updated_s >= TICK_S:
@@ -204,7 +204,7 @@ class MavlinkBackend(Backend):
             while self._posted:
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
-            if vehicle is not None and (now_s >= next_tick_s or not self._info.autopilot):
+            if vehicle is not None and now_s >= next_tick_s:
                 info = vehicle.info()
                 if info != self._info:  # the same one as long as nothing is new: what follows from it stays, too
                     self._info = info

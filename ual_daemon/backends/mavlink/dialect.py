@@ -56,6 +56,8 @@ class Dialect(ABC):
     """Names of the modes in which it always refuses to be armed."""
     estimator_message: int = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     """The message whose `flags` tell of the estimator."""
+    sparse_messages: frozenset[int] = frozenset()
+    """Of the messages asked to be streamed those that come far less often than asked for where nothing changes."""
     wanted_messages: tuple[int, ...] = ()
     """Messages that are sent only when asked for, needed once."""
     parameters: tuple[str, ...] = ()

@@ -16,10 +16,10 @@ PATIENT_ROUND_S = 10.0
 PARAMETER_PATIENCE_COUNT = 5
 """After so many rounds the parameters that it has not told are asked for at intervals that double each time: nothing
 says that it has none of the name, which is so with a real ArduPilot and SIM_SPEEDUP."""
-FLOWS_SHARE = 0.05
-"""A stream of which less comes than this part of what was asked for does not flow. Acknowledgements of such requests
-cannot be told apart, so that on a bad link one that comes twice can be taken for another request's. PX4 sends its mode
-on each change, but else only twice a second, however often it was asked for (20 Hz), and unasked every two seconds."""
+FLOWS_SHARE, SPARSE_FLOWS_SHARE = 0.25, 0.05
+"""A stream of which less comes than this part of what was asked for does not flow; the second is for messages that are
+sent when something changes, and else seldom (`Dialect.sparse_messages`). Acknowledgements of such requests cannot be
+told apart, so that on a bad link one that comes twice can be taken for another request's."""
 
 
 class Interview:
@@ -74,7 +74,8 @@ class Interview:
         """Whether what was asked to be streamed has come in the last round."""
         message_id, interval_us = round(command.params[0]), command.params[1]
         came_count = self._telemetry.seen[message_id] - self._seen[message_id]
-        return came_count >= FLOWS_SHARE * self._round_s / (interval_us * 1e-6)
+        share = SPARSE_FLOWS_SHARE if message_id in self._dialect.sparse_messages else FLOWS_SHARE
+        return came_count >= share * self._round_s / (interval_us * 1e-6)
 
     def _ask_parameters(self) -> None:
         for name in self._dialect.parameters:

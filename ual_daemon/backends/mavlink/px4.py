@@ -81,6 +81,8 @@ class Px4(Dialect):
     tells_landed_state = True
     takes_feed_forward = True
     unarmable_modes = _UNARMABLE
+    # On each change, but else only twice a second, however often it was asked for (20 Hz); unasked every two seconds.
+    sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
     wanted_messages = (
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,

@@ -81,6 +81,9 @@ class Telemetry:
         self.version: Message | None = None
         """The autopilot's AUTOPILOT_VERSION."""
         self.is_hardware_in_the_loop = False
+        self.is_mode_doubtful = False
+        """Whether a message that seemed to come late told of another mode: the safety pilot's, if many before it were
+        lost. It should be asked for; whoever does sets this back."""
         self.is_ready_to_arm = False
         """Whether its own checks before arming pass, by its last SYS_STATUS."""
         self.parameters: dict[str, float] = {}
@@ -199,8 +202,11 @@ class Telemetry:
         self._on_mode(message, now_s, _)
 
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
+        mode = self._dialect.mode(message.custom_mode)
         if self._is_newest("mode", now_s):
-            self._mode = Sample(self._dialect.mode(message.custom_mode), now_s)
+            self._mode = Sample(mode, now_s)
+        elif self._mode is not None and mode != self._mode.value:
+            self.is_mode_doubtful = True
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("landed", now_s):

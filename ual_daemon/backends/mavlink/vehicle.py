@@ -87,6 +87,9 @@ class MavlinkVehicle:
         if has_booted:
             telemetry.booted()
         telemetry.update(message, now_s, utc_now_s)
+        if telemetry.is_mode_doubtful:
+            telemetry.is_mode_doubtful = False
+            self._wants_heartbeat = True
         message_id = message.get_msgId()
         if has_booted or (heard_s is not None and now_s - heard_s > SILENCE_S):
             self.ask_anew()

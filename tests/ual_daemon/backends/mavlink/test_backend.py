@@ -326,3 +326,28 @@ def test_a_backend_never_opened_can_be_asked_and_closed() -> None:
     assert isinstance(backend.land().exception(PATIENCE_S), LinkLostError)
     backend.send(SETPOINT)
     backend.close()
+
+
+def test_an_update_with_a_pose_finds_known_what_the_autopilot_can_do() -> None:
+    port = free_port()
+    found: list[tuple[bool, str]] = []
+    backends: list[MavlinkBackend] = []
+
+    def on_update(snapshot: Snapshot) -> None:
+        if snapshot.pose is not None:
+            found.append((bool(backends[0].info().capabilities), backends[0].info().autopilot))
+
+    with contextlib.closing(Autopilot(port)) as autopilot:
+        backend = MavlinkBackend(BackendOptions("uav_1", f"udpin://127.0.0.1:{port}"))
+        backends.append(backend)
+        backend.open(on_update)
+        try:
+
+            def says_where_it_is() -> bool:
+                autopilot.say(heartbeat(), attitude(), position(1.0))
+                return bool(found)
+
+            wait_for(says_where_it_is, "an update with a pose")
+        finally:
+            backend.close()
+    assert found[0] == (True, "PX4")

@@ -74,3 +74,13 @@ def test_a_mode_that_comes_late_is_passed_over() -> None:
     say(telemetry, mode(OFFBOARD), 300, 0.1)
     say(telemetry, mode(POSCTL), 280, 0.11)
     assert telemetry.mode_name == "OFFBOARD"
+
+
+def test_another_mode_that_seems_late_is_doubtful_and_one_that_says_nothing_new_is_not() -> None:
+    telemetry = Telemetry(Px4())
+    say(telemetry, mode(OFFBOARD), 0, 0.0)
+    say(telemetry, mode(OFFBOARD), 250, 0.1)
+    assert not telemetry.is_mode_doubtful
+    say(telemetry, mode(POSCTL), 130, 0.2)  # late, or so many were lost
+    assert telemetry.mode_name == "OFFBOARD"
+    assert telemetry.is_mode_doubtful
