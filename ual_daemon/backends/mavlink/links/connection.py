@@ -6,6 +6,7 @@ import contextlib
 import logging
 import select
 import socket
+from collections.abc import Mapping
 
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
 
@@ -38,6 +39,7 @@ class Connection:
         self._waker.setblocking(False)
         self._woken.setblocking(False)
         self._poll = select.poll()
+        self._woken_descriptor = self._woken.fileno()
         self._poll.register(self._woken, select.POLLIN)
         self._registered: dict[int, int] = {}
 
@@ -76,12 +78,17 @@ class Connection:
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
         """What has come, after waiting for it up to a time; empty when nothing has, or when woken."""
-        self._register()
-        ready = {descriptor for descriptor, _ in self._poll.poll(max(0.0, timeout_s) * 1000.0)}
-        if self._woken.fileno() in ready:
-            self._woken.recv(4096)
+        wanted = self._link.descriptors()
+        if wanted != self._registered:
+            self._register(wanted)
+        is_ready = False
+        for descriptor, _ in self._poll.poll(max(0.0, timeout_s) * 1000.0):
+            if descriptor == self._woken_descriptor:
+                self._woken.recv(4096)
+            else:
+                is_ready = True
         try:
-            return self._link.receive(now_s) if ready - {self._woken.fileno()} else []
+            return self._link.receive(now_s) if is_ready else []
         except LinkError as error:
             self._fail(str(error), now_s)
             return []
@@ -140,12 +147,10 @@ class Connection:
             self._told.add(trouble)
             _log.warning("%s", trouble)
 
-    def _register(self) -> None:
+    def _register(self, wanted: Mapping[int, int]) -> None:
         """Tells the poll what the link waits for now; a descriptor that was closed and taken anew is another one."""
-        wanted = dict(self._link.descriptors())
-        if wanted != self._registered:
-            for descriptor in self._registered:
-                self._poll.unregister(descriptor)
-            for descriptor, events in wanted.items():
-                self._poll.register(descriptor, events)
-            self._registered = wanted
+        for descriptor in self._registered:
+            self._poll.unregister(descriptor)
+        for descriptor, events in wanted.items():
+            self._poll.register(descriptor, events)
+        self._registered = dict(wanted)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import select
 import socket
@@ -28,6 +27,8 @@ class UdpLink(Link):
     def __init__(self, endpoint: UdpEndpoint) -> None:
         self._endpoint = endpoint
         self._socket: socket.socket | None = None
+        self._descriptors: Mapping[int, int] = {}
+        self._poll = select.poll()
         self._peer: Address | None = None
         self._is_sending_well = True
 
@@ -49,14 +50,17 @@ class UdpLink(Link):
             ) from None
         self.sessions_count += 1
         self._socket = sock
+        self._descriptors = {sock.fileno(): select.POLLIN}
+        self._poll = select.poll()
+        self._poll.register(sock, select.POLLIN)
 
     def close(self) -> None:
-        sock, self._socket = self._socket, None
+        sock, self._socket, self._descriptors = self._socket, None, {}
         if sock is not None:
             sock.close()
 
     def descriptors(self) -> Mapping[int, int]:
-        return {} if self._socket is None else {self._socket.fileno(): select.POLLIN}
+        return self._descriptors
 
     @property
     def peer(self) -> Address | None:
@@ -68,10 +72,15 @@ class UdpLink(Link):
     def receive(self, now_s: float) -> list[Chunk]:
         chunks: list[Chunk] = []
         sock = self._socket
-        # No more, or an ICMP error to something sent: the other end is not there (yet).
-        with contextlib.suppress(OSError):
-            while sock is not None and len(chunks) < _BATCH:
+        if sock is None:
+            return chunks
+        try:
+            chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
+            # Asked, not tried: nearly always there is no more, and an exception for each datagram costs.
+            while len(chunks) < _BATCH and self._poll.poll(0):
                 chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
+        except OSError:  # an ICMP error to something sent: the other end is not there (yet)
+            pass
         return chunks
 
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
