@@ -30,7 +30,7 @@ class Faults:
 GOOD = Faults()
 
 
-class _Way:
+class Way:
     """One direction."""
 
     def __init__(self, noise: random.Random, *, keeps_order: bool) -> None:
@@ -39,6 +39,11 @@ class _Way:
         self._newest_s = 0.0
         self._count = itertools.count()
         self._queue: list[tuple[float, int, bytes]] = []
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is under way."""
+        return not self._queue
 
     def put(self, data: bytes, now_s: float, faults: Faults) -> None:
         noise = self._noise
@@ -68,8 +73,8 @@ class BadLink(Port):
         self.up = up
         """To the autopilot."""
         self._port = port
-        self._down = _Way(random.Random(seed), keeps_order=port.is_stream)
-        self._up = _Way(random.Random(seed + 1), keeps_order=port.is_stream)
+        self._down = Way(random.Random(seed), keeps_order=port.is_stream)
+        self._up = Way(random.Random(seed + 1), keeps_order=port.is_stream)
         self.is_stream = port.is_stream
 
     def receive(self, now_s: float) -> list[bytes]:

@@ -8,11 +8,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.sitl.flights import HEIGHT_M, Flight
+from tests.autopilots.faults import GOOD, Faults
+from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
-from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
 from ual.types import Limits, State
 from ual_daemon import UAL
@@ -21,6 +22,8 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
 TAKEN_S = 0.5
 """By then the task must have ended, after the pilot flipped his switch."""
+LOST_S = 2.0
+"""Within this a silence is a lost link, and a link that is back shows how the UAV is."""
 WATCHED_S = 2.0
 """That nothing is sent shows only in time. PX4 would go back into OFFBOARD by itself within the first second."""
 
@@ -77,6 +80,45 @@ def test_a_whole_flight(flight: Flight, simulator: Simulator) -> None:
     uav.land()
     assert uav.state() in (State.LANDED_ARMED, State.LANDED_DISARMED)
     flight.wait_for_state(State.LANDED_DISARMED)
+
+
+@pytest.mark.timeout(400)
+def test_a_flight_over_a_bad_link_is_completed(flight: Flight, wiretap: Wiretap) -> None:
+    uav = flight.uav
+    wiretap.faults = Faults(loss=0.3, jitter_s=0.2, corruption=0.1)
+    try:
+        flight.be_armed()
+        uav.take_off(HEIGHT_M)
+        goal = flight.beside(8.0, 6.0)
+        uav.go_to_waypoint(goal)
+        assert (flight.position() - goal.position).norm() < 2.0
+        uav.land()
+        flight.wait_for_state(State.LANDED_DISARMED)
+    finally:
+        wiretap.faults = GOOD
+
+
+def test_silence_is_a_lost_link_within_two_seconds_and_all_is_well_when_it_ends(
+    flight: Flight, wiretap: Wiretap
+) -> None:
+    uav = flight.uav
+    flight.take_off()
+    task = uav.go_to_waypoint(flight.beside(30.0), blocking=False)
+    flight.wait_for_speed(1.0)
+    wiretap.faults = Faults(is_silent=True)
+    began_s = time.monotonic()
+    try:
+        with pytest.raises(UalError):  # that it was aborted, or that the link was lost
+            task.wait(PATIENCE_S)
+        flight.wait_for_state(State.UNINITIALIZED)
+        assert time.monotonic() - began_s < LOST_S
+        with pytest.raises(LinkLostError):
+            uav.set_velocity(Twist())
+        time.sleep(WATCHED_S)  # meanwhile its failsafe sets in
+    finally:
+        wiretap.faults = GOOD
+    flight.wait_for(lambda: uav.state() is not State.UNINITIALIZED, "a state", LOST_S)
+    assert uav.state() in (State.FLYING_MANUAL, State.FLYING_AUTO)
 
 
 @pytest.mark.timeout(900)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import random
 import selectors
 import socket
 import threading
@@ -11,6 +12,7 @@ import time
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from tests.autopilots.faults import GOOD, Way
 from ual_daemon.backends.mavlink.frames import FrameReader
 from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
 
@@ -41,6 +43,7 @@ class Wiretap:
     """Passes everything on, both ways, and keeps what the daemon sent. A daemon that ends may be followed by another.
 
     `url` is where the autopilot would be found without it (``udpin://`` or ``tcp://``); `self.url` is for the daemon.
+    `faults` are those of the line, each way; on TCP pieces of the stream are lost or damaged, as by a modem between.
     """
 
     def __init__(self, url: str) -> None:
@@ -53,6 +56,7 @@ class Wiretap:
         self._lock = threading.Lock()
         self._sent: list[Heard] = []
         self._is_closing = False
+        self.faults = GOOD
         is_udp = parts.scheme == "udpin"
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if is_udp else socket.SOCK_STREAM)
         self._near.bind(("127.0.0.1", 0))
@@ -95,18 +99,23 @@ class Wiretap:
             selector.register(far, selectors.EVENT_READ)
             selector.register(self._near, selectors.EVENT_READ)
             daemon = autopilot = None
+            down, up = Way(random.Random(1), keeps_order=False), Way(random.Random(2), keeps_order=False)
             while not self._is_closing:
-                for key, _ in selector.select(0.1):
+                for key, _ in selector.select(_wait_s(down, up)):
                     data, address = key.fileobj.recvfrom(_PIECE)  # type: ignore[union-attr]
                     if key.fileobj is far:
                         autopilot = address
-                        if daemon is not None:
-                            self._near.sendto(data, daemon)
+                        down.put(data, time.monotonic(), self.faults)
                     else:
                         daemon = address
                         self._note(data)
-                        if autopilot is not None:
-                            far.sendto(data, autopilot)
+                        up.put(data, time.monotonic(), self.faults)
+                for data in down.take(time.monotonic()):
+                    if daemon is not None:
+                        self._near.sendto(data, daemon)
+                for data in up.take(time.monotonic()):
+                    if autopilot is not None:
+                        far.sendto(data, autopilot)
 
     def _pass_streams(self) -> None:
         self._near.listen(1)
@@ -122,14 +131,24 @@ class Wiretap:
 
     def _pass_stream(self, daemon: socket.socket, far: socket.socket) -> None:
         """Until either end closes."""
+        down, up = Way(random.Random(1), keeps_order=True), Way(random.Random(2), keeps_order=True)
         with selectors.DefaultSelector() as selector:
-            selector.register(far, selectors.EVENT_READ, daemon)
-            selector.register(daemon, selectors.EVENT_READ, far)
+            selector.register(far, selectors.EVENT_READ)
+            selector.register(daemon, selectors.EVENT_READ)
             while not self._is_closing:
-                for key, _ in selector.select(0.1):
+                for key, _ in selector.select(_wait_s(down, up)):
                     data = key.fileobj.recv(_PIECE)  # type: ignore[union-attr]
                     if not data:
                         return
                     if key.fileobj is daemon:
                         self._note(data)
-                    key.data.sendall(data)
+                    (up if key.fileobj is daemon else down).put(data, time.monotonic(), self.faults)
+                for data in down.take(time.monotonic()):
+                    daemon.sendall(data)
+                for data in up.take(time.monotonic()):
+                    far.sendall(data)
+
+
+def _wait_s(*ways: Way) -> float:
+    """How long to wait for more, before what is under way is looked at."""
+    return 0.1 if all(way.is_empty for way in ways) else 0.002
