@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ual.geometry import PointStamped, Pose, PoseStamped, Twist, TwistStamped, Vector3
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Twist,
+    TwistStamped,
+    Vector3,
+    stamped_point,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.types import AltitudeReference, GeoWaypoint, PathHeading, Plan, Waypoints
 from ual_daemon.motions import Motions
 
@@ -54,7 +64,7 @@ class DryRun:
             max_speed_m_s=max_speed_m_s,
             leg_speeds_m_s=leg_speeds_m_s,
             heading=heading,
-            point_of_interest=stamped_point(point_of_interest),
+            point_of_interest=None if point_of_interest is None else stamped_point(point_of_interest),
         ).plan
 
     def set_pose(self, pose: PoseStamped | Pose) -> Plan:
@@ -70,18 +80,3 @@ class DryRun:
 def stamped_waypoints(waypoints: Waypoints) -> list[PoseStamped | GeoWaypoint]:
     """The waypoints of a path; a bare pose is in ``<ns>/odom``."""
     return [each if isinstance(each, GeoWaypoint) else stamped_pose(each) for each in waypoints]
-
-
-def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
-    """A pose without a frame is one in ``<ns>/odom``."""
-    return PoseStamped(pose) if isinstance(pose, Pose) else pose
-
-
-def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
-    """A velocity without a frame is one in ``<ns>/odom``."""
-    return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
-
-
-def stamped_point(point: PointStamped | Vector3 | None) -> PointStamped | None:
-    """A point without a frame is one in ``<ns>/odom``."""
-    return PointStamped(point) if isinstance(point, Vector3) else point

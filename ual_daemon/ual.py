@@ -15,7 +15,18 @@ from typing_extensions import Self
 
 from ual import views
 from ual.errors import UalTimeoutError
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    stamped_point,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.interface import Simulation
 from ual.types import (
     AltitudeReference,
@@ -32,7 +43,7 @@ from ual.types import (
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
-from ual_daemon.dry_run import DryRun, stamped_point, stamped_pose, stamped_twist, stamped_waypoints
+from ual_daemon.dry_run import DryRun, stamped_waypoints
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
@@ -192,7 +203,7 @@ class UAL:
             max_speed_m_s=max_speed_m_s,
             leg_speeds_m_s=leg_speeds_m_s,
             heading=heading,
-            point_of_interest=stamped_point(point_of_interest),
+            point_of_interest=None if point_of_interest is None else stamped_point(point_of_interest),
         )
         return _handle(motion.begin(), blocking, timeout_s)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from queue import SimpleQueue
 
 import grpc
 
 from benchmarks.marks import number_of_distance, speed_m_s
 from benchmarks.peers.base import SynchronousPeer, Times
+from benchmarks.peers.grpc_flood import flood
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 
@@ -29,17 +29,7 @@ class Peer(SynchronousPeer):
         self._given.put(setpoint(number))
 
     def flood(self, first: int, duration_s: float) -> int:
-        count = 0
-
-        def setpoints() -> Iterator[pb.StreamSetpointsRequest]:
-            nonlocal count
-            ends_s = time.monotonic() + duration_s
-            while time.monotonic() < ends_s:
-                yield setpoint(first + count)
-                count += 1
-
-        self._stub.StreamSetpoints(setpoints())
-        return count
+        return flood(self._stub, setpoint, first, duration_s)
 
     def listen(self, subscribers_count: int, duration_s: float) -> Times:
         came = Times()

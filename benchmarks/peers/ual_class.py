@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import time
 
 import ual
-from benchmarks.marks import number_of_distance, speed_m_s
+from benchmarks.marks import speed_m_s
 from benchmarks.peers.base import SynchronousPeer, Times, until
-from ual.types import State, Telemetry
+from benchmarks.peers.ual_samples import listen
+from ual.types import State
 from ual_daemon.ual import UAL
 
 
@@ -23,17 +23,7 @@ class Peer(SynchronousPeer):
         self._uav.set_velocity(ual.Twist(ual.Vector3(0.0, speed_m_s(number), 0.0)))
 
     def listen(self, subscribers_count: int, duration_s: float) -> Times:
-        came = Times()
-
-        def note(sample: Telemetry) -> None:
-            if sample.pose is not None:
-                came.add(number_of_distance(sample.pose.position.y), time.monotonic_ns())
-
-        subscriptions = [self._uav.subscribe(note) for _ in range(subscribers_count)]
-        time.sleep(duration_s)
-        for subscription in subscriptions:
-            subscription.close()
-        return came
+        return listen(self._uav, subscribers_count, duration_s)
 
     def close(self) -> None:
         self._uav.vehicle.close()  # at once: the vehicle of a benchmark needs nobody to wait until it is safe

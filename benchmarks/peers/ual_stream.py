@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 import grpc
 
 import ual
-from benchmarks.marks import number_of_distance, speed_m_s
+from benchmarks.marks import speed_m_s
 from benchmarks.peers.base import SynchronousPeer, Times, until
+from benchmarks.peers.grpc_flood import flood
+from benchmarks.peers.ual_samples import listen
 from ual import convert
-from ual.types import State, Telemetry
+from ual.types import State
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 
@@ -29,34 +30,18 @@ class Peer(SynchronousPeer):
 
     def flood(self, first: int, duration_s: float) -> int:
         """By the contract's stream itself: of the client's setpoints only the newest is sent, which can be no flood."""
-        count = 0
-
-        def setpoints() -> Iterator[pb.StreamSetpointsRequest]:
-            nonlocal count
-            ends_s = time.monotonic() + duration_s
-            while time.monotonic() < ends_s:
-                yield convert.setpoint_to_proto(ual.TwistStamped(velocity(first + count)))
-                count += 1
-
         with grpc.insecure_channel(self.address) as channel:
-            ual_pb2_grpc.UalServiceStub(channel).StreamSetpoints(setpoints())
-        return count
+            return flood(ual_pb2_grpc.UalServiceStub(channel), _setpoint, first, duration_s)
 
     def listen(self, subscribers_count: int, duration_s: float) -> Times:
-        came = Times()
-
-        def note(sample: Telemetry) -> None:
-            if sample.pose is not None:
-                came.add(number_of_distance(sample.pose.position.y), time.monotonic_ns())
-
-        subscriptions = [self._uav.subscribe(note) for _ in range(subscribers_count)]
-        time.sleep(duration_s)
-        for subscription in subscriptions:
-            subscription.close()
-        return came
+        return listen(self._uav, subscribers_count, duration_s)
 
     def close(self) -> None:
         self._uav.close()
+
+
+def _setpoint(number: int) -> pb.StreamSetpointsRequest:
+    return convert.setpoint_to_proto(ual.TwistStamped(velocity(number)))
 
 
 def velocity(number: int) -> ual.Twist:

@@ -21,6 +21,14 @@ _Serve: TypeAlias = Callable[[Any, _Context], Awaitable[Any]]
 
 _log = logging.getLogger(__name__)
 
+_KINDS: Mapping[tuple[bool, bool], tuple[str, Any]] = {
+    (False, False): ("unary_unary", grpc.unary_unary_rpc_method_handler),
+    (False, True): ("unary_stream", grpc.unary_stream_rpc_method_handler),
+    (True, False): ("stream_unary", grpc.stream_unary_rpc_method_handler),
+    (True, True): ("stream_stream", grpc.stream_stream_rpc_method_handler),
+}
+"""By whether a stream asks and whether a stream answers: where a handler has its method, and what makes a handler."""
+
 NAMESPACE_KEY = "ual-ns"
 SHUTTING_DOWN = "the daemon is shutting down"
 
@@ -60,14 +68,12 @@ class Calls:
 
     def wrapped(self, method: str, handler: _Handler) -> _Handler:
         """The handler of a method (``/package.Service/Method``), with this before it."""
-        is_asked_by_stream, is_answered_by_stream = handler.request_streaming, handler.response_streaming
-        running = self._streams if is_asked_by_stream or is_answered_by_stream else self._unary
-        found: Any = (
-            (handler.stream_stream if is_asked_by_stream else handler.unary_stream)
-            if is_answered_by_stream
-            else (handler.stream_unary if is_asked_by_stream else handler.unary_unary)
-        )
-        serve: _Serve = partial(_respond, found) if is_answered_by_stream else found
+        is_answered_by_stream = handler.response_streaming
+        running = self._streams if handler.request_streaming or is_answered_by_stream else self._unary
+        kind, make = _KINDS[handler.request_streaming, is_answered_by_stream]
+        serve: _Serve = getattr(handler, kind)
+        if is_answered_by_stream:
+            serve = partial(_respond, serve)
 
         async def call(request: Any, context: _Context) -> Any:  # noqa: ANN401  each method has its own
             if is_answered_by_stream:
@@ -76,13 +82,6 @@ class Calls:
                 await context.send_initial_metadata(())
             return await self._call(method, serve, running, request, context)
 
-        makers: dict[tuple[bool, bool], Any] = {
-            (False, False): grpc.unary_unary_rpc_method_handler,
-            (False, True): grpc.unary_stream_rpc_method_handler,
-            (True, False): grpc.stream_unary_rpc_method_handler,
-            (True, True): grpc.stream_stream_rpc_method_handler,
-        }
-        make = makers[is_asked_by_stream, is_answered_by_stream]
         wrapped: _Handler = make(call, handler.request_deserializer, handler.response_serializer)
         return wrapped
 

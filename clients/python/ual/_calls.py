@@ -15,7 +15,18 @@ from google.protobuf.message import Message
 
 from ual import convert
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    stamped_point,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.simulation import Fault
 from ual.types import (
     AltitudeReference,
@@ -275,21 +286,6 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 
 
 # Setpoints
-
-
-def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
-    """A pose without a frame is one in ``<ns>/odom``."""
-    return PoseStamped(pose) if isinstance(pose, Pose) else pose
-
-
-def stamped_point(point: PointStamped | Vector3) -> PointStamped:
-    """A point without a frame is one in ``<ns>/odom``."""
-    return PointStamped(point) if isinstance(point, Vector3) else point
-
-
-def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
-    """A velocity without a frame is one in ``<ns>/odom``."""
-    return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
 
 
 def pose_setpoint(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:

@@ -201,6 +201,21 @@ class TwistStamped:
     stamp_s: float = 0.0
 
 
+def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
+    """A pose without a frame is one in ``<ns>/odom``."""
+    return PoseStamped(pose) if isinstance(pose, Pose) else pose
+
+
+def stamped_point(point: PointStamped | Vector3) -> PointStamped:
+    """A point without a frame is one in ``<ns>/odom``."""
+    return PointStamped(point) if isinstance(point, Vector3) else point
+
+
+def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
+    """A velocity without a frame is one in ``<ns>/odom``."""
+    return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
+
+
 @dataclass(frozen=True, slots=True)
 class Transform:
     """Takes coordinates in the child frame to the parent `frame_id`: p = rotation * p_child + translation."""

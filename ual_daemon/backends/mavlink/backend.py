@@ -204,12 +204,11 @@ class MavlinkBackend(Backend):
             while self._posted:
                 self._posted.popleft()(now_s)
             conversation.tick(now_s)
-            if vehicle is not None and now_s >= next_tick_s:
-                info = vehicle.info()
-                if info != self._info:  # the same one as long as nothing is new: what follows from it stays, too
-                    self._info = info
             if now_s >= next_tick_s:
                 next_tick_s = now_s + TICK_S
+                info = self._info if vehicle is None else vehicle.info()
+                if info != self._info:  # the same one as long as nothing is new: what follows from it stays, too
+                    self._info = info
 
     def _supervise(self, connection: Connection, now_s: float) -> None:
         heard_s = self._supervision.heard_s
