@@ -16,6 +16,7 @@ from ual_daemon.auto_arm import auto_arm
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.namespace import Namespace
 from ual_daemon.server.addresses import Address
+from ual_daemon.server.core import Core
 from ual_daemon.server.server import Server
 from ual_daemon.server.updates import Hops
 from ual_daemon.server.waiting import completion
@@ -60,12 +61,16 @@ class Daemon:
             for uav in self._uavs:
                 uav.vehicle.log_name = uav.vehicle.ns
         hops = Hops(_GATHER_S if len(self._uavs) > 1 else 0.0)
-        served = [_Served(uav, hops, self._credentials, is_auto_arming=self._is_auto_arming) for uav in self._uavs]
+        core = Core()
+        served = [
+            _Served(uav, core, hops, self._credentials, is_auto_arming=self._is_auto_arming) for uav in self._uavs
+        ]
         try:
             for each in served:
-                await each.start()
+                each.start()
         except BaseException:
             await asyncio.gather(*(each.server.stop() for each in served))
+            core.close()
             raise
         # What is loaded by now stays. Unfrozen, a full collection takes 10 to 15 ms, between two setpoints.
         gc.freeze()
@@ -76,6 +81,7 @@ class Daemon:
             await stop.wait()
         finally:
             await asyncio.gather(*(each.end() for each in served))
+            core.close()
             gc.unfreeze()
         logs.event(_log, logging.INFO, "ended")
 
@@ -84,17 +90,17 @@ class _Served:
     """One UAV with its server."""
 
     def __init__(
-        self, uav: Uav, hops: Hops, credentials: grpc.ServerCredentials | None, *, is_auto_arming: bool
+        self, uav: Uav, core: Core, hops: Hops, credentials: grpc.ServerCredentials | None, *, is_auto_arming: bool
     ) -> None:
         self._vehicle, self._namespace, self._listen = uav
         self._credentials = credentials
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
-        self.server = Server(self._vehicle, hops)
+        self.server = Server(self._vehicle, core, hops)
 
-    async def start(self) -> None:
+    def start(self) -> None:
         """Serves, and lets clients find it."""
-        addresses = await self.server.start(self._listen, self._credentials)
+        addresses = self.server.start(self._listen, self._credentials)
         self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
         logs.event(
             _log,

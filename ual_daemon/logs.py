@@ -15,13 +15,14 @@ import re
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Literal, TextIO
 
 Format = Literal["text", "json"]
 
-caller: ContextVar[str] = ContextVar("ual_caller", default="in-process")
-"""Who gave the command that is being worked on: the peer's address, or ``in-process``."""
+caller: ContextVar[Callable[[], str] | None] = ContextVar("ual_caller", default=None)
+"""Tells who gave the command that is being worked on, by the peer's address; None where it came from this process."""
 
 uav: ContextVar[str] = ContextVar("ual_uav", default="")
 """Which UAV it is about, where a process flies several; else empty."""
@@ -36,7 +37,7 @@ _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -> None:
     """Logs that something happened: a name in snake_case, and what there is to say of it as fields.
 
-    A caller other than ``in-process`` becomes the field ``caller``, one UAV of several the field ``ns``.
+    A caller from outside the process becomes the field ``caller``, one UAV of several the field ``ns``.
     """
     if not logger.isEnabledFor(level):
         return
@@ -44,8 +45,8 @@ def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -
     if which:
         fields = {"ns": which, **fields}
     who = caller.get()
-    if who != "in-process":
-        fields.setdefault("caller", who)
+    if who is not None:
+        fields.setdefault("caller", who())
     logger.log(level, "%s", event, extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
 
 

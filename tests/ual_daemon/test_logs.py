@@ -87,7 +87,7 @@ def test_an_exception_keeps_its_traceback(log: Log, format_: logs.Format) -> Non
 def test_the_caller_is_named_unless_it_is_this_process(log: Log) -> None:
     log.begin("json")
     logs.event(LOG, logging.INFO, "land")
-    token = logs.caller.set("ipv4:127.0.0.1:4711")
+    token = logs.caller.set(lambda: "ipv4:127.0.0.1:4711")
     try:
         logs.event(LOG, logging.INFO, "land")
     finally:

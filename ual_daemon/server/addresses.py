@@ -14,6 +14,7 @@ from pathlib import Path
 
 import grpc
 
+from ual_daemon.server.core import CoreServer
 from ual_daemon.settings import ConfigError
 
 _LONGEST_UNIX_PATH = 107
@@ -60,7 +61,7 @@ def parse(text: str) -> Address:
     return Address(match[1] or match[2], int(match[3]))
 
 
-def bind(server: grpc.aio.Server, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
+def bind(server: CoreServer, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
     """Makes the server listen there, with TLS where there are credentials; the address with the port it got.
 
     Raises `ListenError`, which says who is there already where that can be told.
@@ -68,10 +69,7 @@ def bind(server: grpc.aio.Server, address: Address, credentials: grpc.ServerCred
     if address.is_unix:
         _make_way(address)
     try:
-        if credentials is None or address.is_unix:
-            port = server.add_insecure_port(str(address))
-        else:
-            port = server.add_secure_port(str(address), credentials)
+        port = server.listen(str(address), None if address.is_unix else credentials)
     except RuntimeError as error:
         raise ListenError(f"cannot listen on {address}: {_why(address) or error}") from None
     return address if address.is_unix else Address(address.host, port)

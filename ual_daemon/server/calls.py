@@ -1,158 +1,352 @@
-"""What is the same for every call: who calls, for which UAV, how errors go out, and how calls end at shutdown."""
+"""What is the same for every call: who calls, for which UAV, where it is answered, how errors go out, and how calls end
+at shutdown.
+
+A method is written as what it needs:
+
+- ``def`` of a request, or a generator into which each request of a stream is sent: answered where it was received, on
+  the thread that waits for gRPC. It must not block. The fast way, without a hop to another thread.
+- ``def`` that answers by a stream: begins to send by the `Call`, from whichever thread, and returns what ends that.
+- ``async def``, or an asynchronous generator: on the event loop, as all that waits for something.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import inspect
 import logging
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import aclosing
+import threading
+from collections.abc import AsyncIterator, Callable, Generator, Mapping, Sequence
+from contextlib import aclosing, suppress
 from functools import partial
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias, TypeVar, cast
 
 import grpc
+from google.protobuf.message import DecodeError
 
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual_daemon import logs
+from ual_daemon.server.core import Call
 
+T = TypeVar("T")
 _Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
-_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
-_Serve: TypeAlias = Callable[[Any, _Context], Awaitable[Any]]
 
 _log = logging.getLogger(__name__)
-
-_KINDS: Mapping[tuple[bool, bool], tuple[str, Any]] = {
-    (False, False): ("unary_unary", grpc.unary_unary_rpc_method_handler),
-    (False, True): ("unary_stream", grpc.unary_stream_rpc_method_handler),
-    (True, False): ("stream_unary", grpc.stream_unary_rpc_method_handler),
-    (True, True): ("stream_stream", grpc.stream_stream_rpc_method_handler),
-}
-"""By whether a stream asks and whether a stream answers: where a handler has its method, and what makes a handler."""
 
 NAMESPACE_KEY = "ual-ns"
 SHUTTING_DOWN = "the daemon is shutting down"
 
 
-class Calls:
-    """Stands before every call of what is registered with `before`.
+class StatusError(Exception):
+    """Ends a call with a status of gRPC, where the contract is not ours."""
 
-    `log_name` is what the log calls the UAV. `shutdown_refuses` are the beginnings of the methods that are refused once
-    the shutdown has begun.
+    def __init__(self, code: grpc.StatusCode, details: str) -> None:
+        super().__init__(details)
+        self.code = code
+
+
+class Calls:
+    """Answers the calls for one UAV by what is registered with it, on the event loop that runs when this is made.
+
+    It is a registry for generated code (``add_..._to_server``), and `take` takes a server's calls. `log_name` is what
+    the log calls the UAV. `shutdown_refuses` are the beginnings of the methods that are refused once the shutdown has
+    begun.
     """
 
     def __init__(self, ns: str, shutdown_refuses: tuple[str, ...], log_name: str = "") -> None:
         self._ns = ns
         self._log_name = log_name
         self._shutdown_refuses = shutdown_refuses
-        self._is_shutting_down = False
-        self._streams: set[asyncio.Task[Any]] = set()
-        self._unary: set[asyncio.Task[Any]] = set()
-
-    def before(self, server: grpc.aio.Server) -> grpc.aio.Server:
-        """The server, for what is registered with it (``add_..._to_server``) to be called by way of this.
-
-        Not an interceptor of gRPC, which would have to wrap each method anew for each call.
-        """
-        return cast("grpc.aio.Server", _Registry(server, self))
-
-    def begin_shutdown(self) -> None:
-        """Ends the streams, and refuses new calls that fly."""
-        self._is_shutting_down = True
-        for task in self._streams:
-            task.cancel()
-
-    def end_waiting(self) -> None:
-        """Ends the calls that still wait for something."""
-        for task in self._unary:
-            task.cancel()
-
-    def wrapped(self, method: str, handler: _Handler) -> _Handler:
-        """The handler of a method (``/package.Service/Method``), with this before it."""
-        is_answered_by_stream = handler.response_streaming
-        running = self._streams if handler.request_streaming or is_answered_by_stream else self._unary
-        kind, make = _KINDS[handler.request_streaming, is_answered_by_stream]
-        serve: _Serve = getattr(handler, kind)
-        if is_answered_by_stream:
-            serve = partial(_respond, serve)
-
-        async def call(request: Any, context: _Context) -> Any:  # noqa: ANN401  each method has its own
-            if is_answered_by_stream:
-                # Now, and not with the first message, and before a shutdown can end this call: gRPC would send it once
-                # more where it is interrupted, and the caller would never hear of the end.
-                await context.send_initial_metadata(())
-            return await self._call(method, serve, running, request, context)
-
-        wrapped: _Handler = make(call, handler.request_deserializer, handler.response_serializer)
-        return wrapped
-
-    async def _call(
-        self, method: str, serve: _Serve, running: set[asyncio.Task[Any]], request: object, context: _Context
-    ) -> object:
-        logs.caller.set(context.peer())
-        if self._log_name:
-            logs.uav.set(self._log_name)
-        task = asyncio.current_task()
-        assert task is not None
-        running.add(task)
-        try:
-            if self._is_shutting_down and method.startswith(self._shutdown_refuses):
-                await context.abort(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
-            self._require_ns(context)
-            return await serve(request, context)
-        except UalError as error:
-            # The vehicle has logged what it refused; this is for what did not come so far.
-            logs.event(_log, logging.DEBUG, "call_failed", method=method, reason=error.reason, why=error)
-            await _abort(context, error)
-        except asyncio.CancelledError:
-            if not self._is_shutting_down or context.cancelled():
-                raise
-            if running is self._streams:
-                await context.abort(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
-            await _abort(context, TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"}))
-        except grpc.aio.AbortError:
-            raise
-        except grpc.aio.InternalError as error:  # a message that could not be sent: the caller is gone
-            logs.event(_log, logging.DEBUG, "caller_gone", method=method, why=error)
-        except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
-            _log.exception("%s failed unexpectedly", method)
-            await _abort(context, UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}"))
-        finally:
-            running.discard(task)
-        return None
-
-    def _require_ns(self, context: _Context) -> None:
-        for key, value in context.invocation_metadata() or ():
-            if key == NAMESPACE_KEY and value != self._ns:
-                raise InvalidArgumentError(
-                    f"this daemon flies {self._ns}, not {value!s:.64}", {"field": NAMESPACE_KEY, "namespace": self._ns}
-                )
-
-
-class _Registry:
-    """Takes what generated code registers with a server."""
-
-    def __init__(self, server: grpc.aio.Server, calls: Calls) -> None:
-        self._server = server
-        self._calls = calls
+        self._loop = asyncio.get_running_loop()
+        self._methods: dict[str, _Method] = {}
+        self._lock = threading.Lock()
+        self._answers: set[_Answer] = set()
+        self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
         """Nothing: these are the same methods again, as they were registered before gRPC 1.67."""
 
     def add_registered_method_handlers(self, service: str, handlers: Mapping[str, _Handler]) -> None:
         """The methods of a service."""
-        wrapped = {name: self._calls.wrapped(f"/{service}/{name}", each) for name, each in handlers.items()}
-        self._server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler(service, wrapped),))
+        for name, handler in handlers.items():
+            self._methods[f"/{service}/{name}"] = _Method(handler)
+
+    def take(self, call: Call) -> None:
+        """Answers a call. On the thread that waits for gRPC."""
+        method = self._methods.get(call.method)
+        if method is None:
+            call.finish(code=grpc.StatusCode.UNIMPLEMENTED, details=f"there is no method {call.method:.100}")
+        else:
+            method.kind(self, method, call).begin()
+
+    @property
+    def running_count(self) -> int:
+        """How many calls are being answered."""
+        return len(self._answers)
+
+    def begin_shutdown(self) -> None:
+        """Ends the streams, and refuses new calls that fly. On the event loop, as all that ends calls."""
+        self.is_shutting_down = True
+        self._end(streams=True)
+
+    def end_waiting(self) -> None:
+        """Ends the calls that still wait for something."""
+        self._end(streams=False)
+
+    def _end(self, *, streams: bool) -> None:
+        with self._lock:
+            ending = [answer for answer in self._answers if answer.is_stream is streams]
+        for answer in ending:
+            answer.end()
+
+    # --- For the answers ----------------------------------------------------------------------------------------------
+
+    def join(self, answer: _Answer) -> None:
+        """It runs from now on, to be ended by a shutdown."""
+        with self._lock:
+            self._answers.add(answer)
+
+    def leave(self, answer: _Answer) -> None:
+        """It has ended."""
+        with self._lock:
+            self._answers.discard(answer)
+
+    def require_welcome(self, call: Call) -> None:
+        """Refuses a call for another UAV, and one that flies where the shutdown has begun."""
+        if self.is_shutting_down and call.method.startswith(self._shutdown_refuses):
+            raise StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
+        for key, value in call.metadata:
+            if key == NAMESPACE_KEY and value != self._ns:
+                raise InvalidArgumentError(
+                    f"this daemon flies {self._ns}, not {value!s:.64}", {"field": NAMESPACE_KEY, "namespace": self._ns}
+                )
+
+    def tell_log(self, call: Call | None) -> None:
+        """What this thread, or this task, logs from now on is about this UAV, and of this caller."""
+        logs.caller.set(None if call is None else call.peer)
+        logs.uav.set(self._log_name)
+
+    def on_loop(self, callback: Callable[..., object], *arguments: object) -> None:
+        """Calls it on the event loop, soon; not at all once that is closed."""
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(callback, *arguments)
 
 
-async def _respond(serve: Callable[[object, _Context], Any], request: object, context: _Context) -> None:
-    """Writes the responses of a stream. Here, and not handed on by yield, so that a call that is ended while it writes
-    ends here, too.
-    """
-    async with aclosing(serve(request, context)) as responses:
-        async for response in responses:
-            await context.write(response)
+class _Method:
+    """A method of a service, and how it is answered."""
+
+    def __init__(self, handler: _Handler) -> None:
+        # Generated code gives all three; gRPC's types do not know that.
+        self.decode = cast("Callable[[bytes], Any]", handler.request_deserializer)
+        self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
+        self.serve = cast(
+            "Callable[[Any, Any], Any]",
+            handler.unary_unary or handler.unary_stream or handler.stream_unary or handler.stream_stream,
+        )
+        self.is_asked_by_stream: bool = handler.request_streaming
+        self.is_answered_by_stream: bool = handler.response_streaming
+        self.kind: type[_Answer]
+        if inspect.iscoroutinefunction(self.serve) or inspect.isasyncgenfunction(self.serve):
+            self.kind = _OnLoop
+        elif self.is_asked_by_stream:
+            self.kind = _Received
+        else:
+            self.kind = _Sent if self.is_answered_by_stream else _AtOnce
 
 
-async def _abort(context: _Context, error: UalError) -> None:
-    status = rpc_errors.to_grpc_status(error)
-    await context.abort(status.code, status.details, status.trailing_metadata)
+class _Answer:
+    """One call that is being answered."""
+
+    def __init__(self, calls: Calls, method: _Method, call: Call) -> None:
+        self.is_stream = method.is_asked_by_stream or method.is_answered_by_stream
+        self._calls = calls
+        self._method = method
+        self._call = call
+
+    def begin(self) -> None:
+        """Begins with it."""
+        if self._method.is_answered_by_stream:
+            # Now, and not with the first message: the caller knows that he is heard.
+            self._call.begin()
+        self._do(self._begin)
+
+    def end(self) -> None:
+        """The daemon shuts down."""
+        self._fail(self._shutdown())
+
+    def _do(self, step: Callable[..., None], *arguments: object) -> None:
+        """Does a step of it, on the thread that waits for gRPC. What goes wrong there ends the call."""
+        self._calls.tell_log(self._call)
+        try:
+            step(*arguments)
+        except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
+            self._fail(error)
+        finally:
+            self._calls.tell_log(None)  # the thread must not hold the call
+
+    def _begin(self) -> None:
+        self._calls.require_welcome(self._call)
+        self._call.receive(partial(self._do, self._receive))
+
+    def _receive(self, message: bytes | None) -> None:
+        if message is None:
+            raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self._call.method} takes one request")
+        self._answer(self._decoded(message))
+
+    def _answer(self, request: object) -> None:
+        raise NotImplementedError
+
+    def _decoded(self, message: bytes) -> Any:  # noqa: ANN401  each method has its own
+        try:
+            return self._method.decode(message)
+        except DecodeError as error:
+            raise StatusError(grpc.StatusCode.INTERNAL, f"{self._call.method}: no such message: {error}") from None
+
+    def _shutdown(self) -> Exception:
+        if self.is_stream:
+            return StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
+        return TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"})
+
+    def _fail(self, error: BaseException) -> None:
+        self._calls.leave(self)
+        if isinstance(error, StatusError):
+            self._call.finish(code=error.code, details=str(error))
+            return
+        if isinstance(error, UalError):
+            # The vehicle has logged what it refused; this is for what did not come so far.
+            logs.event(_log, logging.DEBUG, "call_failed", method=self._call.method, reason=error.reason, why=error)
+        else:
+            _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
+            error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
+        status = rpc_errors.to_grpc_status(error)
+        self._call.finish(None, status.code, status.details, status.trailing_metadata)
+
+
+class _AtOnce(_Answer):
+    """By one message, where the request was received."""
+
+    def _answer(self, request: object) -> None:
+        self._call.finish(self._method.encode(self._method.serve(request, None)))
+
+
+class _Received(_Answer):
+    """By one message, after all those of a stream have been received, each of which is taken where it was received."""
+
+    def _begin(self) -> None:
+        self._calls.join(self)
+        self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
+        next(self._requests)
+        super()._begin()
+
+    def _receive(self, message: bytes | None) -> None:
+        if self._call.is_finished:  # by a shutdown: what comes now is not for us any more
+            return
+        try:
+            self._requests.send(None if message is None else self._decoded(message))
+        except StopIteration as ended:
+            self._calls.leave(self)
+            self._call.finish(self._method.encode(ended.value))
+        else:
+            self._call.receive(partial(self._do, self._receive))
+
+
+class _Sent(_Answer):
+    """By messages that are sent from elsewhere."""
+
+    _stop: Callable[[], None] | None = None
+
+    def _begin(self) -> None:
+        self._call.watch(self._on_cancel)
+        self._calls.join(self)
+        super()._begin()
+
+    def _answer(self, request: object) -> None:
+        self._stop = self._method.serve(request, self._call)
+        if self._call.is_cancelled or self._call.is_finished:  # meanwhile; by a shutdown
+            self._stop()
+
+    def end(self) -> None:
+        super().end()
+        if self._stop is not None:
+            self._stop()
+
+    def _on_cancel(self) -> None:
+        self._calls.leave(self)
+        if self._stop is not None:
+            self._stop()
+
+
+class _OnLoop(_Answer):
+    """By a coroutine, or by an asynchronous generator, on the event loop."""
+
+    _task: asyncio.Task[bytes | None] | None = None
+
+    def _begin(self) -> None:
+        self._call.watch(self._on_cancel)
+        self._calls.join(self)
+        self._call.peer()  # it may end before the log needs it
+        if self._method.is_asked_by_stream:
+            self._calls.require_welcome(self._call)
+            self._answer(self._requests())
+        else:
+            super()._begin()
+
+    def _answer(self, request: object) -> None:
+        self._calls.on_loop(self._start, request)
+
+    def end(self) -> None:
+        if self._task is None:
+            super().end()
+        else:
+            self._task.cancel()
+
+    def _start(self, request: object) -> None:
+        if self._call.is_finished:  # by a shutdown
+            return
+        self._task = asyncio.create_task(self._serve(request))
+        self._task.add_done_callback(self._on_end)
+        if self._call.is_cancelled:  # before there was a task
+            self._task.cancel()
+
+    def _on_cancel(self) -> None:
+        self._calls.on_loop(self._cancel)
+
+    def _cancel(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _serve(self, request: object) -> bytes | None:
+        self._calls.tell_log(self._call)
+        if not self._method.is_answered_by_stream:
+            return self._method.encode(await self._method.serve(request, None))
+        async with aclosing(self._method.serve(request, None)) as responses:
+            async for response in responses:
+                await self._until(partial(self._call.send, self._method.encode(response)))
+        return None
+
+    def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
+        self._calls.leave(self)
+        if task.cancelled():
+            if not self._call.is_cancelled:
+                self._fail(self._shutdown())
+            return
+        error = task.exception()
+        if error is None:
+            self._call.finish(task.result())
+        else:
+            self._fail(error)
+
+    async def _requests(self) -> AsyncIterator[Any]:
+        while (message := await self._until(self._call.receive)) is not None:
+            yield self._decoded(message)
+
+    async def _until(self, start: Callable[[Callable[[T], None]], None]) -> T:
+        """What an operation ends with."""
+        ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+
+        def tell(result: T) -> None:
+            if not ended.done():
+                ended.set_result(result)
+
+        start(lambda result: self._calls.on_loop(tell, result))
+        return await ended

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Iterable
-from typing import TypeAlias
 
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
+from ual_daemon.server.calls import StatusError
+
 _Status = health_pb2.HealthCheckResponse
-_Context: TypeAlias = "grpc.aio.ServicerContext[health_pb2.HealthCheckRequest, health_pb2.HealthCheckResponse]"
 
 
 class HealthServicer(health_pb2_grpc.HealthServicer):
@@ -32,21 +32,20 @@ class HealthServicer(health_pb2_grpc.HealthServicer):
         self._changed.set()
         self._changed = asyncio.Event()
 
-    async def Check(  # noqa: N802  the contract's name
+    def Check(  # noqa: N802  the contract's name
         self,
         request: health_pb2.HealthCheckRequest,
-        context: _Context,
+        context: object,
     ) -> health_pb2.HealthCheckResponse:
         if request.service not in self._services:
-            await context.abort(grpc.StatusCode.NOT_FOUND, f"no service {request.service!r} here")
+            raise StatusError(grpc.StatusCode.NOT_FOUND, f"no service {request.service!r} here")
         return health_pb2.HealthCheckResponse(status=self._status)
 
     async def Watch(  # noqa: N802
         self,
         request: health_pb2.HealthCheckRequest,
-        context: _Context,
+        context: object,
     ) -> AsyncIterator[health_pb2.HealthCheckResponse]:
-        del context
         told = None
         while True:
             changed, status = self._changed, self._status

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
+from typing import cast
 
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
@@ -14,10 +16,12 @@ from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.calls import Calls
+from ual_daemon.server.core import Core, CoreServer
 from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.simulation_service import SimulationServicer
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Hops, Updates
+from ual_daemon.server.waiting import completion
 from ual_daemon.vehicle import Vehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
@@ -49,32 +53,32 @@ _GRACE_S = 1.0
 class Server:
     """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made.
 
-    Servers of one process share their `hops`.
+    Servers of one process share the `core`, and their `hops`.
     """
 
-    def __init__(self, vehicle: Vehicle, hops: Hops | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, core: Core, hops: Hops | None = None) -> None:
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
         # A simulated safety pilot must be able to act until the end.
-        self._calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
+        self._calls = calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
         self._health = HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, hops)
-        self._server = grpc.aio.server(options=_OPTIONS)
-        server = self._calls.before(self._server)
-        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), server)
+        self._server = CoreServer(core, _OPTIONS, calls.take)
+        registry = cast("grpc.aio.Server", calls)
+        ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:
-            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), server)
-        health_pb2_grpc.add_HealthServicer_to_server(self._health, server)
+            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), registry)
+        health_pb2_grpc.add_HealthServicer_to_server(self._health, registry)
         names = [*services, _HEALTH_SERVICE, reflection.SERVICE_NAME]
         servicer = reflection.aio.ReflectionServicer(names)
-        reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, server)  # type: ignore[no-untyped-call]
+        reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, registry)  # type: ignore[no-untyped-call]
 
-    async def start(
+    def start(
         self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None
     ) -> tuple[Address, ...]:
         """Begins to serve; the addresses with the ports that they got. Raises `ListenError`."""
         bound = tuple(bind(self._server, address, credentials) for address in addresses)
-        await self._server.start()
+        self._server.start()
         return bound
 
     def begin_shutdown(self) -> None:
@@ -86,7 +90,11 @@ class Server:
     async def stop(self) -> None:
         """Ends what still waits, and closes."""
         self._calls.end_waiting()
-        await self._server.stop(_GRACE_S)
+        stopped = completion(self._server.stop())
+        await asyncio.wait((stopped,), timeout=_GRACE_S)
+        if not stopped.done():
+            self._server.cancel_calls()
+            await stopped
 
     def _on_state(self, state: State) -> None:
         self._health.set_serving(state is not State.UNINITIALIZED)

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any, TypeAlias
-
-import grpc
 
 from ual import convert
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
-
-_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
 _SLICE_S = 1.0
 _LONGEST_STEP_S = 3600.0
@@ -30,21 +25,19 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     # Names and order are those of the contract.
     # ruff: noqa: N802
 
-    async def PilotArm(self, request: pb.PilotArmRequest, context: _Context) -> pb.PilotArmResponse:
+    async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
         await asyncio.to_thread(self._simulation.pilot_arm)
         return pb.PilotArmResponse()
 
-    async def PilotDisarm(self, request: pb.PilotDisarmRequest, context: _Context) -> pb.PilotDisarmResponse:
+    async def PilotDisarm(self, request: pb.PilotDisarmRequest, context: object) -> pb.PilotDisarmResponse:
         await asyncio.to_thread(self._simulation.pilot_disarm)
         return pb.PilotDisarmResponse()
 
-    async def PilotTakeOver(self, request: pb.PilotTakeOverRequest, context: _Context) -> pb.PilotTakeOverResponse:
+    async def PilotTakeOver(self, request: pb.PilotTakeOverRequest, context: object) -> pb.PilotTakeOverResponse:
         await asyncio.to_thread(self._simulation.pilot_take_over)
         return pb.PilotTakeOverResponse()
 
-    async def PilotMoveSticks(
-        self, request: pb.PilotMoveSticksRequest, context: _Context
-    ) -> pb.PilotMoveSticksResponse:
+    async def PilotMoveSticks(self, request: pb.PilotMoveSticksRequest, context: object) -> pb.PilotMoveSticksResponse:
         await asyncio.to_thread(
             self._simulation.pilot_move_sticks,
             forward=request.forward,
@@ -54,28 +47,28 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         )
         return pb.PilotMoveSticksResponse()
 
-    async def PilotGiveBack(self, request: pb.PilotGiveBackRequest, context: _Context) -> pb.PilotGiveBackResponse:
+    async def PilotGiveBack(self, request: pb.PilotGiveBackRequest, context: object) -> pb.PilotGiveBackResponse:
         await asyncio.to_thread(self._simulation.pilot_give_back)
         return pb.PilotGiveBackResponse()
 
-    async def BeginFault(self, request: pb.BeginFaultRequest, context: _Context) -> pb.BeginFaultResponse:
+    async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
         fault = convert.fault_from_proto(request.fault)
         return pb.BeginFaultResponse(
             fault_id=await asyncio.to_thread(self._simulation.begin_fault, fault, request.duration_s)
         )
 
-    async def EndFault(self, request: pb.EndFaultRequest, context: _Context) -> pb.EndFaultResponse:
+    async def EndFault(self, request: pb.EndFaultRequest, context: object) -> pb.EndFaultResponse:
         await asyncio.to_thread(self._simulation.end_fault, request.fault_id)
         return pb.EndFaultResponse()
 
-    async def ListFaults(self, request: pb.ListFaultsRequest, context: _Context) -> pb.ListFaultsResponse:
+    async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
         return convert.faults_to_proto(await asyncio.to_thread(self._simulation.faults))
 
-    async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: _Context) -> pb.SetSpeedFactorResponse:
+    async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
         await asyncio.to_thread(self._simulation.set_speed_factor, request.speed_factor)
         return pb.SetSpeedFactorResponse()
 
-    async def Step(self, request: pb.StepRequest, context: _Context) -> pb.StepResponse:
+    async def Step(self, request: pb.StepRequest, context: object) -> pb.StepResponse:
         # A thread cannot be interrupted: in slices, so that a step ends with its caller, or with the daemon. A duration
         # that is not allowed goes down as it is, to be refused.
         left_s = request.duration_s
@@ -85,12 +78,12 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         await asyncio.to_thread(self._simulation.step, left_s)
         return pb.StepResponse()
 
-    async def SetNoise(self, request: pb.SetNoiseRequest, context: _Context) -> pb.SetNoiseResponse:
+    async def SetNoise(self, request: pb.SetNoiseRequest, context: object) -> pb.SetNoiseResponse:
         await asyncio.to_thread(
             self._simulation.set_noise, position_m=request.position_m, velocity_m_s=request.velocity_m_s
         )
         return pb.SetNoiseResponse()
 
-    async def SetWind(self, request: pb.SetWindRequest, context: _Context) -> pb.SetWindResponse:
+    async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
         await asyncio.to_thread(self._simulation.set_wind, convert.wind_from_proto(request))
         return pb.SetWindResponse()

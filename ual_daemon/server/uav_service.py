@@ -5,10 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import AsyncIterator
-from typing import Any, TypeAlias
-
-import grpc
+from collections.abc import AsyncIterator, Callable, Generator
 
 from ual import convert
 from ual.errors import InvalidArgumentError
@@ -16,12 +13,11 @@ from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
+from ual_daemon.server.core import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
-
-_Context: TypeAlias = "grpc.aio.ServicerContext[Any, Any]"
 
 _log = logging.getLogger(__name__)
 
@@ -38,56 +34,49 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     # Names and order are those of the contract.
     # ruff: noqa: N802
 
-    async def GetInfo(self, request: pb.GetInfoRequest, context: _Context) -> pb.GetInfoResponse:
+    def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
         return convert.info_to_proto(self._vehicle.info())
 
-    async def GetTelemetry(self, request: pb.GetTelemetryRequest, context: _Context) -> pb.GetTelemetryResponse:
+    def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
         return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
 
-    async def StreamTelemetry(
-        self, request: pb.StreamTelemetryRequest, context: _Context
-    ) -> AsyncIterator[pb.StreamTelemetryResponse]:
-        with self._updates.reader(_rate_hz(request.rate_hz)) as reader:
-            while True:
-                sample, missed_count = await reader.read()
-                if missed_count:
-                    telemetry = sample.message.telemetry
-                    yield pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
-                else:
-                    yield sample.message
+    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `calls`
+        self, request: pb.StreamTelemetryRequest, context: Call
+    ) -> Callable[[], None]:
+        return self._updates.read(_rate_hz(request.rate_hz), context.send)
 
-    async def GetTransform(self, request: pb.GetTransformRequest, context: _Context) -> pb.GetTransformResponse:
+    def GetTransform(self, request: pb.GetTransformRequest, context: object) -> pb.GetTransformResponse:
         transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
         return pb.GetTransformResponse(transform=convert.transform_to_proto(transform))
 
-    async def ListFrames(self, request: pb.ListFramesRequest, context: _Context) -> pb.ListFramesResponse:
+    def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
         return pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
-    async def AddFrame(self, request: pb.AddFrameRequest, context: _Context) -> pb.AddFrameResponse:
+    def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
         self._vehicle.add_frame(convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
-    async def Arm(self, request: pb.ArmRequest, context: _Context) -> pb.ArmResponse:
+    async def Arm(self, request: pb.ArmRequest, context: object) -> pb.ArmResponse:
         await ended(self._vehicle.arm())
         return pb.ArmResponse()
 
-    async def Disarm(self, request: pb.DisarmRequest, context: _Context) -> pb.DisarmResponse:
+    async def Disarm(self, request: pb.DisarmRequest, context: object) -> pb.DisarmResponse:
         await ended(self._vehicle.disarm())
         return pb.DisarmResponse()
 
-    async def TakeOff(self, request: pb.TakeOffRequest, context: _Context) -> pb.TakeOffResponse:
+    async def TakeOff(self, request: pb.TakeOffRequest, context: object) -> pb.TakeOffResponse:
         motion = self._vehicle.motions.take_off(request.height_m)
         if request.dry_run:
             return pb.TakeOffResponse(plan=convert.plan_to_proto(motion.plan))
         return pb.TakeOffResponse(task=await _outcome(motion.begin(), request.non_blocking))
 
-    async def Land(self, request: pb.LandRequest, context: _Context) -> pb.LandResponse:
+    async def Land(self, request: pb.LandRequest, context: object) -> pb.LandResponse:
         motion = self._vehicle.motions.land()
         if request.dry_run:
             return pb.LandResponse(plan=convert.plan_to_proto(motion.plan))
         return pb.LandResponse(task=await _outcome(motion.begin(), request.non_blocking))
 
-    async def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: _Context) -> pb.GoToWaypointResponse:
+    async def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> pb.GoToWaypointResponse:
         motion = self._vehicle.motions.go_to_waypoint(
             convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
         )
@@ -96,9 +85,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
         return pb.GoToWaypointResponse(task=task)
 
-    async def GoToWaypointGeo(
-        self, request: pb.GoToWaypointGeoRequest, context: _Context
-    ) -> pb.GoToWaypointGeoResponse:
+    async def GoToWaypointGeo(self, request: pb.GoToWaypointGeoRequest, context: object) -> pb.GoToWaypointGeoResponse:
         motion = self._vehicle.motions.go_to_waypoint_geo(
             request.latitude_deg,
             request.longitude_deg,
@@ -112,7 +99,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
         return pb.GoToWaypointGeoResponse(task=task)
 
-    async def FollowPath(self, request: pb.FollowPathRequest, context: _Context) -> pb.FollowPathResponse:
+    async def FollowPath(self, request: pb.FollowPathRequest, context: object) -> pb.FollowPathResponse:
         # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
         motion = await asyncio.to_thread(
             self._vehicle.motions.follow_path,
@@ -128,26 +115,26 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
         return pb.FollowPathResponse(task=task)
 
-    async def SetPose(self, request: pb.SetPoseRequest, context: _Context) -> pb.SetPoseResponse:
+    def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = convert.pose_from_proto(request)
         if request.dry_run:
             return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
         self._vehicle.motions.tell_pose(pose)
         return pb.SetPoseResponse()
 
-    async def SetVelocity(self, request: pb.SetVelocityRequest, context: _Context) -> pb.SetVelocityResponse:
+    def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
         velocity = convert.velocity_from_proto(request)
         if request.dry_run:
             return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan))
         self._vehicle.motions.tell_velocity(velocity)
         return pb.SetVelocityResponse()
 
-    async def StreamSetpoints(
-        self, request_iterator: AsyncIterator[pb.StreamSetpointsRequest], context: _Context
-    ) -> pb.StreamSetpointsResponse:
+    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `calls`
+        self, request_iterator: None, context: object
+    ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
         motions = self._vehicle.motions
-        async for request in request_iterator:
+        while (request := (yield)) is not None:
             setpoint = convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
                 motions.tell_velocity(setpoint)
@@ -157,7 +144,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
     async def RecoverFromManual(
-        self, request: pb.RecoverFromManualRequest, context: _Context
+        self, request: pb.RecoverFromManualRequest, context: object
     ) -> pb.RecoverFromManualResponse:
         motion = self._vehicle.motions.recover_from_manual()
         if request.dry_run:
@@ -165,18 +152,18 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         await ended(motion.begin())
         return pb.RecoverFromManualResponse()
 
-    async def SetHome(self, request: pb.SetHomeRequest, context: _Context) -> pb.SetHomeResponse:
+    def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
         self._vehicle.set_home(request.set_z)
         return pb.SetHomeResponse()
 
-    async def Abort(self, request: pb.AbortRequest, context: _Context) -> pb.AbortResponse:
+    def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
         self._vehicle.abort(request.freeze, request.task_id)
         return pb.AbortResponse()
 
-    async def GetTask(self, request: pb.GetTaskRequest, context: _Context) -> pb.GetTaskResponse:
+    def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
         return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
 
-    async def WatchTask(self, request: pb.WatchTaskRequest, context: _Context) -> AsyncIterator[pb.WatchTaskResponse]:
+    async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
         period_s = 1.0 / (_rate_hz(request.rate_hz) or _WATCH_RATE_HZ)
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)

@@ -1,36 +1,53 @@
-"""The vehicle's updates, brought from its thread to the event loop and handed to whoever reads there.
+"""The vehicle's updates, sent to whoever reads them, and its states, told on the event loop.
 
-One hop for each update that is due for somebody; updates that come faster than the loop runs become one. A reader that
-is slow finds the newest sample and the number of those it lost; it holds up nobody.
+A few readers get a sample from the vehicle's own thread, as soon as it is made. Where there are more, or a process
+flies many UAVs, sending would take that thread too long: the event loop does it then, and updates that come faster than
+it runs become one. A reader that is slow gets the newest sample and the number of those it lost; it holds up nobody.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
+import threading
+import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
+from typing import TypeAlias
 
 from ual import convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.vehicle import Vehicle
 
+_OWN_THREAD_COUNT = 4
+"""To so many readers the vehicle's thread sends by itself: 0.1 ms each."""
+
+Send: TypeAlias = Callable[[bytes, Callable[[bool], None]], None]
+"""Sends a message, and tells when it is out (or that it never will be); only then may the next be sent."""
+
 
 class Sample:
-    """One sample; its message is made once for all readers."""
+    """One sample; its message is made, and packed, once for all readers."""
 
     def __init__(self, telemetry: Telemetry) -> None:
         self.telemetry = telemetry
 
     @cached_property
-    def message(self) -> pb.StreamTelemetryResponse:
-        """The message for a reader that lost nothing."""
+    def packed(self) -> bytes:
+        """A ``StreamTelemetryResponse`` for a reader that lost nothing."""
         message = pb.StreamTelemetryResponse()
         convert.write_telemetry(self.telemetry, message.telemetry)
-        return message
+        return message.SerializeToString()
+
+    def packed_after(self, missed_count: int) -> bytes:
+        """The same for a reader that lost so many before."""
+        if not missed_count:
+            return self.packed
+        # Two messages of which one follows the other are read as one with the fields of both.
+        return self.packed + pb.StreamTelemetryResponse(missed_count=missed_count).SerializeToString()
 
 
 class Hops:
@@ -46,6 +63,11 @@ class Hops:
         self._gather_s = gather_s
         self._waiting: deque[Callable[[], None]] = deque()
         self._is_under_way = False
+
+    @property
+    def gathers(self) -> bool:
+        """Whether calls go over together."""
+        return self._gather_s > 0.0
 
     def call(self, callback: Callable[[], None]) -> None:
         """Calls it on the loop, soon; not at all once that is closed."""
@@ -69,65 +91,84 @@ class Hops:
 
 
 class Reader:
-    """Holds the newest sample for one reader until it is read, at most `rate_hz` of them (0: each)."""
+    """Sends the newest sample to one reader when the one before it is out, at most `rate_hz` of them (0: each)."""
 
-    def __init__(self, rate_hz: float, first: Sample) -> None:
+    def __init__(self, rate_hz: float, first: Sample, send: Send, clock: Callable[[], float] = time.monotonic) -> None:
         self._period_s = 1.0 / rate_hz if rate_hz > 0.0 else 0.0
-        self._loop = asyncio.get_running_loop()
-        self._due_s = self._loop.time() + self._period_s
-        self._newest: Sample | None = first
+        self._send = send
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._due_s = clock() + self._period_s
+        self._newest: Sample | None = None
         self._sequence = first.telemetry.sequence
         self._missed_count = 0
-        self._waiting: asyncio.Future[None] | None = None
+        self._is_sending = True
+        send(first.packed, self._on_sent)
 
     @property
     def due_s(self) -> float:
-        """When it takes the next sample, by the loop's time."""
+        """When it takes the next sample, by its clock."""
         return self._due_s
 
     def offer(self, sample: Sample) -> None:
         """Takes the sample, unless the rate leaves it out."""
-        now_s = self._loop.time()
-        if now_s < self._due_s or sample.telemetry.sequence <= self._sequence:
-            return
-        if self._period_s:
-            self._missed_count += self._newest is not None
-        else:  # each sample was due: count those, too, that never came here
-            self._missed_count += sample.telemetry.sequence - self._sequence - (self._newest is None)
-        # From when it was due, not from now: else every sample would be late by up to an update.
-        self._due_s = max(self._due_s + self._period_s, now_s)
-        self._sequence = sample.telemetry.sequence
-        self._newest = sample
-        if self._waiting is not None and not self._waiting.done():
-            self._waiting.set_result(None)
+        now_s = self._clock()
+        with self._lock:
+            if now_s < self._due_s or sample.telemetry.sequence <= self._sequence:
+                return
+            if self._period_s:
+                self._missed_count += self._newest is not None
+            else:  # each sample was due: count those, too, that never came here
+                self._missed_count += sample.telemetry.sequence - self._sequence - (self._newest is None)
+            # From when it was due, not from now: else every sample would be late by up to an update.
+            self._due_s = max(self._due_s + self._period_s, now_s)
+            self._sequence = sample.telemetry.sequence
+            self._newest = sample
+            if self._is_sending:
+                return
+            self._is_sending = True
+            message = self._take()
+        self._send(message, self._on_sent)
 
-    async def read(self) -> tuple[Sample, int]:
-        """The newest sample, once there is one that was not read, and how many were lost since the one before."""
-        if self._newest is None:
-            self._waiting = self._loop.create_future()
-            await self._waiting
+    def _on_sent(self, is_out: bool) -> None:
+        with self._lock:
+            if self._newest is None or not is_out:
+                self._is_sending = False
+                return
+            message = self._take()
+        self._send(message, self._on_sent)
+
+    def _take(self) -> bytes:
         assert self._newest is not None
         sample, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
-        return sample, missed_count
+        return sample.packed_after(missed_count)
 
 
 class Updates:
-    """The updates of one vehicle, on the loop that runs when this is made. `on_state` is called there, too.
+    """The updates of one vehicle. Belongs to the loop that runs when this is made, where `on_state` is called.
 
     Vehicles of one process share their `hops`.
     """
 
-    def __init__(self, vehicle: Vehicle, on_state: Callable[[State], None], hops: Hops | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        on_state: Callable[[State], None],
+        hops: Hops | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._vehicle = vehicle
         self._hops = hops or Hops()
         self._on_state = on_state
+        self._clock = clock
         self._loop = asyncio.get_running_loop()
-        self._readers: set[Reader] = set()
+        self._lock = threading.Lock()
+        self._readers: tuple[Reader, ...] = ()
         self._state = State.UNINITIALIZED
         self._changed = asyncio.Event()
-        # Written by one thread, the vehicle's or the loop's, and read by the other: single references, so that no lock
-        # is needed.
+        self._own_thread_count = 0 if self._hops.gathers else _OWN_THREAD_COUNT
+        # Single references, replaced as a whole: read without the lock.
         self._due_s = math.inf
         self._newest: Telemetry | None = None
         self._is_hop_under_way = False
@@ -150,23 +191,25 @@ class Updates:
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._changed.wait(), timeout_s)
 
-    @contextmanager
-    def reader(self, rate_hz: float = 0.0) -> Iterator[Reader]:
-        """A reader, whose first sample is there at once."""
-        reader = Reader(rate_hz, Sample(self._vehicle.telemetry()))
-        self._readers.add(reader)
-        self._plan()
-        try:
-            yield reader
-        finally:
-            self._readers.discard(reader)
+    def read(self, rate_hz: float, send: Send) -> Callable[[], None]:
+        """Sends samples to a reader from now on, the first at once; see `Reader`. Returns what ends it."""
+        reader = Reader(rate_hz, Sample(self._vehicle.telemetry()), send, self._clock)
+        with self._lock:
+            self._readers = (*self._readers, reader)
             self._plan()
+
+        def end() -> None:
+            with self._lock:
+                self._readers = tuple(other for other in self._readers if other is not reader)
+                self._plan()
+
+        return end
 
     def _plan(self) -> None:
         self._due_s = min((reader.due_s for reader in self._readers), default=math.inf)
 
     def _is_due(self) -> bool:
-        return self._loop.time() >= self._due_s
+        return self._clock() >= self._due_s
 
     def _on_change(self, state: State) -> None:
         self._hops.call(self._tell_state)
@@ -180,7 +223,9 @@ class Updates:
 
     def _on_update(self, telemetry: Telemetry) -> None:
         self._newest = telemetry
-        if not self._is_hop_under_way:
+        if len(self._readers) <= self._own_thread_count:
+            self._deliver()
+        elif not self._is_hop_under_way:
             self._is_hop_under_way = True
             self._hops.call(self._deliver)
 
@@ -192,4 +237,5 @@ class Updates:
         sample = Sample(telemetry)
         for reader in self._readers:
             reader.offer(sample)
-        self._plan()
+        with self._lock:
+            self._plan()

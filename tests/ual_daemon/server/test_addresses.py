@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-import asyncio
 import os
 import socket
 import stat
 from pathlib import Path
 
-import grpc
 import pytest
 
 from ual_daemon.server.addresses import Address, ListenError, bind, parse
+from ual_daemon.server.core import Core, CoreServer
 from ual_daemon.settings import ConfigError
 
 
@@ -61,14 +60,15 @@ def test_only_loopback_and_unix_are_local(text: str, is_local: bool) -> None:
 
 
 def try_to_bind(address: Address) -> Address:
-    async def run() -> Address:
-        server = grpc.aio.server(options=[("grpc.so_reuseport", 0)])
-        try:
-            return bind(server, address, None)
-        finally:
-            await server.stop(None)
-
-    return asyncio.run(run())
+    core = Core()
+    server = CoreServer(core, [("grpc.so_reuseport", 0)], lambda _: None)
+    try:
+        bound = bind(server, address, None)
+        server.start()
+        return bound
+    finally:
+        server.stop().result(30.0)
+        core.close()
 
 
 def test_any_port_becomes_the_one_it_got() -> None:

@@ -2,25 +2,41 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import AsyncIterator
 from concurrent.futures import Future
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import Any, cast
 
 import grpc
 import pytest
 
+from tests.ual_daemon.server.serving import serving
 from ual import rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
-from ual.types import State, Telemetry
+from ual.types import State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
-from ual_daemon.server.calls import SHUTTING_DOWN, Calls
+from ual_daemon.server.calls import Calls
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
+from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
+
+LIMIT_S = 30.0
+
+
+class StandingClock:
+    """Time does not matter here."""
+
+    def now_s(self) -> float:
+        return 0.0
+
+    def utc_s(self) -> float:
+        return 0.0
 
 
 class FakeVehicle:
@@ -33,8 +49,9 @@ class FakeVehicle:
         self.is_arming = asyncio.Event()
         self.callers: list[str] = []
         self.setpoints: list[TwistStamped] = []
-        self.has_setpoint = asyncio.Event()
+        self.has_setpoint = threading.Event()
         self.motions = self
+        self.watched = VehicleTask(TaskKind.LAND, "a task that runs", StandingClock(), lambda _: None)
 
     def telemetry(self) -> Telemetry:
         return Telemetry(State.LANDED_DISARMED)
@@ -49,15 +66,17 @@ class FakeVehicle:
         return lambda: None
 
     def set_home(self, set_z: bool) -> None:
-        self.callers.append(logs.caller.get())
+        who = logs.caller.get()
+        assert who is not None
+        self.callers.append(who())
         if set_z:
             raise WrongStateError("set_home: not in FLYING_AUTO", {"state": "FLYING_AUTO"})
 
     def frames(self) -> object:
         raise RuntimeError("a defect")
 
-    def task(self, task_id: str) -> object:
-        raise grpc.aio.InternalError(f"{task_id}: what a write raises once the caller is gone")
+    def task(self, task_id: str) -> VehicleTask:
+        return self.watched
 
     def arm(self) -> Future[None]:
         self.is_arming.set()
@@ -73,27 +92,21 @@ class FakeVehicle:
 class Served:
     """A server of a fake vehicle, and a client."""
 
-    def __init__(self, vehicle: FakeVehicle, calls: Calls, stub: ual_pb2_grpc.UalServiceAsyncStub) -> None:
+    def __init__(self, vehicle: FakeVehicle, calls: Calls, channel: grpc.aio.Channel) -> None:
         self.vehicle = vehicle
         self.calls = calls
-        self.stub = stub
+        self.channel = channel
+        self.stub = ual_pb2_grpc.UalServiceStub(channel)
 
 
 @asynccontextmanager
 async def served() -> AsyncIterator[Served]:
     vehicle = FakeVehicle()
     calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
-    server = grpc.aio.server()
     updates = Updates(cast("Vehicle", vehicle), lambda _: None)
-    ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(cast("Vehicle", vehicle), updates), calls.before(server))
-    port = server.add_insecure_port("127.0.0.1:0")
-    await server.start()
-    try:
-        async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            stub = ual_pb2_grpc.UalServiceStub(channel)
-            yield Served(vehicle, calls, stub)
-    finally:
-        await server.stop(None)
+    servicer = UalServicer(cast("Vehicle", vehicle), updates)
+    async with serving(calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as channel:
+        yield Served(vehicle, calls, channel)
 
 
 async def error_of(call: Any) -> UalError:
@@ -133,15 +146,60 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(caplog: pytest.LogCa
     assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
 
 
-def test_a_caller_that_is_gone_is_no_defect(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(caplog: pytest.LogCaptureFixture) -> None:
     async def run() -> None:
         async with served() as it:
-            async for _ in it.stub.WatchTask(pb.WatchTaskRequest(task_id="1")):
-                raise AssertionError("nothing was written")
+            watching = it.stub.WatchTask(pb.WatchTaskRequest(task_id="1", rate_hz=1000.0))
+            await watching.read()
+            arming = it.stub.Arm(pb.ArmRequest())
+            await it.vehicle.is_arming.wait()
+            telemetry = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
+            await telemetry.read()
+            assert it.calls.running_count == 3
+            for call in (watching, arming, telemetry):
+                call.cancel()
+            while it.calls.running_count:  # noqa: ASYNC110  it ends in another thread
+                await asyncio.sleep(0.01)
+            assert not it.vehicle.arming.done()  # what others may wait for goes on
 
     with caplog.at_level(logging.INFO, "ual_daemon"):
         asyncio.run(run())
     assert not caplog.records
+
+
+def test_what_is_no_message_is_refused() -> None:
+    async def run() -> None:
+        async with served() as it:
+            call: Any = it.channel.unary_unary("/ual.v1.UalService/SetHome")
+            with pytest.raises(grpc.aio.AioRpcError, match="no such message") as caught:
+                await call(b"\x0a\xff")
+            assert caught.value.code() is grpc.StatusCode.INTERNAL
+            assert not it.vehicle.callers
+
+    asyncio.run(run())
+
+
+def test_a_method_that_is_not_there_is_unimplemented() -> None:
+    async def run() -> None:
+        async with served() as it:
+            call: Any = it.channel.unary_unary("/ual.v1.UalService/Loop")
+            with pytest.raises(grpc.aio.AioRpcError, match=r"no method /ual\.v1\.UalService/Loop") as caught:
+                await call(b"")
+            assert caught.value.code() is grpc.StatusCode.UNIMPLEMENTED
+
+    asyncio.run(run())
+
+
+def test_a_call_without_its_request_is_refused() -> None:
+    async def run() -> None:
+        async with served() as it:
+            call: Any = it.channel.stream_unary("/ual.v1.UalService/SetHome")()
+            await call.done_writing()
+            with pytest.raises(grpc.aio.AioRpcError, match="takes one request"):
+                await call
+            assert not it.vehicle.callers
+
+    asyncio.run(run())
 
 
 def test_another_uavs_name_is_refused() -> None:
@@ -164,7 +222,7 @@ def test_the_vehicle_knows_who_calls() -> None:
             await it.stub.SetHome(pb.SetHomeRequest())
             (caller,) = it.vehicle.callers
             assert caller.startswith("ipv4:127.0.0.1:")
-        assert logs.caller.get() == "in-process"
+        assert logs.caller.get() is None
 
     asyncio.run(run())
 
@@ -213,7 +271,7 @@ def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> Non
             await telemetry.read()
             setpoints = it.stub.StreamSetpoints()
             await setpoints.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
-            await it.vehicle.has_setpoint.wait()
+            assert await asyncio.to_thread(it.vehicle.has_setpoint.wait, LIMIT_S)
             arming = it.stub.Arm(pb.ArmRequest())
             await it.vehicle.is_arming.wait()
             it.calls.begin_shutdown()
@@ -254,52 +312,16 @@ def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
     asyncio.run(run())
 
 
-class SlowToBegin:
-    """A call whose beginning takes a while to be sent."""
-
-    def __init__(self) -> None:
-        self.is_beginning = asyncio.Event()
-        self.goes_on = asyncio.Event()
-        self.has_begun = False
-        self.aborted: tuple[bool, str] | None = None
-
-    async def send_initial_metadata(self, _: object) -> None:
-        self.is_beginning.set()
-        await self.goes_on.wait()
-        self.has_begun = True
-
-    async def abort(self, _: grpc.StatusCode, details: str, *__: object) -> None:
-        self.aborted = (self.has_begun, details)
-        raise grpc.aio.AbortError
-
-    def peer(self) -> str:
-        return ""
-
-    def cancelled(self) -> bool:
-        return False
-
-    def invocation_metadata(self) -> tuple[()]:
-        return ()
-
-
-def test_shutdown_ends_no_stream_before_its_beginning_is_sent() -> None:
-    """gRPC would send that once more, and the caller would never hear of the end."""
-
-    async def never(*_: object) -> AsyncIterator[pb.StreamTelemetryResponse]:
-        raise AssertionError("it flies no more")
-        yield
-
+def test_no_setpoint_is_taken_after_the_shutdown_has_begun() -> None:
     async def run() -> None:
-        calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
-        handler = calls.wrapped("/ual.v1.UalService/StreamTelemetry", grpc.unary_stream_rpc_method_handler(never))
-        context = SlowToBegin()
-        call = asyncio.ensure_future(cast("Any", handler.unary_stream)(pb.StreamTelemetryRequest(), context))
-        await context.is_beginning.wait()
-        calls.begin_shutdown()
-        await asyncio.sleep(0)
-        context.goes_on.set()
-        with pytest.raises(grpc.aio.AbortError):
-            await call
-        assert context.aborted == (True, SHUTTING_DOWN)
+        async with served() as it:
+            stream = it.stub.StreamSetpoints()
+            await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
+            assert await asyncio.to_thread(it.vehicle.has_setpoint.wait, LIMIT_S)
+            it.calls.begin_shutdown()
+            with suppress(grpc.aio.AioRpcError):  # it may know of the end already
+                await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.6)))
+            assert await stream.code() is not grpc.StatusCode.OK
+            assert [each.twist.linear.x for each in it.vehicle.setpoints] == [0.5]
 
     asyncio.run(run())

@@ -3,12 +3,15 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 
 import grpc
 import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
+from tests.ual_daemon.server.serving import serving
+from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
 
 SERVING = health_pb2.HealthCheckResponse.SERVING
@@ -19,15 +22,9 @@ SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
 @asynccontextmanager
 async def served() -> AsyncIterator[tuple[HealthServicer, Any]]:
     servicer = HealthServicer(["ual.v1.UalService"])
-    server = grpc.aio.server()
-    health_pb2_grpc.add_HealthServicer_to_server(servicer, server)
-    port = server.add_insecure_port("127.0.0.1:0")
-    await server.start()
-    try:
-        async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            yield servicer, health_pb2_grpc.HealthStub(channel)
-    finally:
-        await server.stop(None)
+    calls = Calls("uav_1", shutdown_refuses=())
+    async with serving(calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as channel:
+        yield servicer, health_pb2_grpc.HealthStub(channel)
 
 
 def request(service: str = "") -> health_pb2.HealthCheckRequest:

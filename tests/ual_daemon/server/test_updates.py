@@ -3,10 +3,14 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
+import pytest
+
+from ual import convert
 from ual.types import State, Telemetry
-from ual_daemon.server.updates import Reader, Sample, Updates
+from ual.v1 import ual_pb2 as pb
+from ual_daemon.server.updates import Hops, Reader, Sample, Updates
 from ual_daemon.vehicle import Vehicle
 
 
@@ -44,13 +48,37 @@ class FakeVehicle:
                     callback(self.newest)
 
 
-class Clock(asyncio.SelectorEventLoop):
-    """A loop whose time tests set."""
+class Clock:
+    """A clock that tests set."""
 
     now_s = 1000.0
 
-    def time(self) -> float:
+    def __call__(self) -> float:
         return self.now_s
+
+
+class Receiver:
+    """Gets what is sent, one message at a time: the next may come when it has taken the one before."""
+
+    def __init__(self) -> None:
+        self.received: list[pb.StreamTelemetryResponse] = []
+        self._on_sent: Callable[[bool], None] | None = None
+
+    def send(self, message: bytes, then: Callable[[bool], None]) -> None:
+        assert self._on_sent is None, "two at a time"
+        self.received.append(pb.StreamTelemetryResponse.FromString(message))
+        self._on_sent = then
+
+    def take(self, is_out: bool = True) -> None:
+        """The message that was sent last is out."""
+        on_sent, self._on_sent = self._on_sent, None
+        if on_sent is not None:
+            on_sent(is_out)
+
+    @property
+    def found(self) -> list[tuple[int, int]]:
+        """Sequence and missed_count of what came."""
+        return [(each.telemetry.sequence, each.missed_count) for each in self.received]
 
 
 def sample(sequence: int) -> Sample:
@@ -58,30 +86,17 @@ def sample(sequence: int) -> Sample:
 
 
 def read_all(rate_hz: float, period_s: float, count: int, read_every: int = 1) -> list[tuple[int, int]]:
-    """Offers samples 1 to `count`, one each `period_s`, to a reader who comes at every `read_every`th of them."""
-    loop = Clock()
-
-    async def run() -> list[tuple[int, int]]:
-        reader = Reader(rate_hz, sample(0))
-        await reader.read()
-        found = []
-        for sequence in range(1, count + 1):
-            loop.now_s += period_s
-            reader.offer(sample(sequence))
-            if sequence % read_every == 0:
-                reading = asyncio.ensure_future(reader.read())
-                await asyncio.sleep(0)
-                if reading.done():
-                    newest, missed_count = reading.result()
-                    found.append((newest.telemetry.sequence, missed_count))
-                else:
-                    reading.cancel()
-        return found
-
-    try:
-        return loop.run_until_complete(run())
-    finally:
-        loop.close()
+    """Offers samples 1 to `count`, one each `period_s`, to a reader whose messages get out at every `read_every`th."""
+    clock, receiver = Clock(), Receiver()
+    reader = Reader(rate_hz, sample(0), receiver.send, clock)
+    receiver.take()
+    for sequence in range(1, count + 1):
+        clock.now_s += period_s
+        reader.offer(sample(sequence))
+        if sequence % read_every == 0:
+            receiver.take()
+    assert receiver.found[0] == (0, 0)
+    return receiver.found[1:]
 
 
 def test_a_reader_who_keeps_up_gets_each_sample() -> None:
@@ -89,7 +104,16 @@ def test_a_reader_who_keeps_up_gets_each_sample() -> None:
 
 
 def test_a_slow_reader_gets_the_newest_and_how_many_he_missed() -> None:
-    assert read_all(0.0, 0.02, 9, read_every=3) == [(3, 2), (6, 2), (9, 2)]
+    # The first is under way while the next two come, of which one is lost; from then on it is three at a time.
+    assert read_all(0.0, 0.02, 10, read_every=3) == [(1, 0), (3, 1), (6, 2), (9, 2)]
+
+
+def test_what_is_sent_to_one_who_is_gone_ends_it_quietly() -> None:
+    receiver = Receiver()
+    reader = Reader(0.0, sample(0), receiver.send)
+    reader.offer(sample(1))
+    receiver.take(is_out=False)
+    assert receiver.found == [(0, 0)]
 
 
 def test_a_rate_leaves_samples_out_which_are_not_missed() -> None:
@@ -108,21 +132,22 @@ def test_a_rate_beyond_the_updates_gives_each() -> None:
 
 def test_a_slow_reader_with_a_rate_misses_only_what_was_due() -> None:
     found = read_all(10.0, 0.02, 500, read_every=50)  # one each second, when ten were due
-    assert [missed_count for _, missed_count in found[1:]] == [9] * 9
+    assert [missed_count for _, missed_count in found[2:]] == [9] * (len(found) - 2)
 
 
-def test_what_never_reached_the_loop_counts_as_missed() -> None:
+def test_a_few_readers_get_a_sample_where_it_is_made() -> None:
     async def run() -> None:
-        vehicle = FakeVehicle()
+        vehicle, receiver = FakeVehicle(), Receiver()
         updates = Updates(cast("Vehicle", vehicle), lambda _: None)
-        with updates.reader() as reader:
-            assert (await reader.read())[0].telemetry.sequence == 0
-            vehicle.update(count=5)  # the loop does not run meanwhile
-            newest, missed_count = await reader.read()
-            assert (newest.telemetry.sequence, missed_count) == (5, 4)
-            vehicle.update()
-            newest, missed_count = await reader.read()
-            assert (newest.telemetry.sequence, missed_count) == (6, 0)
+        end = updates.read(0.0, receiver.send)
+        for _ in range(3):
+            receiver.take()
+            vehicle.update()  # the loop does not run meanwhile
+        assert receiver.found == [(0, 0), (1, 0), (2, 0), (3, 0)]
+        receiver.take()
+        end()
+        vehicle.update()
+        assert len(receiver.found) == 4
         updates.close()
         assert not vehicle.subscribers
         assert not vehicle.listeners
@@ -130,16 +155,44 @@ def test_what_never_reached_the_loop_counts_as_missed() -> None:
     asyncio.run(run())
 
 
-def test_readers_share_the_message() -> None:
+@pytest.mark.parametrize(("readers_count", "gather_s"), [(20, 0.0), (1, 0.001)])
+def test_for_many_readers_or_uavs_what_never_reached_the_loop_counts_as_missed(
+    readers_count: int, gather_s: float
+) -> None:
     async def run() -> None:
-        vehicle = FakeVehicle()
-        updates = Updates(cast("Vehicle", vehicle), lambda _: None)
-        with updates.reader() as one, updates.reader() as other:
-            await one.read(), await other.read()
-            vehicle.update()
-            assert (await one.read())[0].message is (await other.read())[0].message
+        vehicle, receivers = FakeVehicle(), [Receiver() for _ in range(readers_count)]
+        updates = Updates(cast("Vehicle", vehicle), lambda _: None, Hops(gather_s))
+        for receiver in receivers:
+            updates.read(0.0, receiver.send)
+            receiver.take()
+        vehicle.update(count=5)  # the loop does not run meanwhile
+        assert all(receiver.found == [(0, 0)] for receiver in receivers)
+        while len(receivers[-1].found) == 1:  # noqa: ASYNC110  a turn of the loop or two
+            await asyncio.sleep(0.001)
+        assert all(receiver.found[1:] == [(5, 4)] for receiver in receivers)
+        updates.close()
 
     asyncio.run(run())
+
+
+def test_a_sample_is_packed_once_for_all_readers(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed: list[int] = []
+    write = convert.write_telemetry
+
+    def counted(telemetry: Telemetry, to: Any) -> None:
+        packed.append(telemetry.sequence)
+        write(telemetry, to)
+
+    monkeypatch.setattr(convert, "write_telemetry", counted)
+    one, other = Receiver(), Receiver()
+    readers = [Reader(0.0, first, receiver.send) for first, receiver in ((sample(0), one), (sample(0), other))]
+    one.take()
+    other.take()
+    newest = sample(3)
+    for reader in readers:
+        reader.offer(newest)
+    assert one.found == other.found == [(0, 0), (3, 2)]
+    assert packed == [0, 0, 3]
 
 
 def test_states_are_told_from_any_thread_though_nobody_reads() -> None:
@@ -169,9 +222,10 @@ def test_nothing_is_brought_to_the_loop_while_nobody_reads() -> None:
         loop.call_soon_threadsafe = hops.append  # type: ignore[assignment,method-assign]
         vehicle.update(count=10)
         assert not hops
-        with updates.reader():
-            vehicle.update(count=10)
-            assert len(hops) == 1
+        for _ in range(20):
+            updates.read(0.0, lambda *_: None)
+        vehicle.update(count=10)
+        assert len(hops) == 1
         del loop.call_soon_threadsafe
         updates.close()
 
@@ -179,25 +233,24 @@ def test_nothing_is_brought_to_the_loop_while_nobody_reads() -> None:
 
 
 def test_no_sample_is_made_before_it_is_due_for_a_reader() -> None:
-    loop = Clock()
+    clock = Clock()
 
     async def run() -> list[int]:
         vehicle = FakeVehicle()
-        updates = Updates(cast("Vehicle", vehicle), lambda _: None)
+        updates = Updates(cast("Vehicle", vehicle), lambda _: None, clock=clock)
         made: list[int] = []
-        vehicle.subscribe(lambda sample: made.append(sample.sequence), vehicle.subscribers[0][1])
-        with updates.reader(rate_hz=8.0), updates.reader(rate_hz=4.0):
-            for _ in range(20):
-                loop.now_s += 1 / 32
-                vehicle.update()
-                await asyncio.sleep(0)
+        # Before the updates' own, which is due no more as soon as it was told.
+        vehicle.subscribers.insert(0, (lambda sample: made.append(sample.sequence), vehicle.subscribers[0][1]))
+        ends = [updates.read(rate_hz, lambda *_: None) for rate_hz in (8.0, 4.0)]
+        for _ in range(20):
+            clock.now_s += 1 / 32
+            vehicle.update()
+        for end in ends:
+            end()
         vehicle.update(count=5)
         return made
 
-    try:
-        assert loop.run_until_complete(run()) == [4, 8, 12, 16, 20]
-    finally:
-        loop.close()
+    assert asyncio.run(run()) == [4, 8, 12, 16, 20]
 
 
 def test_an_update_after_the_loop_has_ended_is_no_error() -> None:
