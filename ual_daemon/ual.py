@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import concurrent.futures
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from typing import Any
 
 from typing_extensions import Self
 
 from ual import views
+from ual.callbacks import Callbacks, Listener
 from ual.errors import UalTimeoutError
 from ual.geometry import (
     PointStamped,
@@ -74,6 +73,7 @@ class UAL:
         if isinstance(backend, str):
             backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
         self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming)
+        self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self.vehicle.open()
 
@@ -139,7 +139,7 @@ class UAL:
 
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> _Subscription:
         rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=1e6)
-        subscription = _Subscription(self.vehicle, callback, rate_hz, self._subscriptions.discard)
+        subscription = _Subscription(self.vehicle, self._callbacks.open(callback), rate_hz, self._subscriptions.discard)
         self._subscriptions.add(subscription)
         return subscription
 
@@ -272,56 +272,25 @@ class _Task:
 
 
 class _Subscription:
-    """Calls back on a thread of its own with the newest sample; what comes while it is busy is counted as missed."""
+    """Calls back with the newest sample, at most at a rate; what comes while it is busy is counted as missed."""
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        callback: Callable[[Telemetry], None],
-        rate_hz: float,
-        on_close: Callable[[_Subscription], None],
+        self, vehicle: Vehicle, listener: Listener, rate_hz: float, on_close: Callable[[_Subscription], None]
     ) -> None:
-        self._callback = callback
+        self._listener = listener
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
         self._next_s = time.monotonic()  # as the server's streams, a caller's rate is by the wall
         self._on_close = on_close
-        self._changed = threading.Condition()
-        self._newest: Telemetry | None = None
-        self._missed = 0
-        self._is_closed = False
-        self._thread = threading.Thread(target=self._run, name="ual-subscription", daemon=True)
-        self._thread.start()
         self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s)
 
     def _offer(self, sample: Telemetry) -> None:
         self._next_s = max(self._next_s + self._period_s, time.monotonic())
-        with self._changed:
-            if self._newest is not None:
-                self._missed += 1
-            self._newest = sample
-            self._changed.notify()
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._newest is not None or self._is_closed)
-                if self._is_closed or self._newest is None:
-                    return
-                sample = replace(self._newest, missed_count=self._missed)
-                self._newest, self._missed = None, 0
-            try:
-                self._callback(sample)
-            except Exception:  # noqa: BLE001  the user's own code: told, and the subscription goes on
-                _log.exception("a telemetry callback failed")
+        self._listener.put(sample)
 
     def close(self) -> None:
         """Ends it; no call comes once this returns (unless called from the callback itself)."""
         self._unsubscribe()
-        with self._changed:
-            self._is_closed = True
-            self._changed.notify()
-        if threading.current_thread() is not self._thread:
-            self._thread.join()
+        self._listener.close()
         self._on_close(self)
 
     def __enter__(self) -> Self:

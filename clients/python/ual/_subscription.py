@@ -1,6 +1,6 @@
-"""Subscriptions of the client: one thread drains a stream, one of each subscription calls back with the newest sample.
+"""Subscriptions of the client: one thread drains a stream, another calls back with the newest sample (`callbacks`).
 
-Two threads, because a stream that is read only as fast as the callback returns fills gRPC's buffers with old samples:
+Two threads, because a stream that is read only as fast as the callbacks return fills gRPC's buffers with old samples:
 the subscriber would see the UAV as it was seconds ago. One stream for all subscriptions of a rate, because each costs
 the daemon: docs/decisions/0011.
 """
@@ -10,15 +10,14 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
-from queue import Empty, SimpleQueue
 
 from typing_extensions import Self
 
 from ual import convert
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
+from ual.callbacks import Callbacks, Listener
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
 
@@ -34,16 +33,16 @@ class Subscriptions:
         self._connection = connection
         self._lock = threading.Lock()
         self._feeds: dict[float, _Feed] = {}
+        self._callbacks = Callbacks()
 
     def open(self, callback: Callable[[Telemetry], None], rate_hz: float) -> Subscription:
         """A subscription that has begun. Raises where there is no daemon, or it refuses."""
-        subscription = Subscription(callback, lambda closed: self._leave(feed, closed))
+        subscription = Subscription(self._callbacks.open(callback), lambda closed: self._leave(feed, closed))
         with self._lock:
             known = self._feeds.get(rate_hz)
             feed = known or _Feed(self._connection, rate_hz)
             self._feeds[rate_hz] = feed
             feed.join(subscription)
-        subscription.start()
         try:
             if known is None:
                 feed.start()
@@ -71,27 +70,19 @@ class Subscriptions:
 
 
 class Subscription:
-    """Calls back with new samples, on a thread of its own, until it is closed."""
+    """Calls back with new samples until it is closed."""
 
-    def __init__(self, callback: Callable[[Telemetry], None], on_close: Callable[[Subscription], None]) -> None:
-        self._callback = callback
+    def __init__(self, listener: Listener, on_close: Callable[[Subscription], None]) -> None:
+        self._listener = listener
         self._on_close = on_close
-        self._newest = _Newest()
-        self._thread = threading.Thread(target=self._call_back, name="ual telemetry callback", daemon=True)
-
-    def start(self) -> None:
-        """Begins to call back."""
-        self._thread.start()
 
     def put(self, sample: Telemetry) -> None:
-        """Takes a new sample; see `_Newest`."""
-        self._newest.put(sample)
+        """Takes a new sample, in place of one that still waits."""
+        self._listener.put(sample)
 
     def close(self) -> None:
         """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
-        self._newest.close()
-        if self._thread is not threading.current_thread():
-            self._thread.join()
+        self._listener.close()
         self._on_close(self)
 
     def __enter__(self) -> Self:
@@ -99,16 +90,6 @@ class Subscription:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
-
-    def _call_back(self) -> None:
-        while True:
-            sample = self._newest.take()
-            if sample is None:
-                return
-            try:
-                self._callback(sample)
-            except Exception:  # noqa: BLE001 (whatever it is, it is the callback's)
-                _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
 
 
 class _Feed:
@@ -196,38 +177,3 @@ class _Feed:
             subscriptions = self.subscriptions
         for subscription in subscriptions:
             subscription.put(sample)
-
-
-class _Newest:
-    """Holds the newest sample until it is taken, and counts those that were lost before it.
-
-    A queue that holds one sample: Python's own waits without making a lock each time, as a condition does.
-    `put` is called by one thread at a time.
-    """
-
-    def __init__(self) -> None:
-        self._queue: SimpleQueue[tuple[Telemetry, int] | None] = SimpleQueue()
-        self._is_closed = False
-
-    def put(self, sample: Telemetry) -> None:
-        missed_count = sample.missed_count
-        if not self._queue.empty():
-            with suppress(Empty):  # taken after all
-                waiting = self._queue.get_nowait()
-                if waiting is None:  # closed: whoever takes is still to see that
-                    self._queue.put(None)
-                    return
-                missed_count += waiting[1] + 1
-        self._queue.put((sample, missed_count))
-
-    def take(self) -> Telemetry | None:
-        """The newest sample, with the number of those missed before it, once there is one; None once closed."""
-        taken = self._queue.get()
-        if taken is None or self._is_closed:
-            return None
-        sample, missed_count = taken
-        return sample if sample.missed_count == missed_count else replace(sample, missed_count=missed_count)
-
-    def close(self) -> None:
-        self._is_closed = True
-        self._queue.put(None)

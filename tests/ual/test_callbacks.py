@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from ual.callbacks import PATIENCE_S, Callbacks, Listener
+from ual.types import State, Telemetry
+
+LIMIT_S = 30.0
+
+
+def sample(sequence: int, missed_count: int = 0) -> Telemetry:
+    return Telemetry(State.FLYING_AUTO, sequence=sequence, missed_count=missed_count)
+
+
+def lanes() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "ual telemetry callback"]
+
+
+@pytest.fixture(autouse=True)
+def no_lane_is_left() -> Iterator[None]:
+    yield
+    for thread in lanes():  # one that was relieved while its last listener left ends by itself
+        thread.join(LIMIT_S)
+    assert not lanes()
+
+
+class Subscriber:
+    """Notes what it is called back with; while `may_return` is not set a call does not return."""
+
+    def __init__(self, group: Callbacks) -> None:
+        self.came: list[tuple[int, int]] = []
+        self.threads: set[int] = set()
+        self.may_return = threading.Event()
+        self.may_return.set()
+        self.changed = threading.Condition()
+        self.running_count = 0
+        self.listener: Listener = group.open(self)
+
+    def __call__(self, telemetry: Telemetry) -> None:
+        self.running_count += 1
+        assert self.running_count == 1, "called from two threads"
+        with self.changed:
+            self.came.append((telemetry.sequence, telemetry.missed_count))
+            self.threads.add(threading.get_ident())
+            self.changed.notify_all()
+        assert self.may_return.wait(LIMIT_S)
+        self.running_count -= 1
+
+    def wait_for(self, sequence: int) -> None:
+        with self.changed:
+            assert self.changed.wait_for(lambda: any(number == sequence for number, _ in self.came), LIMIT_S), self.came
+
+    def close(self) -> None:
+        self.may_return.set()
+        self.listener.close()
+
+
+def test_quick_callbacks_share_a_thread_and_get_each_sample() -> None:
+    group = Callbacks()
+    subscribers = [Subscriber(group) for _ in range(20)]
+    for sequence in range(5):
+        for each in subscribers:
+            each.listener.put(sample(sequence))
+        for each in subscribers:
+            each.wait_for(sequence)
+    assert all(each.came == [(sequence, 0) for sequence in range(5)] for each in subscribers)
+    for each in subscribers:
+        each.close()
+
+
+def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes() -> None:
+    group = Callbacks()
+    stuck = Subscriber(group)
+    others = [Subscriber(group) for _ in range(5)]
+    stuck.may_return.clear()
+    for each in (stuck, *others):
+        each.listener.put(sample(1))
+    stuck.wait_for(1)
+    time.sleep(2.0 * PATIENCE_S)
+    for number in (2, 3):
+        for each in (stuck, *others):
+            each.listener.put(sample(number))
+        for each in others:
+            each.wait_for(number)
+    for each in others:
+        # The first of them waited behind it: it came, or was counted.
+        assert sum(1 + missed for _, missed in each.came) == 3
+        assert not each.threads & stuck.threads
+    assert stuck.came == [(1, 0)]
+    stuck.may_return.set()
+    stuck.wait_for(3)
+    assert stuck.came == [(1, 0), (3, 1)]
+    for each in (stuck, *others):
+        each.close()
+
+
+def test_what_was_missed_before_adds_up() -> None:
+    group = Callbacks()
+    slow = Subscriber(group)
+    slow.may_return.clear()
+    slow.listener.put(sample(1))
+    slow.wait_for(1)
+    slow.listener.put(sample(4, missed_count=2))
+    slow.listener.put(sample(6, missed_count=1))
+    slow.listener.put(sample(7))
+    slow.may_return.set()
+    slow.wait_for(7)
+    assert slow.came == [(1, 0), (7, 5)]
+    slow.close()
+
+
+def test_close_waits_for_the_call_that_runs_and_no_other_comes() -> None:
+    group = Callbacks()
+    slow = Subscriber(group)
+    slow.may_return.clear()
+    slow.listener.put(sample(1))
+    slow.wait_for(1)
+    slow.listener.put(sample(2))
+    closing = threading.Thread(target=slow.listener.close)
+    closing.start()
+    closing.join(0.05)
+    assert closing.is_alive()
+    slow.may_return.set()
+    closing.join(LIMIT_S)
+    assert not closing.is_alive()
+    assert slow.came == [(1, 0)]
+
+
+def test_a_callback_may_close_itself_and_another() -> None:
+    group = Callbacks()
+    other = Subscriber(group)
+    closed = threading.Event()
+
+    def callback(_: Telemetry) -> None:
+        other.close()
+        listener.close()
+        closed.set()
+
+    listener = group.open(callback)
+    listener.put(sample(1))
+    assert closed.wait(LIMIT_S)
+
+
+def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and_all_get_the_last() -> None:
+    group = Callbacks()
+    generator = random.Random(7)
+    subscribers = [Subscriber(group) for _ in range(8)]
+    for sequence in range(200):
+        for each in subscribers:
+            if generator.random() < 0.05:
+                (each.may_return.clear if each.may_return.is_set() else each.may_return.set)()
+        for each in subscribers:
+            each.listener.put(sample(sequence))
+        if generator.random() < 0.1:
+            time.sleep(PATIENCE_S)
+        if generator.random() < 0.1:
+            subscribers.pop(generator.randrange(len(subscribers))).close()
+            subscribers.append(Subscriber(group))
+    for each in subscribers:
+        each.may_return.set()
+    for each in subscribers:
+        each.listener.put(sample(1000))
+        each.wait_for(1000)
+        numbers = [number for number, _ in each.came]
+        assert numbers == sorted(set(numbers))
+    for each in subscribers:
+        each.close()
