@@ -2,14 +2,14 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 import ual
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon
-from ual import _calls
+from ual import _calls, _direct
 from ual._connection import Connection
 from ual._setpoints import STALE_S, Setpoints, _Stream
 from ual._target import Target
@@ -41,8 +41,12 @@ def clock() -> HandClock:
     return HandClock()
 
 
-@pytest.fixture
-def setpoints(daemon: FakeDaemon, clock: HandClock) -> Iterator[Setpoints]:
+@pytest.fixture(params=["direct", "by iterator"])
+def setpoints(
+    daemon: FakeDaemon, clock: HandClock, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Setpoints]:
+    if request.param == "by iterator":  # a gRPC that lets us not
+        monkeypatch.setattr(_direct, "sender", lambda _: None)
     connection = Connection(Target("uav_1", daemon.address, None))
     setpoints = Setpoints(connection, clock)
     yield setpoints
@@ -152,31 +156,113 @@ def send_until_refused(setpoints: Setpoints) -> None:
 # --- What waits to be sent --------------------------------------------------------------------------------------------
 
 
-def stream(clock: HandClock) -> _Stream:
-    return _Stream(Connection(Target("uav_1", "127.0.0.1:1", None)), lambda _, __: None, clock)
+class Call:
+    """gRPC's call: what is sent in it, and when it is out."""
+
+    def __init__(self) -> None:
+        self.sent: list[float] = []
+        self.is_out: list[Callable[[object], bool]] = []
+        self.is_over = False
+        self._call = self
+
+    def operate(self, operations: tuple[object], tag: Callable[[object], bool]) -> bool:
+        (operation,) = operations
+        assert isinstance(operation, bytes)
+        self.sent.append(pb.StreamSetpointsRequest.FromString(operation).velocity.twist.linear.x)
+        self.is_out.append(tag)
+        return not self.is_over
+
+    def add_done_callback(self, _: object) -> None:
+        pass
+
+    def cancel(self) -> None:
+        pass
 
 
-def test_only_the_newest_waits(clock: HandClock) -> None:
-    waiting = stream(clock)
+class IteratedCall(Call):
+    """One of a gRPC that has no direct way."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        del self._call
+
+
+def opened(clock: HandClock, call: Call, monkeypatch: pytest.MonkeyPatch) -> _Stream:
+    monkeypatch.setattr("grpc._cython.cygrpc.SendMessageOperation", lambda message, _: message)
+    connection = Connection(Target("uav_1", "127.0.0.1:1", None))
+    monkeypatch.setattr(connection, "stream_setpoints", lambda _: call)
+    stream = _Stream(connection, lambda _, __: None, clock)
+    stream.open()
+    return stream
+
+
+def test_one_is_sent_at_once_and_of_those_that_follow_meanwhile_the_newest(
+    clock: HandClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = Call()
+    stream = opened(clock, call, monkeypatch)
     for number in range(5):
-        waiting.put(forward(number))
-    waiting.close(0.0)
-    assert [request.velocity.twist.linear.x for request in waiting] == [4.0]
+        stream.put(forward(number))
+    assert call.sent == [0.0]
+    assert call.is_out[0](None) is False, "the call goes on"
+    assert call.sent == [0.0, 4.0]
+    call.is_out[1](None)
+    stream.put(forward(9.0))
+    assert call.sent == [0.0, 4.0, 9.0]
 
 
-def test_what_could_not_be_sent_in_time_is_never_sent(clock: HandClock) -> None:
-    waiting = stream(clock)
-    waiting.put(forward(1.0))
+def test_what_is_put_before_it_is_open_is_sent_then(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+    monkeypatch.setattr(_Stream, "_go_on", lambda _: None)
+    stream = opened(clock, call, monkeypatch)
+    monkeypatch.undo()
+    monkeypatch.setattr("grpc._cython.cygrpc.SendMessageOperation", lambda message, _: message)
+    stream.put(forward(1.0))
+    stream.put(forward(2.0))
+    assert call.sent == []
+    stream._go_on()
+    assert call.sent == [2.0]
+
+
+def test_what_could_not_be_sent_in_time_is_never_sent(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+    stream = opened(clock, call, monkeypatch)
+    stream.put(forward(1.0))
+    stream.put(forward(2.0))
     clock.now_s += STALE_S + 0.01
-    waiting.close(0.0)
-    assert list(waiting) == []
+    call.is_out[0](None)
+    stream.close(0.0)
+    assert call.sent == [1.0]
+    assert list(stream) == []
 
 
-def test_a_slow_reader_gets_the_newest_when_it_comes_back(clock: HandClock) -> None:
-    waiting = stream(clock)
-    waiting.put(forward(1.0))
-    assert next(waiting).velocity.twist.linear.x == 1.0
-    waiting.put(forward(2.0))
-    clock.now_s += 1.0
-    waiting.put(forward(3.0))
-    assert next(waiting).velocity.twist.linear.x == 3.0
+def test_it_ends_when_what_waits_is_out(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+    stream = opened(clock, call, monkeypatch)
+    stream.put(forward(1.0))
+    stream.put(forward(2.0))
+    stream.close(0.0)
+    call.is_out[0](None)
+    assert call.sent == [1.0, 2.0]
+    call.is_out[1](None)
+    assert list(stream) == []
+
+
+def test_nothing_is_sent_in_a_call_that_is_over(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+    call.is_over = True
+    stream = opened(clock, call, monkeypatch)
+    for number in range(3):
+        stream.put(forward(number))
+    assert call.sent == [0.0], "the first found out"
+
+
+def test_without_a_direct_way_a_slow_reader_gets_the_newest(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = opened(clock, IteratedCall(), monkeypatch)
+    stream.put(forward(1.0))
+    assert next(stream).velocity.twist.linear.x == 1.0
+    stream.put(forward(2.0))
+    stream.put(forward(3.0))
+    assert next(stream).velocity.twist.linear.x == 3.0
+    stream.close(0.0)
+    assert list(stream) == []

@@ -16,8 +16,9 @@ from typing import Any
 
 import grpc
 
-from ual import _calls
+from ual import _calls, _direct
 from ual._connection import Connection
+from ual._direct import Send
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
@@ -84,7 +85,11 @@ class Setpoints:
 
 
 class _Stream:
-    """One stream of setpoints: hands the newest to gRPC's sending thread, which iterates over this."""
+    """One stream of setpoints: one is under way at a time, the newest waits, those between are never sent.
+
+    It is sent from the caller's thread where gRPC lets us (`_direct`). Else gRPC's own sending thread takes it by
+    iterating over this, as it does in any case to learn of the end.
+    """
 
     def __init__(
         self,
@@ -97,19 +102,23 @@ class _Stream:
         self._clock = clock
         self._lock = threading.Lock()
         self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
-        # Wakes the sending thread, sooner than a condition would: true when there is a newest, false to end.
-        self._wake: SimpleQueue[bool] = SimpleQueue()
+        self._is_under_way = True
+        """Whether a setpoint is, or none can be sent yet."""
         self._is_ending = False
         self._ended = threading.Event()
+        self._iterated: SimpleQueue[tuple[pb.StreamSetpointsRequest, Callable[[], None]] | None] = SimpleQueue()
+        self._tell_out: Callable[[], None] | None = None
+        self._send: Send = self._send_by_iterator
         self._call: Any = None
 
     def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
-        """Replaces the setpoint that waits to be sent."""
+        """Sends it, or lets it wait in place of the one that waits."""
         with self._lock:
-            is_waking = self._newest is None
-            self._newest = (setpoint, self._clock())
-        if is_waking:
-            self._wake.put(True)
+            if self._is_under_way:
+                self._newest = (setpoint, self._clock())
+                return
+            self._is_under_way = True
+        self._send(setpoint, self._go_on)
 
     def open(self) -> None:
         """Begins to send."""
@@ -120,10 +129,16 @@ class _Stream:
             self._on_end(self, None)
             raise
         self._call.add_done_callback(self._end)
+        self._send = _direct.sender(self._call) or self._send_by_iterator
+        self._go_on()
 
     def close(self, timeout_s: float) -> None:
         """Ends the stream once what waits is sent."""
-        self._finish()
+        with self._lock:
+            self._is_ending = True
+            is_under_way = self._is_under_way
+        if not is_under_way:
+            self._iterated.put(None)
         if not self._ended.wait(timeout_s) and self._call is not None:
             self._call.cancel()
             self._ended.wait(timeout_s)
@@ -132,22 +147,39 @@ class _Stream:
         return self
 
     def __next__(self) -> pb.StreamSetpointsRequest:
-        while self._wake.get():
-            with self._lock:
-                assert self._newest is not None  # each is announced once, and taken here only
-                (setpoint, put_s), self._newest = self._newest, None
-            if self._clock() - put_s <= STALE_S:
-                return setpoint
-        self._wake.put(False)  # it stays ended, whoever asks again
-        raise StopIteration
+        if self._tell_out is not None:  # the one before is out
+            self._tell_out()
+        taken = self._iterated.get()
+        if taken is None:
+            self._tell_out = None
+            self._iterated.put(None)  # it stays ended, whoever asks again
+            raise StopIteration
+        setpoint, self._tell_out = taken
+        return setpoint
 
-    def _finish(self) -> None:
-        self._is_ending = True
-        self._wake.put(False)
+    def _go_on(self) -> None:
+        """Sends the newest, when none is under way; the end, when there is none left. On threads of gRPC, too."""
+        while True:
+            with self._lock:
+                newest, self._newest = self._newest, None
+                if newest is None:
+                    self._is_under_way = False
+                    is_ending = self._is_ending
+                    break
+            setpoint, put_s = newest
+            if self._clock() - put_s <= STALE_S:
+                self._send(setpoint, self._go_on)
+                return
+        if is_ending:
+            self._iterated.put(None)
+
+    def _send_by_iterator(self, setpoint: Any, then: Callable[[], None]) -> bool:  # noqa: ANN401 (as any message)
+        self._iterated.put((setpoint, then))
+        return True
 
     def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
-        was_asked = self._is_ending
-        self._finish()  # lets the sending thread end, too
+        was_asked, self._is_ending = self._is_ending, True
+        self._iterated.put(None)  # lets gRPC's sending thread end, too
         failure: UalError | None = None
         if call.code() is not grpc.StatusCode.OK:
             failure = None if call.cancelled() else self._connection.error(call)
