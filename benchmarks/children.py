@@ -152,7 +152,7 @@ def prefer_this() -> None:
 def priority_text() -> str:
     """How the processes are put before the rest of the machine."""
     return (
-        "real time (SCHED_FIFO), niceness -15 for floods and starts"
+        "real time (SCHED_FIFO), niceness -15 for starts"
         if _may_be_realtime()
         else "none: the system does not allow real time"
     )

@@ -32,7 +32,6 @@ def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
         results.add("setpoint_ms", way.name, latencies_ms)
         results.add("setpoints_lost", way.name, [effort.paced_count - len(latencies_ms)])
 
-        flight.prefer(realtime=False)
         began_s = time.monotonic()
         flight.client.ask("flood", first=_FLOOD_FIRST, duration_s=effort.flood_s)
         took_s = time.monotonic() - began_s
