@@ -70,6 +70,11 @@ class Motions:
         self._new_task = new_task
         self._geofence = geofence
 
+    @property
+    def turn(self) -> Turn:
+        """The command that was the last to begin."""
+        return self._flight.turn
+
     def take_off(self, height_m: float) -> Prepared[VehicleTask]:
         """Climbs to a height above where it stands."""
         with self._checks.refusing("take_off"):
@@ -164,8 +169,9 @@ class Motions:
         leg_speeds_m_s: Sequence[float] = (),
         heading: PathHeading = PathHeading.WAYPOINTS,
         point_of_interest: PointStamped | None = None,
+        turn: Turn | None = None,
     ) -> Prepared[VehicleTask]:
-        """Flies through waypoints."""
+        """Flies through waypoints, unless another command has begun since a turn (default: since this call)."""
         with self._checks.refusing("follow_path"):
             self._checks.require_capability(Capability.POSITION, "follow_path")
             if not waypoints:
@@ -185,7 +191,7 @@ class Motions:
                 for waypoint, speed_m_s in zip(self._places.all_to_local(goals, snapshot), speeds_m_s, strict=True)
             ]
             target = None if interest is None else self._places.to_local(interest, snapshot).position
-            turn = self._flight.turn
+            turn = turn or self._flight.turn
             trajectory = path(self._flight.start(snapshot), local, radius_m, bounds, heading, target)
             what = f"follow {len(waypoints)} waypoints to {_text(goals[-1])}"
             return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, turn)

@@ -24,7 +24,7 @@ def lanes() -> list[threading.Thread]:
 @pytest.fixture(autouse=True)
 def no_lane_is_left() -> Iterator[None]:
     yield
-    for thread in lanes():  # one that was relieved while its last listener left ends by itself
+    for thread in lanes():  # they end by themselves once there is nobody left to call
         thread.join(LIMIT_S)
     assert not lanes()
 
@@ -170,3 +170,35 @@ def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and
         assert numbers == sorted(set(numbers))
     for each in subscribers:
         each.close()
+
+
+def test_a_callback_that_ends_the_thread_ends_nobody_elses(caplog: pytest.LogCaptureFixture) -> None:
+    group = Callbacks()
+
+    def exits(_: Telemetry) -> None:
+        raise SystemExit(3)
+
+    leaving, staying = group.open(exits), Subscriber(group)
+    for number in (1, 2):
+        leaving.put(sample(number))
+        staying.listener.put(sample(number))
+        staying.wait_for(number)
+    assert "the subscription goes on" in caplog.text
+    leaving.close()
+    staying.close()
+
+
+def test_closing_does_not_wait_for_a_callback_that_closed_itself_and_goes_on() -> None:
+    group = Callbacks()
+    has_closed_itself, may_return = threading.Event(), threading.Event()
+
+    def callback(_: Telemetry) -> None:
+        first.close()
+        has_closed_itself.set()
+        assert may_return.wait(LIMIT_S)
+
+    first, second = group.open(callback), group.open(lambda _: None)
+    first.put(sample(1))
+    assert has_closed_itself.wait(LIMIT_S)
+    second.close()
+    may_return.set()

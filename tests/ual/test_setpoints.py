@@ -3,6 +3,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -156,6 +157,16 @@ def send_until_refused(setpoints: Setpoints) -> None:
 # --- What waits to be sent --------------------------------------------------------------------------------------------
 
 
+class State:
+    """What gRPC's call notes of itself."""
+
+    def __init__(self) -> None:
+        self.condition = threading.Condition()
+        self.due = {"receive_status_on_client"}
+        self.code: object = None
+        self.cancelled = False
+
+
 class Call:
     """gRPC's call: what is sent in it, and when it is out."""
 
@@ -164,6 +175,7 @@ class Call:
         self.is_out: list[Callable[[object], bool]] = []
         self.is_over = False
         self._call = self
+        self._state = State()
 
     def operate(self, operations: tuple[object], tag: Callable[[object], bool]) -> bool:
         (operation,) = operations
@@ -266,3 +278,43 @@ def test_without_a_direct_way_a_slow_reader_gets_the_newest(clock: HandClock, mo
     assert next(stream).velocity.twist.linear.x == 3.0
     stream.close(0.0)
     assert list(stream) == []
+
+
+def test_what_is_under_way_stands_in_what_grpc_waits_for(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    call = Call()
+    stream = opened(clock, call, monkeypatch)
+    stream.put(forward(1.0))
+    assert len(call._state.due) == 2
+    call._state.due.discard("receive_status_on_client")  # the status came first
+    assert call.is_out[0](None) is True, "that was the call's last"
+    assert not call._state.due
+
+
+@pytest.mark.parametrize("how", ["status", "cancelled"])
+def test_nothing_is_begun_in_a_call_that_has_ended(clock: HandClock, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    call = Call()
+    stream = opened(clock, call, monkeypatch)
+    if how == "status":
+        call._state.code = "ABORTED"
+    else:
+        call._state.cancelled = True
+    stream.put(forward(1.0))
+    assert call.sent == []
+    assert call._state.due == {"receive_status_on_client"}
+
+
+def test_streams_that_end_while_setpoints_are_sent_do_not_hold_up_the_end_of_the_client(daemon: FakeDaemon) -> None:
+    for _ in range(30):
+        connection = Connection(Target("uav_1", daemon.address, None))
+        setpoints = Setpoints(connection)
+        daemon.refusal = None
+        setpoints.send(forward(1.0))
+        setpoints.send(forward(2.0))
+        daemon.refusal = WrongStateError("the pilot flies")
+        with suppress(WrongStateError):
+            for _ in range(200):
+                setpoints.send(forward(2.0))
+        closing = threading.Thread(target=connection.close, daemon=True)
+        closing.start()
+        closing.join(LIMIT_S)
+        assert not closing.is_alive()

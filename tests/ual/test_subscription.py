@@ -35,6 +35,14 @@ def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
     return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
 
 
+def no_thread_is_left() -> None:
+    """One that calls back ends by itself, once there is nobody left to call."""
+    for thread in threading.enumerate():
+        if thread.name.startswith("ual telemetry"):
+            thread.join(LIMIT_S)
+            assert not thread.is_alive()
+
+
 class Received:
     def __init__(self) -> None:
         self.samples: list[Telemetry] = []
@@ -124,7 +132,7 @@ def test_one_of_two_subscriptions_ends_without_the_other(daemon: FakeDaemon, uav
         streams[0].put(sample(2))
         first.wait_for(2)
         assert [each.sequence for each in second.samples] == [1]
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+    no_thread_is_left()
     with uav.subscribe(second):
         assert len(streams) == 2
 
@@ -185,7 +193,7 @@ def test_what_the_daemon_refuses_is_raised_at_once(daemon: FakeDaemon, uav: ual.
     daemon.refusal = InvalidArgumentError("rate_hz: -1.0 is no rate", {"field": "rate_hz"})
     with pytest.raises(InvalidArgumentError, match="rate_hz"):
         uav.subscribe(print, rate_hz=-1.0)
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+    no_thread_is_left()
 
 
 def test_no_daemon_is_raised_at_once() -> None:
@@ -265,7 +273,7 @@ def test_closing_the_client_closes_its_subscriptions(daemon: FakeDaemon) -> None
     uav = ual.Uav("uav_1", address=daemon.address)
     uav.subscribe(lambda _: None)
     uav.close()
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("ual telemetry")]
+    no_thread_is_left()
     with pytest.raises(UalError, match="this client is closed"):
         uav.state()
     with pytest.raises(UalError, match="this client is closed"):

@@ -4,9 +4,10 @@ at shutdown.
 A method is written as what it needs:
 
 - ``def`` of a request, or a generator into which each request of a stream is sent: answered where it was received, on
-  the thread that waits for gRPC. It must not block. The fast way, without a hop to another thread.
+  the thread that waits for gRPC, in the order of the calls. It must not block. The fast way, without a hop to another
+  thread. What begins at once and ends later returns a coroutine, which the event loop awaits.
 - ``def`` that answers by a stream: begins to send by the `Call`, from whichever thread, and returns what ends that.
-- ``async def``, or an asynchronous generator: on the event loop, as all that waits for something.
+- ``async def``, or an asynchronous generator: all of it on the event loop.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import asyncio
 import inspect
 import logging
 import threading
-from collections.abc import AsyncIterator, Callable, Generator, Mapping, Sequence
-from contextlib import aclosing, suppress
+from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Mapping, Sequence
+from contextlib import aclosing
 from functools import partial
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -126,10 +127,13 @@ class Calls:
         logs.caller.set(None if call is None else call.peer)
         logs.uav.set(self._log_name)
 
-    def on_loop(self, callback: Callable[..., object], *arguments: object) -> None:
-        """Calls it on the event loop, soon; not at all once that is closed."""
-        with suppress(RuntimeError):
+    def on_loop(self, callback: Callable[..., object], *arguments: object) -> bool:
+        """Calls it on the event loop, soon; false where that is closed."""
+        try:
             self._loop.call_soon_threadsafe(callback, *arguments)
+        except RuntimeError:
+            return False
+        return True
 
 
 class _Method:
@@ -146,12 +150,12 @@ class _Method:
         self.is_asked_by_stream: bool = handler.request_streaming
         self.is_answered_by_stream: bool = handler.response_streaming
         self.kind: type[_Answer]
-        if inspect.iscoroutinefunction(self.serve) or inspect.isasyncgenfunction(self.serve):
-            self.kind = _OnLoop
+        if inspect.isasyncgenfunction(self.serve):
+            self.kind = _Generated
         elif self.is_asked_by_stream:
             self.kind = _Received
         else:
-            self.kind = _Sent if self.is_answered_by_stream else _AtOnce
+            self.kind = _Sent if self.is_answered_by_stream else _One
 
 
 class _Answer:
@@ -222,11 +226,110 @@ class _Answer:
         self._call.finish(None, status.code, status.details, status.trailing_metadata)
 
 
-class _AtOnce(_Answer):
-    """By one message, where the request was received."""
+class _OnLoop(_Answer):
+    """What goes on on the event loop."""
+
+    _task: asyncio.Task[bytes | None] | None = None
+    _has_begun = False
+    _is_to_cancel = False
+
+    def end(self) -> None:
+        if self._task is None:
+            super().end()
+        else:
+            self._cancel()
+
+    def _watch(self) -> None:
+        """It takes a while from here on."""
+        self._call.watch(lambda: self._calls.on_loop(self._cancel))
+        self._call.peer()  # the call may end before the log needs it
+        self._calls.join(self)
+
+    def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
+        """Awaits it on the loop, and ends the call with what it returns."""
+        if not self._calls.on_loop(self._start, coroutine):
+            coroutine.close()
+
+    def _start(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
+        self._task = asyncio.create_task(self._serve(coroutine))
+        self._task.add_done_callback(self._on_end)
+        if self._call.is_finished or self._call.is_cancelled:  # meanwhile
+            self._cancel()
+
+    async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
+        self._calls.tell_log(self._call)
+        self._has_begun = True
+        if self._is_to_cancel:
+            self._cancel()
+        return await coroutine
+
+    def _cancel(self) -> None:
+        """Cancels it where it waits. Before it has begun it would not hear of that, and what it has to undo be left."""
+        self._is_to_cancel = True
+        if self._task is not None and self._has_begun:
+            self._task.cancel()
+
+    def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
+        self._calls.leave(self)
+        if task.cancelled():
+            if not self._call.is_cancelled:
+                self._fail(self._shutdown())
+            return
+        error = task.exception()
+        if error is None:
+            self._call.finish(task.result())
+        else:
+            self._fail(error)
+
+
+class _One(_OnLoop):
+    """By one message, where the request was received, or when what that began has ended."""
 
     def _answer(self, request: object) -> None:
-        self._call.finish(self._method.encode(self._method.serve(request, None)))
+        response = self._method.serve(request, None)
+        if inspect.iscoroutine(response):
+            self._watch()
+            self._go_on(self._encoded(response))
+        else:
+            self._call.finish(self._method.encode(response))
+
+    async def _encoded(self, response: Coroutine[Any, Any, Any]) -> bytes:
+        return self._method.encode(await response)
+
+
+class _Generated(_OnLoop):
+    """By the messages of an asynchronous generator."""
+
+    def _begin(self) -> None:
+        self._watch()
+        if self._method.is_asked_by_stream:
+            self._calls.require_welcome(self._call)
+            self._answer(self._requests())
+        else:
+            super()._begin()
+
+    def _answer(self, request: object) -> None:
+        self._go_on(self._send(request))
+
+    async def _send(self, request: object) -> None:
+        async with aclosing(self._method.serve(request, None)) as responses:
+            async for response in responses:
+                await self._until(partial(self._call.send, self._method.encode(response)))
+
+    async def _requests(self) -> AsyncIterator[Any]:
+        while (message := await self._until(self._call.receive)) is not None:
+            yield self._decoded(message)
+
+    async def _until(self, start: Callable[[Callable[[T], object]], None]) -> T:
+        """What an operation ends with."""
+        ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+
+        def tell(result: T) -> None:
+            if not ended.done():
+                ended.set_result(result)
+
+        start(lambda result: self._calls.on_loop(tell, result))
+        return await ended
 
 
 class _Received(_Answer):
@@ -274,79 +377,3 @@ class _Sent(_Answer):
         self._calls.leave(self)
         if self._stop is not None:
             self._stop()
-
-
-class _OnLoop(_Answer):
-    """By a coroutine, or by an asynchronous generator, on the event loop."""
-
-    _task: asyncio.Task[bytes | None] | None = None
-
-    def _begin(self) -> None:
-        self._call.watch(self._on_cancel)
-        self._calls.join(self)
-        self._call.peer()  # it may end before the log needs it
-        if self._method.is_asked_by_stream:
-            self._calls.require_welcome(self._call)
-            self._answer(self._requests())
-        else:
-            super()._begin()
-
-    def _answer(self, request: object) -> None:
-        self._calls.on_loop(self._start, request)
-
-    def end(self) -> None:
-        if self._task is None:
-            super().end()
-        else:
-            self._task.cancel()
-
-    def _start(self, request: object) -> None:
-        if self._call.is_finished:  # by a shutdown
-            return
-        self._task = asyncio.create_task(self._serve(request))
-        self._task.add_done_callback(self._on_end)
-        if self._call.is_cancelled:  # before there was a task
-            self._task.cancel()
-
-    def _on_cancel(self) -> None:
-        self._calls.on_loop(self._cancel)
-
-    def _cancel(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-
-    async def _serve(self, request: object) -> bytes | None:
-        self._calls.tell_log(self._call)
-        if not self._method.is_answered_by_stream:
-            return self._method.encode(await self._method.serve(request, None))
-        async with aclosing(self._method.serve(request, None)) as responses:
-            async for response in responses:
-                await self._until(partial(self._call.send, self._method.encode(response)))
-        return None
-
-    def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
-        self._calls.leave(self)
-        if task.cancelled():
-            if not self._call.is_cancelled:
-                self._fail(self._shutdown())
-            return
-        error = task.exception()
-        if error is None:
-            self._call.finish(task.result())
-        else:
-            self._fail(error)
-
-    async def _requests(self) -> AsyncIterator[Any]:
-        while (message := await self._until(self._call.receive)) is not None:
-            yield self._decoded(message)
-
-    async def _until(self, start: Callable[[Callable[[T], None]], None]) -> T:
-        """What an operation ends with."""
-        ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
-
-        def tell(result: T) -> None:
-            if not ended.done():
-                ended.set_result(result)
-
-        start(lambda result: self._calls.on_loop(tell, result))
-        return await ended

@@ -20,6 +20,8 @@ Metadata: TypeAlias = Sequence[tuple[str, str | bytes]]
 _log = logging.getLogger(__name__)
 
 _NO_FLAGS = 0
+_END_S = 5.0
+"""The thread ends at once, unless a call never ended: then the process does not wait for it."""
 
 
 class Core:
@@ -33,19 +35,18 @@ class Core:
     def close(self) -> None:
         """Ends the thread, once its servers have stopped. Not from the thread itself."""
         self.queue.shutdown()
-        self._thread.join()
+        self._thread.join(_END_S)
 
     def _run(self) -> None:
         while True:
-            event = self.queue.poll()
-            if event.completion_type == cygrpc.CompletionType.queue_shutdown:
-                return
+            event = None  # before it waits again: a call that an event holds keeps its server from ending
             try:
+                event = self.queue.poll()
+                if event.completion_type == cygrpc.CompletionType.queue_shutdown:
+                    return
                 event.tag(event)
             except Exception:  # noqa: BLE001  the thread serves everybody
                 _log.exception("what gRPC called back failed; this is a defect of UAL, please report it")
-            # Before it waits again: a call that an event holds keeps its server from ending.
-            del event
 
 
 class CoreServer:
@@ -122,7 +123,7 @@ class Call:
 
     def __init__(self, event: Any) -> None:  # noqa: ANN401
         self._call = event.call
-        self.method: str = event.call_details.method.decode()
+        self.method: str = event.call_details.method.decode(errors="replace")
         """``/package.Service/Method``."""
         self.metadata: Metadata = event.invocation_metadata or ()
         self._peer = ""
@@ -131,7 +132,7 @@ class Call:
         self.is_finished = False
         """Whether an end was sent."""
         self._is_watched = False
-        self._end: Callable[[], None] = _nothing
+        self._end: Callable[[], object] = _nothing
         self.is_cancelled = False
         """Whether the caller has given up, or vanished, or his deadline passed; see `watch`."""
 
@@ -141,13 +142,13 @@ class Call:
             self._peer = self._call.peer().decode(errors="replace")
         return self._peer
 
-    def watch(self, on_cancel: Callable[[], None]) -> None:
+    def watch(self, on_cancel: Callable[[], object]) -> None:
         """Calls back once it is cancelled. To be called once, and only where the call may take a while."""
         self._end = on_cancel
         self._is_watched = True
         self._start((cygrpc.ReceiveCloseOnServerOperation(_NO_FLAGS),), self._on_close)
 
-    def receive(self, then: Callable[[bytes | None], None]) -> None:
+    def receive(self, then: Callable[[bytes | None], object]) -> None:
         """The next message of the caller; None when there is no more."""
 
         def received(event: Any) -> None:  # noqa: ANN401
@@ -159,7 +160,7 @@ class Call:
         """Sends the initial metadata at once, and not with the first message."""
         self._start(self._beginning(), _ignore)
 
-    def send(self, message: bytes, then: Callable[[bool], None]) -> None:
+    def send(self, message: bytes, then: Callable[[bool], object]) -> None:
         """Sends a message; tells whether it went out, after which another may be sent. Nothing once it is finished."""
 
         def sent(event: Any) -> None:  # noqa: ANN401
@@ -184,10 +185,17 @@ class Call:
         if message is not None:
             operations.append(cygrpc.SendMessageOperation(message, _NO_FLAGS))
         status: int = code.value[0]
-        operations.append(cygrpc.SendStatusFromServerOperation(metadata, status, details.encode(), _NO_FLAGS))
+        text = details.encode(errors="replace")
+        operations.append(cygrpc.SendStatusFromServerOperation(metadata, status, text, _NO_FLAGS))
         if not self._is_watched:  # each call must hear of its end, else gRPC takes it for given up
             operations.append(cygrpc.ReceiveCloseOnServerOperation(_NO_FLAGS))
-        self._start(operations, _ignore)
+        error = None
+        try:
+            error = self._call.start_server_batch(operations, _ignore)
+        finally:
+            if error != cygrpc.CallError.ok:  # the caller must hear of an end
+                _log.error("%s: its end could not be sent (grpc_call_error %s)", self.method, error)
+                self._call.cancel()
 
     def _beginning(self) -> tuple[Any, ...]:
         with self._lock:

@@ -94,7 +94,7 @@ class Server:
         await asyncio.wait((stopped,), timeout=_GRACE_S)
         if not stopped.done():
             self._server.cancel_calls()
-            await stopped
+            await asyncio.wait((stopped,), timeout=_GRACE_S)
 
     def _on_state(self, state: State) -> None:
         self._health.set_serving(state is not State.UNINITIALIZED)

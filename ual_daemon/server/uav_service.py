@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import AsyncIterator, Callable, Generator
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator
+from concurrent.futures import Future
+from typing import TypeAlias, TypeVar
 
 from ual import convert
 from ual.errors import InvalidArgumentError
@@ -13,11 +15,16 @@ from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
+from ual_daemon.flight import Turn
 from ual_daemon.server.core import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.tasks import VehicleTask
 from ual_daemon.vehicle import Vehicle
+
+R = TypeVar("R")
+_Maybe: TypeAlias = R | Awaitable[R]
+"""A response, or what it will be."""
 
 _log = logging.getLogger(__name__)
 
@@ -56,36 +63,35 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._vehicle.add_frame(convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
-    async def Arm(self, request: pb.ArmRequest, context: object) -> pb.ArmResponse:
-        await ended(self._vehicle.arm())
-        return pb.ArmResponse()
+    def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
+        return _after(self._vehicle.arm(), pb.ArmResponse())
 
-    async def Disarm(self, request: pb.DisarmRequest, context: object) -> pb.DisarmResponse:
-        await ended(self._vehicle.disarm())
-        return pb.DisarmResponse()
+    def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
+        return _after(self._vehicle.disarm(), pb.DisarmResponse())
 
-    async def TakeOff(self, request: pb.TakeOffRequest, context: object) -> pb.TakeOffResponse:
+    def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
         motion = self._vehicle.motions.take_off(request.height_m)
         if request.dry_run:
             return pb.TakeOffResponse(plan=convert.plan_to_proto(motion.plan))
-        return pb.TakeOffResponse(task=await _outcome(motion.begin(), request.non_blocking))
+        return _begun(motion.begin(), pb.TakeOffResponse, request.non_blocking)
 
-    async def Land(self, request: pb.LandRequest, context: object) -> pb.LandResponse:
+    def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
         motion = self._vehicle.motions.land()
         if request.dry_run:
             return pb.LandResponse(plan=convert.plan_to_proto(motion.plan))
-        return pb.LandResponse(task=await _outcome(motion.begin(), request.non_blocking))
+        return _begun(motion.begin(), pb.LandResponse, request.non_blocking)
 
-    async def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> pb.GoToWaypointResponse:
+    def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
         motion = self._vehicle.motions.go_to_waypoint(
             convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
         )
         if request.dry_run:
             return pb.GoToWaypointResponse(plan=convert.plan_to_proto(motion.plan))
-        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
-        return pb.GoToWaypointResponse(task=task)
+        return _begun(motion.begin(), pb.GoToWaypointResponse, request.non_blocking, ends_with_caller=True)
 
-    async def GoToWaypointGeo(self, request: pb.GoToWaypointGeoRequest, context: object) -> pb.GoToWaypointGeoResponse:
+    def GoToWaypointGeo(
+        self, request: pb.GoToWaypointGeoRequest, context: object
+    ) -> _Maybe[pb.GoToWaypointGeoResponse]:
         motion = self._vehicle.motions.go_to_waypoint_geo(
             request.latitude_deg,
             request.longitude_deg,
@@ -96,10 +102,12 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         )
         if request.dry_run:
             return pb.GoToWaypointGeoResponse(plan=convert.plan_to_proto(motion.plan))
-        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
-        return pb.GoToWaypointGeoResponse(task=task)
+        return _begun(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
 
-    async def FollowPath(self, request: pb.FollowPathRequest, context: object) -> pb.FollowPathResponse:
+    def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
+        return self._follow_path(request, self._vehicle.motions.turn)
+
+    async def _follow_path(self, request: pb.FollowPathRequest, turn: Turn) -> pb.FollowPathResponse:
         # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
         motion = await asyncio.to_thread(
             self._vehicle.motions.follow_path,
@@ -109,11 +117,12 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             leg_speeds_m_s=request.leg_speeds_m_s,
             heading=convert.path_heading_from_proto(request),
             point_of_interest=convert.point_of_interest_from_proto(request),
+            turn=turn,
         )
         if request.dry_run:
             return pb.FollowPathResponse(plan=convert.plan_to_proto(motion.plan))
-        task = await _outcome(motion.begin(), request.non_blocking, ends_with_caller=True)
-        return pb.FollowPathResponse(task=task)
+        begun = _begun(motion.begin(), pb.FollowPathResponse, request.non_blocking, ends_with_caller=True)
+        return begun if isinstance(begun, pb.FollowPathResponse) else await begun
 
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = convert.pose_from_proto(request)
@@ -143,14 +152,13 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
-    async def RecoverFromManual(
+    def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
-    ) -> pb.RecoverFromManualResponse:
+    ) -> _Maybe[pb.RecoverFromManualResponse]:
         motion = self._vehicle.motions.recover_from_manual()
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(motion.plan))
-        await ended(motion.begin())
-        return pb.RecoverFromManualResponse()
+        return _after(motion.begin(), pb.RecoverFromManualResponse())
 
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
         self._vehicle.set_home(request.set_z)
@@ -173,22 +181,34 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
 
 
-async def _outcome(task: VehicleTask, non_blocking: bool, *, ends_with_caller: bool = False) -> pb.Task:
-    """The task once it has ended, or at once; its error where it did not succeed.
+async def _after(future: Future[None], response: R) -> R:
+    """The response once the future has ended; its error where it failed."""
+    await ended(future)
+    return response
+
+
+def _begun(
+    task: VehicleTask, make: Callable[..., R], non_blocking: bool, *, ends_with_caller: bool = False
+) -> R | Awaitable[R]:
+    """The response of what began a task: at once, or when that has ended."""
+    if non_blocking:
+        return make(task=convert.task_to_proto(task.info()))
+    return _outcome(task, make, ends_with_caller=ends_with_caller)
+
+
+async def _outcome(task: VehicleTask, make: Callable[..., R], *, ends_with_caller: bool) -> R:
+    """The response once the task has ended; its error where it did not succeed.
 
     `ends_with_caller` cancels it when the caller gives up waiting: the deadline passed, or he vanished.
     """
-    if not non_blocking:
-        try:
-            await ended(task.future)
-        except asyncio.CancelledError:
-            logs.event(
-                _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller
-            )
-            if ends_with_caller:
-                task.cancel()
-            raise
-    return convert.task_to_proto(task.info())
+    try:
+        await ended(task.future)
+    except asyncio.CancelledError:
+        logs.event(_log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller)
+        if ends_with_caller:
+            task.cancel()
+        raise
+    return make(task=convert.task_to_proto(task.info()))
 
 
 def _rate_hz(rate_hz: float) -> float:

@@ -19,22 +19,42 @@ _NO_FLAGS = 0
 
 
 def sender(call: Any) -> Send | None:  # noqa: ANN401 (an iterator's future: gRPC has no type for it)
-    """What sends in a call that streams, or None where this gRPC has no direct way."""
-    try:
-        from grpc._cython.cygrpc import SendMessageOperation
+    """What sends in a call that streams, or None where this gRPC has no direct way.
 
-        operate = call._call.operate  # noqa: SLF001 (see above)
+    As gRPC's own sending thread does it, what is under way stands in the call's `due`. Else the thread that waits for
+    the channel's events could end before this one has come, and closing the channel would wait for it for ever.
+    """
+    try:
+        from grpc._cython.cygrpc import OperationType, SendMessageOperation
+
+        operate, state = call._call.operate, call._state  # noqa: SLF001 (see above)
+        condition, due = state.condition, state.due
+        operation_type = OperationType.send_message
+        if not (hasattr(state, "code") and hasattr(state, "cancelled")):
+            return None
     except (ImportError, AttributeError):
         return None
 
     def send(message: Message, then: Callable[[], None]) -> bool:
         def on_sent(_: object) -> bool:
+            with condition:
+                due.discard(operation_type)
+                condition.notify_all()
+                is_over = not due
             then()
-            return False  # the call goes on
+            return is_over
 
-        try:
-            return bool(operate((SendMessageOperation(message.SerializeToString(), _NO_FLAGS),), on_sent))
-        except ValueError:  # the channel was closed
-            return False
+        operation = SendMessageOperation(message.SerializeToString(), _NO_FLAGS)
+        with condition:
+            if state.code is not None or state.cancelled:
+                return False
+            due.add(operation_type)
+            try:
+                is_sent = bool(operate((operation,), on_sent))
+            except ValueError:  # the channel was closed
+                is_sent = False
+            if not is_sent:
+                due.discard(operation_type)
+            return is_sent
 
     return send

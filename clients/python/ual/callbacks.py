@@ -39,6 +39,11 @@ class Callbacks:
 
     # --- For the listeners --------------------------------------------------------------------------------------------
 
+    def queue(self, listener: Listener) -> None:
+        """It has something to be called back with."""
+        with self._lock:  # so that nobody moves it to another lane meanwhile
+            listener.lane.add(listener)
+
     def relieve(self, lane: _Lane) -> None:
         """Gives a new lane to all who wait for the callback that a lane is in."""
         with self._lock:
@@ -62,12 +67,10 @@ class Callbacks:
         with self._lock:
             lane = listener.lane
             lane.listeners.discard(listener)
-            is_empty = not lane.listeners
-            if is_empty and lane is self._shared:
-                self._shared = None
-        if is_empty:
-            lane.end()
-            lane.join()
+            if not lane.listeners:
+                lane.end()
+                if lane is self._shared:
+                    self._shared = None
 
 
 class Listener:
@@ -96,7 +99,7 @@ class Listener:
             self._newest = sample
             is_new, self._is_busy = not self._is_busy, True
         if is_new:
-            self.lane.add(self)
+            self._group.queue(self)
 
     def call(self) -> None:
         """Calls back. On the thread of a lane."""
@@ -109,7 +112,7 @@ class Listener:
             self._called_by = threading.get_ident()
         try:
             self._callback(replace(sample, missed_count=sample.missed_count + missed_count) if missed_count else sample)
-        except Exception:  # noqa: BLE001 (whatever it is, it is the callback's)
+        except BaseException:  # noqa: BLE001 (whatever it is, it is the callback's: SystemExit, too, ends no other's thread)
             _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
         with self._lock:
             self._called_by = None
@@ -117,7 +120,7 @@ class Listener:
                 self._has_returned.set()
             goes_on = self._is_busy = self._newest is not None and not self._is_closed
         if goes_on:
-            self.lane.add(self)
+            self._group.queue(self)
 
     def close(self) -> None:
         """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
@@ -160,11 +163,6 @@ class _Lane:
     def end(self) -> None:
         """Ends the thread, once the call that it is in returns."""
         self._waiting.put(None)
-
-    def join(self) -> None:
-        """Waits until the thread has ended, unless it is this one."""
-        if self._thread is not threading.current_thread():
-            self._thread.join()
 
     def _run(self) -> None:
         while (listener := self._waiting.get()) is not None:

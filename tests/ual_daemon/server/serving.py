@@ -15,8 +15,10 @@ from ual_daemon.server.waiting import completion
 
 
 @asynccontextmanager
-async def serving(calls: Calls, *registered: Callable[[grpc.aio.Server], None]) -> AsyncIterator[grpc.aio.Channel]:
-    """Serves what is registered, by ``add_..._to_server``, until the block ends."""
+async def serving(
+    calls: Calls, *registered: Callable[[grpc.aio.Server], None]
+) -> AsyncIterator[tuple[grpc.aio.Channel, str]]:
+    """Serves what is registered, by ``add_..._to_server``, until the block ends. A channel to it, and the address."""
     for register in registered:
         register(cast("grpc.aio.Server", calls))
     core = Core()
@@ -25,7 +27,7 @@ async def serving(calls: Calls, *registered: Callable[[grpc.aio.Server], None]) 
     server.start()
     try:
         async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            yield channel
+            yield channel, f"127.0.0.1:{port}"
     finally:
         stopped = completion(server.stop())
         server.cancel_calls()

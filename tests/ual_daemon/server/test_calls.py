@@ -46,7 +46,7 @@ class FakeVehicle:
 
     def __init__(self) -> None:
         self.arming: Future[None] = Future()
-        self.is_arming = asyncio.Event()
+        self.is_arming = threading.Event()
         self.callers: list[str] = []
         self.setpoints: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
@@ -92,8 +92,9 @@ class FakeVehicle:
 class Served:
     """A server of a fake vehicle, and a client."""
 
-    def __init__(self, vehicle: FakeVehicle, calls: Calls, channel: grpc.aio.Channel) -> None:
+    def __init__(self, vehicle: FakeVehicle, calls: Calls, channel: grpc.aio.Channel, address: str) -> None:
         self.vehicle = vehicle
+        self.address = address
         self.calls = calls
         self.channel = channel
         self.stub = ual_pb2_grpc.UalServiceStub(channel)
@@ -105,8 +106,8 @@ async def served() -> AsyncIterator[Served]:
     calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
     updates = Updates(cast("Vehicle", vehicle), lambda _: None)
     servicer = UalServicer(cast("Vehicle", vehicle), updates)
-    async with serving(calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as channel:
-        yield Served(vehicle, calls, channel)
+    async with serving(calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as (channel, address):
+        yield Served(vehicle, calls, channel, address)
 
 
 async def error_of(call: Any) -> UalError:
@@ -152,7 +153,7 @@ def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(caplog: pytest.Lo
             watching = it.stub.WatchTask(pb.WatchTaskRequest(task_id="1", rate_hz=1000.0))
             await watching.read()
             arming = it.stub.Arm(pb.ArmRequest())
-            await it.vehicle.is_arming.wait()
+            assert await asyncio.to_thread(it.vehicle.is_arming.wait, LIMIT_S)
             telemetry = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
             await telemetry.read()
             assert it.calls.running_count == 3
@@ -273,7 +274,7 @@ def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> Non
             await setpoints.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
             assert await asyncio.to_thread(it.vehicle.has_setpoint.wait, LIMIT_S)
             arming = it.stub.Arm(pb.ArmRequest())
-            await it.vehicle.is_arming.wait()
+            assert await asyncio.to_thread(it.vehicle.is_arming.wait, LIMIT_S)
             it.calls.begin_shutdown()
             for call in (telemetry.read(), setpoints, it.stub.GetTelemetry(pb.GetTelemetryRequest())):
                 with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down") as caught:
@@ -289,7 +290,7 @@ def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
     async def run() -> None:
         async with served() as it:
             arming = it.stub.Arm(pb.ArmRequest())
-            await it.vehicle.is_arming.wait()
+            assert await asyncio.to_thread(it.vehicle.is_arming.wait, LIMIT_S)
             it.calls.begin_shutdown()
             it.calls.end_waiting()
             error = await error_of(arming)
@@ -323,5 +324,23 @@ def test_no_setpoint_is_taken_after_the_shutdown_has_begun() -> None:
                 await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.6)))
             assert await stream.code() is not grpc.StatusCode.OK
             assert [each.twist.linear.x for each in it.vehicle.setpoints] == [0.5]
+
+    asyncio.run(run())
+
+
+def test_what_begins_at_once_begins_in_the_order_of_the_calls() -> None:
+    """An abort that was sent after a motion must not come before it, however busy the event loop is."""
+
+    async def run() -> None:
+        async with served() as it:
+            await it.stub.SetHome(pb.SetHomeRequest())  # connected
+            channel = grpc.insecure_channel(it.address)
+            stub = ual_pb2_grpc.UalServiceStub(channel)
+            arming = stub.Arm.future(pb.ArmRequest())
+            homing = stub.SetHome.future(pb.SetHomeRequest())
+            homing.result(LIMIT_S)  # the event loop stands still meanwhile: nothing that begins waits for it
+            assert it.vehicle.is_arming.is_set()
+            arming.cancel()
+            channel.close()
 
     asyncio.run(run())

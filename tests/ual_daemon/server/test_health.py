@@ -23,7 +23,7 @@ SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
 async def served() -> AsyncIterator[tuple[HealthServicer, Any]]:
     servicer = HealthServicer(["ual.v1.UalService"])
     calls = Calls("uav_1", shutdown_refuses=())
-    async with serving(calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as channel:
+    async with serving(calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as (channel, _):
         yield servicer, health_pb2_grpc.HealthStub(channel)
 
 

@@ -39,7 +39,7 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
 
         async def run() -> None:
             service = UalServicer(uav.vehicle, Updates(uav.vehicle, lambda _: None))
-            path = asyncio.create_task(service.FollowPath(request, None))
+            path = asyncio.ensure_future(service.FollowPath(request, None))
             assert await asyncio.to_thread(is_planned.wait, LIMIT_S)
             service.Abort(pb.AbortRequest(), None)
             may_go_on.set()
