@@ -1,49 +1,19 @@
-"""What is the same for every call: who calls, for which UAV, where it is answered, how errors go out, and how calls end
-at shutdown.
-
-A method is written as what it needs:
-
-- ``def`` of a request, or a generator into which each request of a stream is sent: answered where it was received, on
-  the thread that waits for gRPC, in the order of the calls. It must not block. The fast way, without a hop to another
-  thread. What begins at once and ends later returns a coroutine, which the event loop awaits.
-- ``def`` that answers by a stream: begins to send by the `Call`, from whichever thread, and returns what ends that.
-- ``async def``, or an asynchronous generator: all of it on the event loop.
-"""
+"""What is the same for every call: who calls, for which UAV, and how calls end at shutdown."""
 
 from __future__ import annotations
 
 import asyncio
-import inspect
-import logging
 import threading
-from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Mapping, Sequence
-from contextlib import aclosing
-from functools import partial
-from typing import Any, TypeAlias, TypeVar, cast
+from collections.abc import Callable, Mapping, Sequence
 
 import grpc
-from google.protobuf.message import DecodeError
 
-from ual import rpc_errors
-from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
+from ual.errors import InvalidArgumentError
 from ual_daemon import logs
+from ual_daemon.server.answers import SHUTTING_DOWN, Answer, Handler, Method, StatusError
 from ual_daemon.server.core import Call
 
-T = TypeVar("T")
-_Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
-
-_log = logging.getLogger(__name__)
-
 NAMESPACE_KEY = "ual-ns"
-SHUTTING_DOWN = "the daemon is shutting down"
-
-
-class StatusError(Exception):
-    """Ends a call with a status of gRPC, where the contract is not ours."""
-
-    def __init__(self, code: grpc.StatusCode, details: str) -> None:
-        super().__init__(details)
-        self.code = code
 
 
 class Calls:
@@ -59,18 +29,18 @@ class Calls:
         self._log_name = log_name
         self._shutdown_refuses = shutdown_refuses
         self._loop = asyncio.get_running_loop()
-        self._methods: dict[str, _Method] = {}
+        self._methods: dict[str, Method] = {}
         self._lock = threading.Lock()
-        self._answers: set[_Answer] = set()
+        self._answers: set[Answer] = set()
         self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
         """Nothing: these are the same methods again, as they were registered before gRPC 1.67."""
 
-    def add_registered_method_handlers(self, service: str, handlers: Mapping[str, _Handler]) -> None:
+    def add_registered_method_handlers(self, service: str, handlers: Mapping[str, Handler]) -> None:
         """The methods of a service."""
         for name, handler in handlers.items():
-            self._methods[f"/{service}/{name}"] = _Method(handler)
+            self._methods[f"/{service}/{name}"] = Method(handler)
 
     def take(self, call: Call) -> None:
         """Answers a call. On the thread that waits for gRPC."""
@@ -102,12 +72,12 @@ class Calls:
 
     # --- For the answers ----------------------------------------------------------------------------------------------
 
-    def join(self, answer: _Answer) -> None:
+    def join(self, answer: Answer) -> None:
         """It runs from now on, to be ended by a shutdown."""
         with self._lock:
             self._answers.add(answer)
 
-    def leave(self, answer: _Answer) -> None:
+    def leave(self, answer: Answer) -> None:
         """It has ended."""
         with self._lock:
             self._answers.discard(answer)
@@ -134,246 +104,3 @@ class Calls:
         except RuntimeError:
             return False
         return True
-
-
-class _Method:
-    """A method of a service, and how it is answered."""
-
-    def __init__(self, handler: _Handler) -> None:
-        # Generated code gives all three; gRPC's types do not know that.
-        self.decode = cast("Callable[[bytes], Any]", handler.request_deserializer)
-        self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
-        self.serve = cast(
-            "Callable[[Any, Any], Any]",
-            handler.unary_unary or handler.unary_stream or handler.stream_unary or handler.stream_stream,
-        )
-        self.is_asked_by_stream: bool = handler.request_streaming
-        self.is_answered_by_stream: bool = handler.response_streaming
-        self.kind: type[_Answer]
-        if inspect.isasyncgenfunction(self.serve):
-            self.kind = _Generated
-        elif self.is_asked_by_stream:
-            self.kind = _Received
-        else:
-            self.kind = _Sent if self.is_answered_by_stream else _One
-
-
-class _Answer:
-    """One call that is being answered."""
-
-    def __init__(self, calls: Calls, method: _Method, call: Call) -> None:
-        self.is_stream = method.is_asked_by_stream or method.is_answered_by_stream
-        self._calls = calls
-        self._method = method
-        self._call = call
-
-    def begin(self) -> None:
-        """Begins with it."""
-        if self._method.is_answered_by_stream:
-            # Now, and not with the first message: the caller knows that he is heard.
-            self._call.begin()
-        self._do(self._begin)
-
-    def end(self) -> None:
-        """The daemon shuts down."""
-        self._fail(self._shutdown())
-
-    def _do(self, step: Callable[..., None], *arguments: object) -> None:
-        """Does a step of it, on the thread that waits for gRPC. What goes wrong there ends the call."""
-        self._calls.tell_log(self._call)
-        try:
-            step(*arguments)
-        except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
-            self._fail(error)
-        finally:
-            self._calls.tell_log(None)  # the thread must not hold the call
-
-    def _begin(self) -> None:
-        self._calls.require_welcome(self._call)
-        self._call.receive(partial(self._do, self._receive))
-
-    def _receive(self, message: bytes | None) -> None:
-        if message is None:
-            raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self._call.method} takes one request")
-        self._answer(self._decoded(message))
-
-    def _answer(self, request: object) -> None:
-        raise NotImplementedError
-
-    def _decoded(self, message: bytes) -> Any:  # noqa: ANN401  each method has its own
-        try:
-            return self._method.decode(message)
-        except DecodeError as error:
-            raise StatusError(grpc.StatusCode.INTERNAL, f"{self._call.method}: no such message: {error}") from None
-
-    def _shutdown(self) -> Exception:
-        if self.is_stream:
-            return StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
-        return TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"})
-
-    def _fail(self, error: BaseException) -> None:
-        self._calls.leave(self)
-        if isinstance(error, StatusError):
-            self._call.finish(code=error.code, details=str(error))
-            return
-        if isinstance(error, UalError):
-            # The vehicle has logged what it refused; this is for what did not come so far.
-            logs.event(_log, logging.DEBUG, "call_failed", method=self._call.method, reason=error.reason, why=error)
-        else:
-            _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
-            error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
-        status = rpc_errors.to_grpc_status(error)
-        self._call.finish(None, status.code, status.details, status.trailing_metadata)
-
-
-class _OnLoop(_Answer):
-    """What goes on on the event loop."""
-
-    _task: asyncio.Task[bytes | None] | None = None
-    _has_begun = False
-    _is_to_cancel = False
-
-    def end(self) -> None:
-        if self._task is None:
-            super().end()
-        else:
-            self._cancel()
-
-    def _watch(self) -> None:
-        """It takes a while from here on."""
-        self._call.watch(lambda: self._calls.on_loop(self._cancel))
-        self._call.peer()  # the call may end before the log needs it
-        self._calls.join(self)
-
-    def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
-        """Awaits it on the loop, and ends the call with what it returns."""
-        if not self._calls.on_loop(self._start, coroutine):
-            coroutine.close()
-
-    def _start(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
-        self._task = asyncio.create_task(self._serve(coroutine))
-        self._task.add_done_callback(self._on_end)
-        if self._call.is_finished or self._call.is_cancelled:  # meanwhile
-            self._cancel()
-
-    async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.tell_log(self._call)
-        self._has_begun = True
-        if self._is_to_cancel:
-            self._cancel()
-        return await coroutine
-
-    def _cancel(self) -> None:
-        """Cancels it where it waits. Before it has begun it would not hear of that, and what it has to undo be left."""
-        self._is_to_cancel = True
-        if self._task is not None and self._has_begun:
-            self._task.cancel()
-
-    def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
-        self._calls.leave(self)
-        if task.cancelled():
-            if not self._call.is_cancelled:
-                self._fail(self._shutdown())
-            return
-        error = task.exception()
-        if error is None:
-            self._call.finish(task.result())
-        else:
-            self._fail(error)
-
-
-class _One(_OnLoop):
-    """By one message, where the request was received, or when what that began has ended."""
-
-    def _answer(self, request: object) -> None:
-        response = self._method.serve(request, None)
-        if inspect.iscoroutine(response):
-            self._watch()
-            self._go_on(self._encoded(response))
-        else:
-            self._call.finish(self._method.encode(response))
-
-    async def _encoded(self, response: Coroutine[Any, Any, Any]) -> bytes:
-        return self._method.encode(await response)
-
-
-class _Generated(_OnLoop):
-    """By the messages of an asynchronous generator."""
-
-    def _begin(self) -> None:
-        self._watch()
-        if self._method.is_asked_by_stream:
-            self._calls.require_welcome(self._call)
-            self._answer(self._requests())
-        else:
-            super()._begin()
-
-    def _answer(self, request: object) -> None:
-        self._go_on(self._send(request))
-
-    async def _send(self, request: object) -> None:
-        async with aclosing(self._method.serve(request, None)) as responses:
-            async for response in responses:
-                await self._until(partial(self._call.send, self._method.encode(response)))
-
-    async def _requests(self) -> AsyncIterator[Any]:
-        while (message := await self._until(self._call.receive)) is not None:
-            yield self._decoded(message)
-
-    async def _until(self, start: Callable[[Callable[[T], object]], None]) -> T:
-        """What an operation ends with."""
-        ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
-
-        def tell(result: T) -> None:
-            if not ended.done():
-                ended.set_result(result)
-
-        start(lambda result: self._calls.on_loop(tell, result))
-        return await ended
-
-
-class _Received(_Answer):
-    """By one message, after all those of a stream have been received, each of which is taken where it was received."""
-
-    def _begin(self) -> None:
-        self._calls.join(self)
-        self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
-        next(self._requests)
-        super()._begin()
-
-    def _receive(self, message: bytes | None) -> None:
-        if self._call.is_finished:  # by a shutdown: what comes now is not for us any more
-            return
-        try:
-            self._requests.send(None if message is None else self._decoded(message))
-        except StopIteration as ended:
-            self._calls.leave(self)
-            self._call.finish(self._method.encode(ended.value))
-        else:
-            self._call.receive(partial(self._do, self._receive))
-
-
-class _Sent(_Answer):
-    """By messages that are sent from elsewhere."""
-
-    _stop: Callable[[], None] | None = None
-
-    def _begin(self) -> None:
-        self._call.watch(self._on_cancel)
-        self._calls.join(self)
-        super()._begin()
-
-    def _answer(self, request: object) -> None:
-        self._stop = self._method.serve(request, self._call)
-        if self._call.is_cancelled or self._call.is_finished:  # meanwhile; by a shutdown
-            self._stop()
-
-    def end(self) -> None:
-        super().end()
-        if self._stop is not None:
-            self._stop()
-
-    def _on_cancel(self) -> None:
-        self._calls.leave(self)
-        if self._stop is not None:
-            self._stop()

@@ -47,7 +47,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
         return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
 
-    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `calls`
+    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `answers`
         self, request: pb.StreamTelemetryRequest, context: Call
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
@@ -138,7 +138,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._vehicle.motions.tell_velocity(velocity)
         return pb.SetVelocityResponse()
 
-    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `calls`
+    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `answers`
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
