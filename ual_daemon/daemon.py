@@ -60,8 +60,8 @@ class Daemon:
         if len(self._uavs) > 1:
             for uav in self._uavs:
                 uav.vehicle.log_name = uav.vehicle.ns
-        hops = Hops(_GATHER_S if len(self._uavs) > 1 else 0.0)
-        core = Core()
+        gather_s = _GATHER_S if len(self._uavs) > 1 else 0.0
+        hops, core = Hops(gather_s), Core(gather_s)
         served = [
             _Served(uav, core, hops, self._credentials, is_auto_arming=self._is_auto_arming) for uav in self._uavs
         ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeAlias
@@ -25,9 +26,14 @@ _END_S = 5.0
 
 
 class Core:
-    """The thread that waits for gRPC. Servers of one process share it; what it calls back must not block."""
+    """The thread that waits for gRPC. Servers of one process share it; what it calls back must not block.
 
-    def __init__(self) -> None:
+    With `gather_s` it looks only so often: where many UAVs are served, it would take Python's lock from the thread that
+    sends to their readers after each message, to hear that it is out.
+    """
+
+    def __init__(self, gather_s: float = 0.0) -> None:
+        self._gather_s = gather_s
         self.queue = cygrpc.CompletionQueue()
         self._thread = threading.Thread(target=self._run, name="gRPC", daemon=True)
         self._thread.start()
@@ -41,12 +47,20 @@ class Core:
         while True:
             event = None  # before it waits again: a call that an event holds keeps its server from ending
             try:
-                event = self.queue.poll()
+                event = self._next()
                 if event.completion_type == cygrpc.CompletionType.queue_shutdown:
                     return
                 event.tag(event)
             except Exception:  # noqa: BLE001  the thread serves everybody
                 _log.exception("what gRPC called back failed; this is a defect of UAL, please report it")
+
+    def _next(self) -> Any:  # noqa: ANN401  the binding's, as all events
+        if self._gather_s:
+            event = self.queue.poll(0.0)
+            if event.completion_type != cygrpc.CompletionType.queue_timeout:
+                return event
+            time.sleep(self._gather_s)
+        return self.queue.poll()
 
 
 class CoreServer:
