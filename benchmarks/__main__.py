@@ -65,7 +65,7 @@ def measure(effort: Effort, rounds: int, parts: list[str] | tuple[str, ...]) -> 
     """All parts, round by round; the order in a round is left to chance, so that no way always comes first."""
     results = Results()
     with Child("benchmarks.vehicle") as vehicle:
-        vehicle.prefer(realtime=True)
+        vehicle.prefer()
         for results.round in range(rounds):
             tasks: list[tuple[str, Callable[[], None]]] = [("noise", lambda: noise.measure(results))]
             if "setpoints" in parts:

@@ -70,11 +70,11 @@ class Process:
             raise ChildError(f"process {self.pid} has no resident memory: it has ended")
         return int(found[1]) / 1024.0
 
-    def prefer(self, *, realtime: bool) -> None:
-        """Puts it before the rest of the machine: in real time, or (for what takes all it can get) by its niceness."""
+    def prefer(self) -> None:
+        """Puts it before the rest of the machine: in real time where the system lets it, else by its niceness."""
         for thread in self._threads():
             with suppress(ProcessLookupError, PermissionError):
-                if realtime and _may_be_realtime():
+                if _may_be_realtime():
                     os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(_REALTIME_PRIORITY))
                 else:
                     os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))

@@ -51,7 +51,7 @@ def _load(duration_s: float) -> Iterator[tuple[float, float, int, int]]:
     """By turns: minutes so far, the daemon's resident MiB, setpoints that went through it, telemetry that came."""
     port = free_port(socket.SOCK_DGRAM)
     with Child("benchmarks.vehicle") as vehicle:
-        vehicle.prefer(realtime=True)  # a vehicle that falls silent ends the flood: the daemon refuses what follows
+        vehicle.prefer()  # a vehicle that falls silent ends the flood: the daemon refuses what follows
         vehicle.ask("fly", port=port, rate_factor=_RATE_FACTOR)
         with UalDaemon(port) as daemon:
             daemon.wait()

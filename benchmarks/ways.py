@@ -55,11 +55,11 @@ class Flight:
     client: Child
     server: Server | None
 
-    def prefer(self, *, realtime: bool) -> None:
+    def prefer(self) -> None:
         """Puts its processes before the rest of the machine."""
         for process in (self.client, self.server):
             if process is not None:
-                process.prefer(realtime=realtime)
+                process.prefer()
 
 
 @contextmanager

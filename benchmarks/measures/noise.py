@@ -29,7 +29,7 @@ def measure(results: Results) -> None:
     ):
         probe.connect(("127.0.0.1", port))
         _until_there(probe)
-        echo.prefer(realtime=True)
+        echo.prefer()
         took_ms = []
         for _ in range(_COUNT):
             time.sleep(_PERIOD_S)

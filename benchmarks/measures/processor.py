@@ -30,7 +30,7 @@ def measure(vehicle: Child, results: Results, way: Way) -> None:
         client = stack.enter_context(Child("benchmarks.peers", way.peer, "--port", str(port), "--address", address))
         client.ask("connect")
         for process in (server, client):
-            process.prefer(realtime=True)
+            process.prefer()
         client.ask("pace", first=1, count=int(_WARM_S * RATE_HZ), rate_hz=RATE_HZ)
         left_s = began_s + _TO_S - _FROM_S - time.monotonic()
         count = int((left_s - 1.0) * RATE_HZ)

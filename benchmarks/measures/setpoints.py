@@ -18,7 +18,7 @@ _MEGA = 1e-6
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
     """One round of one way: latencies in ms, and setpoints a second that arrived."""
     with flown(vehicle, way) as flight:
-        flight.prefer(realtime=True)
+        flight.prefer()
         flight.client.ask("pace", first=1, count=int(RATE_HZ / 2), rate_hz=RATE_HZ)  # warm
         vehicle.ask("setpoints")
         given = flight.client.ask("pace", first=1000, count=effort.paced_count, rate_hz=RATE_HZ)

@@ -15,7 +15,7 @@ _MEGA = 1e-6
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
     """One round of one way: latencies in ms over all subscribers, and the share of positions that came."""
     with flown(vehicle, way) as flight:
-        flight.prefer(realtime=True)
+        flight.prefer()
         for count in SUBSCRIBERS:
             vehicle.ask("positions")
             settle_s = _SETTLE_NS * 1e-9
