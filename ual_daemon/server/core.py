@@ -42,6 +42,8 @@ class Core:
         """Ends the thread, once its servers have stopped. Not from the thread itself."""
         self.queue.shutdown()
         self._thread.join(_END_S)
+        if self._thread.is_alive():
+            _log.warning("a call never ended; the thread that waits for gRPC is left behind")
 
     def _run(self) -> None:
         while True:

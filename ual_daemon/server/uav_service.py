@@ -73,13 +73,13 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         motion = self._vehicle.motions.take_off(request.height_m)
         if request.dry_run:
             return pb.TakeOffResponse(plan=convert.plan_to_proto(motion.plan))
-        return _begun(motion.begin(), pb.TakeOffResponse, request.non_blocking)
+        return _outcome(motion.begin(), pb.TakeOffResponse, request.non_blocking)
 
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
         motion = self._vehicle.motions.land()
         if request.dry_run:
             return pb.LandResponse(plan=convert.plan_to_proto(motion.plan))
-        return _begun(motion.begin(), pb.LandResponse, request.non_blocking)
+        return _outcome(motion.begin(), pb.LandResponse, request.non_blocking)
 
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
         motion = self._vehicle.motions.go_to_waypoint(
@@ -87,7 +87,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         )
         if request.dry_run:
             return pb.GoToWaypointResponse(plan=convert.plan_to_proto(motion.plan))
-        return _begun(motion.begin(), pb.GoToWaypointResponse, request.non_blocking, ends_with_caller=True)
+        return _outcome(motion.begin(), pb.GoToWaypointResponse, request.non_blocking, ends_with_caller=True)
 
     def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: object
@@ -102,7 +102,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         )
         if request.dry_run:
             return pb.GoToWaypointGeoResponse(plan=convert.plan_to_proto(motion.plan))
-        return _begun(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
+        return _outcome(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
 
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
         return self._follow_path(request, self._vehicle.motions.turn)
@@ -121,8 +121,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         )
         if request.dry_run:
             return pb.FollowPathResponse(plan=convert.plan_to_proto(motion.plan))
-        begun = _begun(motion.begin(), pb.FollowPathResponse, request.non_blocking, ends_with_caller=True)
-        return begun if isinstance(begun, pb.FollowPathResponse) else await begun
+        return await _outcome(motion.begin(), pb.FollowPathResponse, request.non_blocking, ends_with_caller=True)
 
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = convert.pose_from_proto(request)
@@ -187,27 +186,23 @@ async def _after(future: Future[None], response: R) -> R:
     return response
 
 
-def _begun(
+async def _outcome(
     task: VehicleTask, make: Callable[..., R], non_blocking: bool, *, ends_with_caller: bool = False
-) -> R | Awaitable[R]:
-    """The response of what began a task: at once, or when that has ended."""
-    if non_blocking:
-        return make(task=convert.task_to_proto(task.info()))
-    return _outcome(task, make, ends_with_caller=ends_with_caller)
-
-
-async def _outcome(task: VehicleTask, make: Callable[..., R], *, ends_with_caller: bool) -> R:
-    """The response once the task has ended; its error where it did not succeed.
+) -> R:
+    """The response with a task that has begun: at once, or when it has ended; its error where it did not succeed.
 
     `ends_with_caller` cancels it when the caller gives up waiting: the deadline passed, or he vanished.
     """
-    try:
-        await ended(task.future)
-    except asyncio.CancelledError:
-        logs.event(_log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller)
-        if ends_with_caller:
-            task.cancel()
-        raise
+    if not non_blocking:
+        try:
+            await ended(task.future)
+        except asyncio.CancelledError:
+            logs.event(
+                _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller
+            )
+            if ends_with_caller:
+                task.cancel()
+            raise
     return make(task=convert.task_to_proto(task.info()))
 
 

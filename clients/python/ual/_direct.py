@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 
 from google.protobuf.message import Message
 
-Send: TypeAlias = Callable[[Message, Callable[[], None]], bool]
-"""Sends a message and tells, on a thread of gRPC, when the next may be sent; False where the stream has ended."""
+Send: TypeAlias = Callable[[Message, Callable[[], None]], None]
+"""Sends a message and tells, on a thread of gRPC, when the next may be sent: never, where the stream has ended."""
 
 _NO_FLAGS = 0
 
@@ -35,7 +35,7 @@ def sender(call: Any) -> Send | None:  # noqa: ANN401 (an iterator's future: gRP
     except (ImportError, AttributeError):
         return None
 
-    def send(message: Message, then: Callable[[], None]) -> bool:
+    def send(message: Message, then: Callable[[], None]) -> None:
         def on_sent(_: object) -> bool:
             with condition:
                 due.discard(operation_type)
@@ -47,14 +47,13 @@ def sender(call: Any) -> Send | None:  # noqa: ANN401 (an iterator's future: gRP
         operation = SendMessageOperation(message.SerializeToString(), _NO_FLAGS)
         with condition:
             if state.code is not None or state.cancelled:
-                return False
+                return
             due.add(operation_type)
             try:
-                is_sent = bool(operate((operation,), on_sent))
+                is_sent = operate((operation,), on_sent)
             except ValueError:  # the channel was closed
                 is_sent = False
             if not is_sent:
                 due.discard(operation_type)
-            return is_sent
 
     return send

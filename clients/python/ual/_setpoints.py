@@ -173,9 +173,8 @@ class _Stream:
         if is_ending:
             self._iterated.put(None)
 
-    def _send_by_iterator(self, setpoint: Any, then: Callable[[], None]) -> bool:  # noqa: ANN401 (as any message)
+    def _send_by_iterator(self, setpoint: Any, then: Callable[[], None]) -> None:  # noqa: ANN401 (as any message)
         self._iterated.put((setpoint, then))
-        return True
 
     def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
         was_asked, self._is_ending = self._is_ending, True
