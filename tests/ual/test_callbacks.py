@@ -99,6 +99,59 @@ def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes()
         each.close()
 
 
+def test_who_offers_a_sample_calls_back_himself_as_long_as_that_is_quick() -> None:
+    group = Callbacks()
+    subscriber = Subscriber(group)
+    for number in range(1, 4):
+        subscriber.listener.offer(sample(number))
+        subscriber.listener.call()
+    assert subscriber.came == [(number, 0) for number in range(1, 4)]
+    assert subscriber.threads == {threading.get_ident()}
+    subscriber.listener.call()  # there is nothing new
+    assert len(subscriber.came) == 3
+    subscriber.close()
+
+
+def test_a_callback_that_took_long_has_a_lane_until_it_was_quick_for_a_while() -> None:
+    group = Callbacks()
+    threads: list[int] = []
+    called = threading.Semaphore(0)
+
+    def callback(telemetry: Telemetry) -> None:
+        threads.append(threading.get_ident())
+        if telemetry.sequence == 0:
+            time.sleep(2.0 * PATIENCE_S)
+        called.release()
+
+    listener = group.open(callback)
+    # A quick call that the machine holds up for as long as that counts as slow, too: so it may take more than ten.
+    for number in range(200):
+        listener.offer(sample(number))
+        listener.call()
+        assert called.acquire(timeout=LIMIT_S)
+        if len(threads) > 10 and threads[-1] == threads[0]:
+            break
+    assert threads[0] == threading.get_ident() == threads[-1]
+    assert threading.get_ident() not in threads[1:11]
+    listener.close()
+
+
+def test_what_is_offered_to_one_that_waits_behind_another_in_a_lane_frees_it() -> None:
+    group = Callbacks()
+    stuck, waiting = Subscriber(group), Subscriber(group)
+    stuck.may_return.clear()
+    stuck.listener.put(sample(1))
+    stuck.wait_for(1)
+    waiting.listener.put(sample(1))
+    time.sleep(2.0 * PATIENCE_S)
+    waiting.listener.offer(sample(2))
+    waiting.listener.call()
+    waiting.wait_for(2)
+    assert waiting.came == [(2, 1)]
+    stuck.close()
+    waiting.close()
+
+
 def test_what_was_missed_before_adds_up() -> None:
     group = Callbacks()
     slow = Subscriber(group)

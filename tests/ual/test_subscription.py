@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import itertools
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 
@@ -11,6 +13,7 @@ import pytest
 import ual
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon
+from ual.callbacks import PATIENCE_S
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -91,7 +94,8 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(
     source.put(sample(1))
     with uav.subscribe(callback) as subscription:
         assert is_busy.wait(LIMIT_S)
-        monkeypatch.setattr(subscription, "put", put_and_tell(subscription.put, 6, all_came))
+        listener = subscription.listener
+        monkeypatch.setattr(listener, "offer", offer_and_tell(listener.offer, 6, all_came))
         for number, missed_count in ((2, 0), (5, 2), (6, 0)):
             source.put(sample(number, missed_count))
         assert all_came.wait(LIMIT_S)
@@ -100,13 +104,70 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(
     assert [(each.sequence, each.missed_count) for each in received.samples] == [(1, 0), (6, 4)]
 
 
-def put_and_tell(put: Callable[[Telemetry], None], sequence: int, came: threading.Event) -> Callable[[Telemetry], None]:
-    def put_told(telemetry: Telemetry) -> None:
-        put(telemetry)
+def offer_and_tell(
+    offer: Callable[[Telemetry], None], sequence: int, came: threading.Event
+) -> Callable[[Telemetry], None]:
+    def offer_told(telemetry: Telemetry) -> None:
+        offer(telemetry)
         if telemetry.sequence == sequence:
             came.set()
 
-    return put_told
+    return offer_told
+
+
+def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not_return(
+    daemon: FakeDaemon, uav: ual.Uav
+) -> None:
+    source = daemon.script()
+    may_return = threading.Event()
+    stuck_count = threading.Semaphore(0)
+
+    def stuck(_: Telemetry) -> None:
+        stuck_count.release()
+        assert may_return.wait(LIMIT_S)
+
+    received = Received()
+    source.put(sample(1))
+    with uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(received):
+        numbers = itertools.count(2)
+        for _ in range(3):  # a sample may find one of them, who keeps it from those behind him until the next one comes
+            while not stuck_count.acquire(timeout=2.0 * PATIENCE_S):
+                source.put(sample(next(numbers)))
+        for _ in range(30):
+            time.sleep(2.0 * PATIENCE_S)
+            source.put(sample(number := next(numbers)))
+        received.wait_for(number)
+        may_return.set()
+        # The threads that came in the place of those that were stuck end.
+        for _ in range(30):
+            source.put(sample(number := next(numbers)))
+            received.wait_for(number)
+    assert sum(each.missed_count + 1 for each in received.samples) == number
+
+
+def test_a_callback_runs_never_twice_at_a_time_and_gets_the_samples_in_their_order(
+    daemon: FakeDaemon, uav: ual.Uav
+) -> None:
+    source = daemon.script()
+    running, received = threading.Lock(), Received()
+
+    def callback(telemetry: Telemetry) -> None:
+        assert running.acquire(blocking=False)
+        time.sleep(0.002 * (telemetry.sequence % 5))  # some are slow, some quick
+        running.release()
+        received(telemetry)
+
+    source.put(sample(1))
+    with uav.subscribe(callback):
+        for number in range(2, 300):
+            source.put(sample(number))
+            if number % 7 == 0:
+                received.wait_for(number)
+        source.put(sample(300))
+        received.wait_for(300)
+    numbers = [each.sequence for each in received.samples]
+    assert numbers == sorted(set(numbers))
+    assert sum(each.missed_count + 1 for each in received.samples) == 300
 
 
 def test_subscriptions_of_one_rate_share_a_stream_and_the_latest_gets_the_newest_sample_at_once(

@@ -1,15 +1,15 @@
-"""Subscriptions of the client: one thread drains a stream, another calls back with the newest sample (`callbacks`).
+"""Subscriptions of the client: threads take turns in reading a stream and calling back with what they read.
 
-Two threads, because a stream that is read only as fast as the callbacks return fills gRPC's buffers with old samples:
-the subscriber would see the UAV as it was seconds ago. One stream for all subscriptions of a rate, because each costs
-the daemon: docs/decisions/0011.
+While one calls back the next reads already: a stream that is read only as fast as the callbacks return would fill
+gRPC's buffers with old samples, and the subscriber see the UAV as it was seconds ago. One stream for all subscriptions
+of a rate, because each costs the daemon: docs/decisions/0011.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from typing_extensions import Self
@@ -20,10 +20,13 @@ from ual._connection import Connection, TelemetryStream
 from ual.callbacks import Callbacks, Listener
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
+from ual.v1 import ual_pb2 as pb
 
 _log = logging.getLogger(__name__)
 
 RETRY_S = 0.25
+_AVAILABLE_COUNT = 2
+"""One thread that reads, and one that reads when the first has something to call back with."""
 
 
 class Subscriptions:
@@ -73,16 +76,12 @@ class Subscription:
     """Calls back with new samples until it is closed."""
 
     def __init__(self, listener: Listener, on_close: Callable[[Subscription], None]) -> None:
-        self._listener = listener
+        self.listener = listener
         self._on_close = on_close
-
-    def put(self, sample: Telemetry) -> None:
-        """Takes a new sample, in place of one that still waits."""
-        self._listener.put(sample)
 
     def close(self) -> None:
         """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
-        self._listener.close()
+        self.listener.close()
         self._on_close(self)
 
     def __enter__(self) -> Self:
@@ -104,19 +103,31 @@ class _Feed:
         self._connection = connection
         self._lock = threading.Lock()
         self._sample: Telemetry | None = None
-        self._closing = threading.Event()
-        self._answered = threading.Event()
+        self._is_closing = threading.Event()
+        self._is_answered = threading.Event()
         self._refusal: UalError | None = None
         self._stream: TelemetryStream | None = None
-        self._thread = threading.Thread(target=self._drain, name="ual telemetry", daemon=True)
+        self._responses: Iterator[pb.StreamTelemetryResponse] | None = None
+        self._reported = ""
+        """The reason, as it was told, by which the stream is interrupted."""
+        self._turn = threading.Lock()
+        """Of the thread that reads."""
+        self._reading_id: int | None = None
+        self._available_count = 0
+        """How many threads read, or wait for their turn; the others call back."""
+        self._has_ended = threading.Event()
+        """Whether nobody reads any more."""
+        self._has_ended.set()
 
     def start(self) -> None:
         """Begins to read."""
-        self._thread.start()
+        self._has_ended.clear()
+        for _ in range(_AVAILABLE_COUNT):
+            self._add_thread()
 
     def wait(self) -> None:
         """Returns once the first sample has come. Raises what the daemon refuses it by, or by which none come now."""
-        if not self._answered.wait(QUICK_S):
+        if not self._is_answered.wait(QUICK_S):
             raise UalTimeoutError(f"the daemon sent no telemetry within {QUICK_S:g} s")
         if self._refusal is not None:
             raise self._refusal
@@ -126,7 +137,7 @@ class _Feed:
         with self._lock:
             self.subscriptions = (*self.subscriptions, subscription)
             if self._sample is not None:
-                subscription.put(replace(self._sample, missed_count=0))
+                subscription.listener.put(replace(self._sample, missed_count=0))
 
     def leave(self, subscription: Subscription) -> None:
         """It gets no more."""
@@ -135,45 +146,83 @@ class _Feed:
 
     def close(self) -> None:
         """Ends the stream."""
-        self._closing.set()
+        self._is_closing.set()
         if self._stream is not None:
             self._stream.close()
-        if self._thread.is_alive():
-            self._thread.join()
+        if self._reading_id != threading.get_ident():  # else what it logs has led here
+            self._has_ended.wait()
 
-    def _drain(self) -> None:
-        reported = ""
-        while not self._closing.is_set():
+    def _add_thread(self) -> None:
+        threading.Thread(target=self._take_turns, name="ual telemetry", daemon=True).start()
+
+    def _take_turns(self) -> None:
+        """Reads, lets the next one read, and calls back meanwhile."""
+        while True:
+            with self._lock:
+                if self._available_count == _AVAILABLE_COUNT:  # others came while this one called back
+                    return
+                self._available_count += 1
+            with self._turn:
+                self._reading_id = threading.get_ident()
+                subscriptions = None
+                try:
+                    subscriptions = self._read()
+                finally:
+                    self._reading_id = None
+                    if subscriptions is None:
+                        self._has_ended.set()
+                if subscriptions is None:
+                    return
+                with self._lock:
+                    self._available_count -= 1
+                    is_last = not self._available_count
+                if is_last:
+                    self._add_thread()
+            for subscription in subscriptions:
+                subscription.listener.call()
+
+    def _read(self) -> tuple[Subscription, ...] | None:
+        """Waits for the next sample, however long that takes: who is to be called back. None once it is closed, or
+        where it is refused.
+        """
+        while not self._is_closing.is_set():
             try:
-                reported = self._drain_once(reported)
+                if (sample := self._next()) is not None:
+                    return self._hand_out(sample)
             except UalError as error:
-                has_begun = self._answered.is_set()
+                has_begun = self._is_answered.is_set()
                 with self._lock:
                     self._sample, self._refusal = None, error  # what came last is old for who joins now
-                self._answered.set()
+                self._is_answered.set()
                 if not has_begun:
-                    return
-                if not self._closing.is_set() and error.reason != reported:
-                    reported = error.reason
+                    self._is_closing.set()
+                    break
+                if not self._is_closing.is_set() and error.reason != self._reported:
+                    self._reported = error.reason
                     _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)
-            self._closing.wait(RETRY_S)
+            self._responses = None
+            self._is_closing.wait(RETRY_S)
+        return None
 
-    def _drain_once(self, reported: str) -> str:
-        """Reads one stream to its end."""
-        self._stream = stream = self._connection.stream_telemetry(self.rate_hz)
-        if self._closing.is_set():  # closed before it could see the stream
-            stream.close()
-        for response in stream.read():
-            self._hand_out(convert.telemetry_from_proto(response.telemetry, response.missed_count))
-            self._answered.set()
-            if reported:
-                reported = ""
-                _log.info("telemetry is back")
-        return reported
+    def _next(self) -> Telemetry | None:
+        """The next sample of the stream, of a new one where there is none; None where it has ended."""
+        if self._responses is None:
+            self._stream = stream = self._connection.stream_telemetry(self.rate_hz)
+            if self._is_closing.is_set():  # closed before it could see the stream
+                stream.close()
+            self._responses = stream.read()
+        response = next(self._responses, None)
+        return None if response is None else convert.telemetry_from_proto(response.telemetry, response.missed_count)
 
-    def _hand_out(self, sample: Telemetry) -> None:
+    def _hand_out(self, sample: Telemetry) -> tuple[Subscription, ...]:
         with self._lock:
             self._sample, self._refusal = sample, None
             subscriptions = self.subscriptions
         for subscription in subscriptions:
-            subscription.put(sample)
+            subscription.listener.offer(sample)
+        if not self._is_answered.is_set():
+            self._is_answered.set()
+        if self._reported:
+            self._reported = ""
+            _log.info("telemetry is back")
+        return subscriptions

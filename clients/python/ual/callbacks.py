@@ -3,6 +3,9 @@
 A thread for each subscription would have to be woken for each sample: with a hundred of them that takes milliseconds.
 One for all would be at the mercy of the slowest. So they begin on one thread, a *lane*; when a sample comes and finds
 the lane busy for longer than `PATIENCE_S`, the callback that it is in keeps it, and the others go on on a new one.
+
+Whoever has a sample and may wait calls back himself (`Listener.offer`, then `Listener.call`), which spares waking a
+lane. That is for quick callbacks: those that took longer than `PATIENCE_S` lately have a lane all the same.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from ual.types import Telemetry
 _log = logging.getLogger(__name__)
 
 PATIENCE_S = 0.005
+_QUICK_AGAIN_COUNT = 10
+"""After so many quick calls in a row a callback that was slow counts as quick again."""
 
 
 class Callbacks:
@@ -31,17 +36,18 @@ class Callbacks:
 
     def open(self, callback: Callable[[Telemetry], None]) -> Listener:
         """Calls back with what is put into the listener."""
-        with self._lock:
-            lane = self._shared = self._shared or _Lane()
-            listener = Listener(callback, lane, self)
-            lane.listeners.add(listener)
-        return listener
+        return Listener(callback, self)
 
     # --- For the listeners --------------------------------------------------------------------------------------------
 
     def queue(self, listener: Listener) -> None:
         """It has something to be called back with."""
         with self._lock:  # so that nobody moves it to another lane meanwhile
+            if listener.has_left:
+                return
+            if listener.lane is None:
+                listener.lane = self._shared = self._shared or _Lane()
+                listener.lane.listeners.add(listener)
             listener.lane.add(listener)
 
     def relieve(self, lane: _Lane) -> None:
@@ -58,14 +64,17 @@ class Callbacks:
             for listener in relief.listeners:
                 listener.lane = relief
             for waiting in lane.take_all():
-                waiting.lane.add(waiting)
+                relief.add(waiting)
             if not lane.listeners:  # what it is in ends, or goes on elsewhere
                 lane.end()
 
     def leave(self, listener: Listener) -> None:
         """It has ended."""
         with self._lock:
+            listener.has_left = True
             lane = listener.lane
+            if lane is None:
+                return
             lane.listeners.discard(listener)
             if not lane.listeners:
                 lane.end()
@@ -74,10 +83,11 @@ class Callbacks:
 
 
 class Listener:
-    """One callback, the newest sample for it, and how many were lost before. One thread puts at a time."""
+    """One callback, the newest sample for it, and how many were lost before. One thread puts or offers at a time."""
 
-    def __init__(self, callback: Callable[[Telemetry], None], lane: _Lane, group: Callbacks) -> None:
-        self.lane = lane
+    def __init__(self, callback: Callable[[Telemetry], None], group: Callbacks) -> None:
+        self.lane: _Lane | None = None
+        self.has_left = False
         self._callback = callback
         self._group = group
         self._lock = threading.Lock()
@@ -86,23 +96,41 @@ class Listener:
         self._is_busy = False
         """Whether it waits in a lane, or is called: it is never in two places."""
         self._called_by: int | None = None
+        self._on_probation_count = 0
+        """How many quick calls must come before it counts as quick."""
         self._is_closed = False
         self._has_returned = threading.Event()
 
     def put(self, sample: Telemetry) -> None:
-        """Takes a new sample."""
-        if self.lane.is_held_up():
+        """Takes a new sample, and has a lane call back with it."""
+        if self.lane is not None and self.lane.is_held_up():
             self._group.relieve(self.lane)
         with self._lock:
-            if self._newest is not None:
-                self._missed_count += self._newest.missed_count + 1
-            self._newest = sample
+            self._take(sample)
             is_new, self._is_busy = not self._is_busy, True
         if is_new:
             self._group.queue(self)
 
+    def offer(self, sample: Telemetry) -> None:
+        """Takes a new sample, and waits for somebody to `call`; has a lane call back where that took long lately, or is
+        in one already.
+        """
+        if self._on_probation_count or self._is_busy:
+            self.put(sample)
+            return
+        with self._lock:
+            self._take(sample)
+
     def call(self) -> None:
-        """Calls back. On the thread of a lane."""
+        """Calls back with the newest sample, unless that is done already, or somebody else is about to."""
+        with self._lock:
+            if self._is_busy or self._newest is None:
+                return
+            self._is_busy = True
+        self.run()
+
+    def run(self) -> None:
+        """Calls back where nobody else is about to."""
         with self._lock:
             sample, self._newest = self._newest, None
             missed_count, self._missed_count = self._missed_count, 0
@@ -110,10 +138,15 @@ class Listener:
                 self._is_busy = False
                 return
             self._called_by = threading.get_ident()
+        begin_s = time.monotonic()
         try:
             self._callback(replace(sample, missed_count=sample.missed_count + missed_count) if missed_count else sample)
         except BaseException:  # noqa: BLE001 (whatever it is, it is the callback's: SystemExit, too, ends no other's thread)
             _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
+        if time.monotonic() - begin_s > PATIENCE_S:
+            self._on_probation_count = _QUICK_AGAIN_COUNT
+        elif self._on_probation_count:
+            self._on_probation_count -= 1
         with self._lock:
             self._called_by = None
             if self._is_closed:
@@ -121,6 +154,11 @@ class Listener:
             goes_on = self._is_busy = self._newest is not None and not self._is_closed
         if goes_on:
             self._group.queue(self)
+
+    def _take(self, sample: Telemetry) -> None:
+        if self._newest is not None:
+            self._missed_count += self._newest.missed_count + 1
+        self._newest = sample
 
     def close(self) -> None:
         """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
@@ -169,7 +207,7 @@ class _Lane:
             if self._busy_since_s is None:
                 self._busy_since_s = time.monotonic()
             self.current = listener
-            listener.call()
+            listener.run()
             self.current = None
             if self._waiting.empty():
                 self._busy_since_s = None
