@@ -16,18 +16,19 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map
     413: 77,  # RESPONSE_EVENT_ERROR
 }
 
-_BYTES = [bytes((each,)) for each in range(256)]
+_SEEDS = [bytes((each,)) for each in range(256)]
+_SEED_OF = {message_id: _SEEDS[extra] for message_id, extra in _EXTRA.items()}
 
 
-def is_right(message_id: int, covered: bytes, checksum: bytes) -> bool:
-    """Whether the checksum of a frame is that of what it covers (all but magic, checksum and signature).
+def is_right(message_id: int, data: bytes, end: int) -> bool:
+    """Whether the checksum at the `end` of what is covered in a frame (all from its second byte on) is that of it.
 
     A message that no dialect knows has no right checksum.
     """
-    extra = _EXTRA.get(message_id)
-    return extra is not None and of(covered, extra) == checksum
+    seed = _SEED_OF.get(message_id)
+    return seed is not None and crc16.mcrf4xx(data[1:end] + seed) == data[end] | data[end + 1] << 8
 
 
 def of(covered: bytes, extra: int) -> bytes:
     """The checksum of what it covers, with the seed of the message."""
-    return crc16.mcrf4xx(covered + _BYTES[extra]).to_bytes(2, "little")
+    return crc16.mcrf4xx(covered + _SEEDS[extra]).to_bytes(2, "little")

@@ -130,18 +130,14 @@ class Conversation:
         if vehicle is None:
             if self._is_wanted(frame) and self._is_believed(frame, address):
                 vehicle = self._meet(frame, address)
+            if vehicle is None:
+                return
         elif frame.system_id != vehicle.system_id:
             self._note_other(frame)
             return
         elif not self._is_believed(frame, address):
             return
-        if vehicle is not None:
-            self._listen(vehicle, frame, address, now_s, utc_now_s)
-
-    def _listen(
-        self, vehicle: MavlinkVehicle, frame: Frame, address: Address | None, now_s: float, utc_now_s: float
-    ) -> None:
-        message = self._codec.decode(frame) if vehicle.uses(frame.message_id) else None
+        message = self._codec.decode(frame) if frame.message_id in vehicle.used_ids else None
         self.supervision.heard(frame.sequence, now_s)
         if self._link.peer != address:
             self._link.answer_to(address)

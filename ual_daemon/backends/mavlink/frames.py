@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ual_daemon.backends.mavlink import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGIC = re.compile(rb"[\xfd\xfe]")
-_MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """One frame whose checksum is right."""
 
     message_id: int
@@ -25,6 +23,8 @@ class Frame:
     sequence: int
     is_signed: bool
     data: bytes
+    payload: bytes
+    """Its content. MAVLink 2 leaves zeros at the end out."""
 
 
 class FrameReader:
@@ -81,11 +81,10 @@ class FrameReader:
 
     def read(self, datagram: bytes) -> list[Frame]:
         """The frames of a datagram, which holds whole ones only."""
-        if datagram[:1] in _MAGICS and _size_at(datagram, 0) == len(datagram):  # nearly always: one frame
-            frame = _frame(datagram)
-            if frame is not None:
-                self._is_in_garbage = False
-                return [frame]
+        frame = _frame(datagram)
+        if frame is not None:  # nearly always: one frame
+            self._is_in_garbage = False
+            return [frame]
         frames = [*self.feed(datagram), *self.finish()]
         self._is_in_garbage = False
         return frames
@@ -117,13 +116,18 @@ def _size_at(data: bytes, at: int) -> int | None:
 
 
 def _frame(data: bytes) -> Frame | None:
-    if data[0] == MAGIC_V1:
-        message_id = data[5]
-        frame = Frame(message_id, data[3], data[4], data[2], is_signed=False, data=data)
-        end = len(data) - _CHECKSUM
-    else:
+    """The one frame that these bytes are, or None."""
+    size = len(data)
+    if size >= _HEADER_V2 + _CHECKSUM and data[0] == MAGIC_V2:
+        flags = data[2]
+        end = _HEADER_V2 + data[1]
+        if flags & ~_SIGNED or size != end + _CHECKSUM + (_SIGNATURE if flags else 0):
+            return None
         message_id = data[7] | data[8] << 8 | data[9] << 16
-        is_signed = bool(data[2] & _SIGNED)
-        frame = Frame(message_id, data[5], data[6], data[4], is_signed, data)
-        end = len(data) - _CHECKSUM - (_SIGNATURE if is_signed else 0)
-    return frame if checksum.is_right(message_id, data[1:end], data[end : end + _CHECKSUM]) else None
+        if checksum.is_right(message_id, data, end):
+            return Frame(message_id, data[5], data[6], data[4], flags == _SIGNED, data, data[_HEADER_V2:end])
+    elif size >= _HEADER_V1 + _CHECKSUM and data[0] == MAGIC_V1:
+        end = _HEADER_V1 + data[1]
+        if size == end + _CHECKSUM and checksum.is_right(data[5], data, end):
+            return Frame(data[5], data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
+    return None

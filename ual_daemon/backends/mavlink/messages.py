@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import Any, NamedTuple
 
 # All dialects in one: "common" lacks CURRENT_MODE, which PX4 sends.
@@ -103,7 +104,54 @@ class Codec:
 
     def decode(self, frame: Frame) -> Message:
         """The message in a frame; its signature is not checked. Raises `CorruptFrameError`."""
+        layout = _layout(frame.message_id)
+        if layout is not None:
+            return layout.read(frame)
         try:
             return self._receiver.decode(bytearray(frame.data))
         except mavlink.MAVError as error:
             raise CorruptFrameError(str(error)) from None
+
+
+class _Header(NamedTuple):
+    """What pymavlink's messages ask of theirs."""
+
+    msgId: int  # noqa: N815  pymavlink's names
+    seq: int
+    srcSystem: int  # noqa: N815
+    srcComponent: int  # noqa: N815
+
+
+class _Layout(NamedTuple):
+    """How the fields of a message lie on the wire: a name for each value, and where those of arrays begin and end."""
+
+    kind: Any
+    payload: struct.Struct
+    names: tuple[str, ...]
+    arrays: tuple[tuple[str, int, int], ...]
+
+    def read(self, frame: Frame) -> Message:
+        """The message as pymavlink decodes it, but without checking again what `frames` has checked."""
+        values = self.payload.unpack_from(frame.payload.ljust(self.payload.size, b"\0"))
+        message = object.__new__(self.kind)
+        fields = message.__dict__ = dict(zip(self.names, values, strict=True))
+        for name, begin, end in self.arrays:
+            fields[name] = list(values[begin:end])
+        fields["_header"] = _Header(frame.message_id, frame.sequence, frame.system_id, frame.component_id)
+        fields["_type"] = self.kind.msgname
+        return message
+
+
+@cache
+def _layout(message_id: int) -> _Layout | None:
+    """None where a message is pymavlink's to decode: one with texts, or that it does not know."""
+    kind = mavlink.mavlink_map.get(message_id)
+    if kind is None or "char" in kind.fieldtypes:
+        return None
+    names: list[str] = []
+    arrays = []
+    for name, length, array_length in zip(kind.ordered_fieldnames, kind.lengths, kind.array_lengths, strict=True):
+        if array_length:
+            arrays.append((name, len(names), len(names) + length))
+        names += [name] * length
+    return _Layout(kind, kind.unpacker, tuple(names), tuple(arrays))

@@ -9,11 +9,10 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from ual_daemon.backends.mavlink.frames import MAGIC_V1, Frame
+from ual_daemon.backends.mavlink.frames import Frame
 
 _LAYOUT = struct.Struct("<IIHBBB40s")
 """EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
-_HEADER, _CHECKSUM, _SIGNATURE = 10, 2, 13
 _AUTOPILOT = 1 << 24
 _WARNING = 4
 """Of the external log levels (the lower four bits): this and lower are warnings, errors and worse."""
@@ -102,10 +101,8 @@ def read(frame: Frame, mode: str) -> Event:
     """What the event in a frame (message 410) tells, in a mode of this name: a failed check that does not concern that
     one tells nothing.
     """
-    # MAVLink 2 leaves zeros at the end out; PX4 sends no other.
-    end = len(frame.data) - _CHECKSUM - (_SIGNATURE if frame.is_signed else 0)
-    payload = frame.data[_HEADER:end] if frame.data[0] != MAGIC_V1 else b""
-    number, _, _, _, _, levels, arguments = _LAYOUT.unpack(payload.ljust(_LAYOUT.size, b"\0")[: _LAYOUT.size])
+    payload = frame.payload.ljust(_LAYOUT.size, b"\0")
+    number, _, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
     if number in _ARMED:
         return Event(armed=_ARMED[number])
     text = _TEXTS.get(number, "")

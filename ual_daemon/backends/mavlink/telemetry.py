@@ -112,9 +112,10 @@ class Telemetry:
         # Where a landed state is to come, none yet must not be taken for in the air.
         self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.tells_landed_state else None
 
-    def uses(self, message_id: int) -> bool:
-        """Whether such a message is worth decoding."""
-        return message_id in self._handlers
+    @property
+    def used_ids(self) -> frozenset[int]:
+        """Of messages that are worth decoding."""
+        return frozenset(self._handlers)
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""

@@ -30,8 +30,6 @@ SILENCE_S = 3.0
 
 STREAMLESS_S = 10.0
 """How often one that does not stream any more is asked everything anew."""
-_CONVERSATIONAL = {mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_TIMESYNC}
-"""Messages that are used by what is said, not by what they tell of the vehicle."""
 
 
 class Transmit(Protocol):
@@ -73,10 +71,16 @@ class MavlinkVehicle:
         self._unlearnt_s: tuple[float, float] | None = None
         """When the newest position came from which nothing was learnt yet, by our clock and by the autopilot's."""
         self._feed_forward = FeedForward() if learns_feed_forward and dialect.takes_feed_forward else None
-
-    def uses(self, message_id: int) -> bool:
-        """Whether such a message is worth decoding; of others the arrival is enough."""
-        return message_id in _CONVERSATIONAL or self.telemetry.uses(message_id)
+        self._handlers: dict[int, Callable[[Message, float, float], None]] = {
+            mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
+            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+        }
+        """What follows from a message beside what it tells of the vehicle, which `telemetry` has taken before."""
+        self.used_ids = self.telemetry.used_ids | self._handlers.keys()
+        """Of messages that are worth decoding; of others the arrival is enough."""
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
@@ -90,20 +94,11 @@ class MavlinkVehicle:
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False
             self._wants_heartbeat = True
-        message_id = message.get_msgId()
         if has_booted or (heard_s is not None and now_s - heard_s > SILENCE_S):
             self.ask_anew()
-        if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
-            if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
-                self._commands.on_ack(message, now_s)
-        elif message_id == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
-            self._commands.on_text(telemetry.status_text)
-        elif message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            self._heartbeat_s = now_s
-        elif message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC:
-            self._on_timesync(message, now_s, utc_now_s)
-        elif message_id == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED and self._feed_forward is not None:
-            self._unlearnt_s = (now_s, boot_ms / 1000.0)
+        handler = self._handlers.get(message.get_msgId())
+        if handler is not None:
+            handler(message, now_s, utc_now_s)
 
     def notice(self, frame: Frame, now_s: float) -> None:
         """Takes the arrival of a message that no dialect of pymavlink knows, or that is not used."""
@@ -208,6 +203,20 @@ class MavlinkVehicle:
         if heard_s is None or attitude_s is None or now_s < self._next_interview_s:
             return False
         return now_s - heard_s < SILENCE_S < now_s - attitude_s
+
+    def _on_ack(self, message: Message, now_s: float, _: float) -> None:
+        if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
+            self._commands.on_ack(message, now_s)
+
+    def _on_heartbeat(self, _message: Message, now_s: float, _: float) -> None:
+        self._heartbeat_s = now_s
+
+    def _on_position(self, message: Message, now_s: float, _: float) -> None:
+        if self._feed_forward is not None:
+            self._unlearnt_s = (now_s, message.time_boot_ms / 1000.0)
+
+    def _on_text(self, _message: Message, _now_s: float, _: float) -> None:
+        self._commands.on_text(self.telemetry.status_text)
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer
