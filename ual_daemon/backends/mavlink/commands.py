@@ -160,6 +160,11 @@ class Commands:
         self._send_waiting(now_s)
         return pending.future
 
+    @property
+    def is_any_under_way(self) -> bool:
+        """Whether one waits for its turn or its acknowledgement that is more than a request to be told something."""
+        return any(pending.command.group for pending in (*self._waiting, *self._in_flight.values()))
+
     def is_under_way(self, command: Command) -> bool:
         """Whether an equal command waits for its turn or its acknowledgement."""
         return any(pending.command == command for pending in (*self._waiting, *self._in_flight.values()))

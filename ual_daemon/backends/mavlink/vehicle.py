@@ -82,6 +82,11 @@ class MavlinkVehicle:
         self.used_ids = self.telemetry.used_ids | self._handlers.keys()
         """Of messages that are worth decoding; of others the arrival is enough."""
 
+    @property
+    def is_commanding(self) -> bool:
+        """Whether a command is under way, more than a request to be told something."""
+        return self._commands.is_any_under_way
+
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
         telemetry = self.telemetry
