@@ -95,7 +95,8 @@ class Calls:
     def tell_log(self, call: Call | None) -> None:
         """What this thread, or this task, logs from now on is about this UAV, and of this caller."""
         logs.caller.set(None if call is None else call.peer)
-        logs.uav.set(self._log_name)
+        if self._log_name:
+            logs.uav.set(self._log_name)
 
     def on_loop(self, callback: Callable[..., object], *arguments: object) -> bool:
         """Calls it on the event loop, soon; false where that is closed."""
