@@ -21,6 +21,7 @@ Metadata: TypeAlias = Sequence[tuple[str, str | bytes]]
 _log = logging.getLogger(__name__)
 
 _NO_FLAGS = 0
+_READ_S = 0.001
 _END_S = 5.0
 """The thread ends at once, unless a call never ended: then the process does not wait for it."""
 
@@ -57,8 +58,10 @@ class Core:
                 _log.exception("what gRPC called back failed; this is a defect of UAL, please report it")
 
     def _next(self) -> Any:  # noqa: ANN401  the binding's, as all events
-        if self._gather_s:
-            event = self.queue.poll(0.0)
+        while self._gather_s:
+            # With a deadline that has passed gRPC would read from one connection only, each time: pings of the others
+            # would not be answered.
+            event = self.queue.poll(time.time() + _READ_S)
             if event.completion_type != cygrpc.CompletionType.queue_timeout:
                 return event
             time.sleep(self._gather_s)

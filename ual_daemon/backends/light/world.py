@@ -5,6 +5,7 @@ One thread runs all vehicles of a world; with a speed factor of 0 it rests, and 
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -21,11 +22,17 @@ from ual_daemon.backends.light.single import Single
 if TYPE_CHECKING:
     from ual_daemon.backends.light.fleet import Fleet
 
+_log = logging.getLogger(__name__)
+
 Vehicles: TypeAlias = "Single | Fleet"
 """All vehicles of a world; each has its row in every column."""
 
 _LATEST_STEPS = 10
 _MAX_STEP_S = 3600.0
+_MOST_STEPS = 5
+_TOO_MUCH = 0.7
+_PLENTY = 0.5
+_SMOOTHING_STEPS = 25.0
 
 
 class _Listener(NamedTuple):
@@ -33,6 +40,32 @@ class _Listener(NamedTuple):
 
     on_step: Callable[[], None]
     is_needed: Callable[[], bool]
+
+
+class Thinning:
+    """Lets vehicles be updated after every second step only, or fewer, where a computer is too slow for more.
+
+    Steps of many vehicles are cheap, updates are not. Without this, simulated time would fall behind the wall's, and
+    subscribers with it; with it the references of each vehicle become coarser instead.
+    """
+
+    def __init__(self) -> None:
+        self.every = 1
+        """After every how manieth step."""
+        self._share = 0.0
+
+    def took(self, share: float) -> bool:
+        """Takes what part of its time a step took, updates included. True when `every` is another one from now on."""
+        self._share += (share - self._share) / _SMOOTHING_STEPS
+        if self._share > _TOO_MUCH and self.every < _MOST_STEPS:
+            every = self.every + 1
+        elif self.every > 1 and self._share * self.every / (self.every - 1) < _PLENTY:
+            every = self.every - 1
+        else:
+            return False
+        self._share *= self.every / every
+        self.every = every
+        return True
 
 
 class World:
@@ -50,6 +83,7 @@ class World:
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
         self._speed_factor = speed_factor
+        self._thinning = Thinning()
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
 
@@ -141,15 +175,26 @@ class World:
         with self._stepping:
             yield
 
-    def _step_once(self) -> None:
+    def _step_once(self, every: int = 1) -> None:
+        """Updates each vehicle after every how manieth step, not all of them after the same."""
         with self._stepping:
             with self.lock:
                 self._steps += 1
                 self.fleet.step(self.now_s())
                 changed = self.fleet.changed()
             for index, listener in self._listeners.items():
-                if index in changed or listener.is_needed():
+                if index in changed or ((self._steps + index) % every == 0 and listener.is_needed()):
                     listener.on_step()
+
+    def _step_in_time(self, step_s: float) -> None:
+        """A step that should not take longer than that."""
+        begin_s = time.monotonic()
+        self._step_once(self._thinning.every)
+        count = len(self._listeners)
+        if count > 1 and self._thinning.took((time.monotonic() - begin_s) / step_s):
+            every = self._thinning.every
+            level = logging.WARNING if every > 1 else logging.INFO
+            _log.log(level, "this computer updates each of %d UAVs after every %d. step of %g s", count, every, STEP_S)
 
     def _run(self) -> None:
         due_s = time.monotonic()
@@ -172,5 +217,7 @@ class World:
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
             with self._stepping:
-                if self._speed_factor != 0.0:
+                if self._speed_factor == math.inf:
                     self._step_once()
+                elif self._speed_factor != 0.0:
+                    self._step_in_time(STEP_S / self._speed_factor)

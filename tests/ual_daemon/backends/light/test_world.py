@@ -17,6 +17,7 @@ from ual.types import Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
 from ual_daemon.backends.light.physics import STEP_S
+from ual_daemon.backends.light.world import Thinning
 from ual_daemon.settings import ConfigError
 
 
@@ -260,3 +261,53 @@ def test_a_setting_that_cannot_be_is_refused_by_its_name(settings: dict[str, obj
 
 def test_as_fast_as_it_can_is_called_max() -> None:
     assert LightBackend(BackendOptions("uav_1", settings={"speed_factor": "max"})).world.speed_factor == math.inf
+
+
+# --- More vehicles than the computer can update -----------------------------------------------------------------------
+
+
+def test_updates_are_thinned_where_steps_take_too_long_and_come_back_when_they_do_not() -> None:
+    thinning = Thinning()
+
+    def run(update_share: float) -> int:
+        """Steps for which all updates together take such a part of a step's time."""
+        for _ in range(1000):
+            thinning.took(0.02 + update_share / thinning.every)
+        return thinning.every
+
+    assert run(0.4) == 1
+    assert run(1.0) == 2
+    assert run(1.0) == 2  # and stays
+    assert run(1.7) == 3
+    assert run(100.0) == 5
+    assert run(1.0) in (2, 3)
+    assert run(0.3) == 1
+
+
+def test_thinning_does_not_swing() -> None:
+    for tenths in range(60):
+        thinning = Thinning()
+        changes_count = sum(thinning.took(0.02 + 0.1 * tenths / thinning.every) for _ in range(5000))
+        assert changes_count == thinning.every - 1
+
+
+def test_thinned_updates_take_turns_and_what_changes_is_told_at_once() -> None:
+    world = World(0.0)
+    told: dict[int, list[int]] = {0: [], 1: [], 2: []}
+    backends = [LightBackend(BackendOptions(f"uav_{i}"), world) for i in range(3)]
+    with ExitStack() as stack:
+        for number, backend in enumerate(backends):
+            backend.open(lambda snapshot, number=number: told[number].append(snapshot.sequence))  # type: ignore[misc]
+            stack.callback(backend.close)
+        world.step(STEP_S)
+        for steps in told.values():
+            steps.clear()
+        for _ in range(9):
+            world._step_once(every=3)
+        assert sorted(told[0] + told[1] + told[2]) == list(range(2, 11))
+        assert all(len(steps) == 3 for steps in told.values())
+        backends[1].pilot_arm()
+        for steps in told.values():
+            steps.clear()
+        world._step_once(every=1000)
+        assert told == {0: [], 1: [11], 2: []}
