@@ -46,13 +46,6 @@ class _Watch:
         self.future.set_running_or_notify_cancel()  # nobody but us ends it
 
 
-class _Outgoing(NamedTuple):
-    """A setpoint, and what it is of: a manoeuvre or a reference."""
-
-    setpoint: Setpoint
-    flown: Manoeuvre | Reference
-
-
 class Turn(NamedTuple):
     """The how manieth command it was, and which."""
 
@@ -78,7 +71,6 @@ class Flight:
         self._closing: Future[None] | None = None
         self._hold: Command | None = None
         self._sent_s = float("-inf")
-        self._outgoing: _Outgoing | None = None
         self._turn = Turn(0, "")
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -266,8 +258,7 @@ class Flight:
     # --- Updates ------------------------------------------------------------------------------------------------------
 
     def step(self, snapshot: Snapshot) -> None:
-        """One update: decides what is flown, whose setpoint `send` sends."""
-        self._outgoing = None
+        """One update."""
         raw = self.raw_estimate(snapshot)
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
@@ -275,14 +266,6 @@ class Flight:
             self._step_watch(watch, snapshot)
         if self._closing is not None:
             self._step_shutdown(snapshot, self._closing)
-
-    def send(self, snapshot: Snapshot) -> None:
-        """Sends the setpoint that the step decided on, where one is due; not when something else is flown by now."""
-        outgoing = self._outgoing
-        if outgoing is None:
-            return
-        if outgoing.flown is self._manoeuvre or outgoing.flown is self._reference:
-            self._tell(outgoing.setpoint, snapshot)
 
     def _step_manoeuvre(self, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps what is under way; False when nothing is."""
@@ -296,8 +279,8 @@ class Flight:
             _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
             step = Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
         if not step.has_ended:
-            if step.setpoint is not None:
-                self._plan(step.setpoint, manoeuvre, snapshot)
+            if step.setpoint is not None and self._manoeuvre is manoeuvre:
+                self._send(step.setpoint, snapshot)
             return True
         with self._lock:
             if self._manoeuvre is not manoeuvre:
@@ -328,8 +311,8 @@ class Flight:
                 stop = brake(snapshot, self._limits())
                 if not self._exchange(flown, stop):
                     return
-                flown, setpoint = stop, stop.setpoint(snapshot)
-            self._plan(setpoint, flown, snapshot)
+                setpoint = stop.setpoint(snapshot)
+            self._send(setpoint, snapshot)
 
     def _why_ended(self, velocity: Velocity, snapshot: Snapshot) -> str:
         """Why a velocity may not go on; empty while it may."""
@@ -350,10 +333,10 @@ class Flight:
             self._reference = new
             return True
 
-    def _plan(self, setpoint: Setpoint, flown: Manoeuvre | Reference, snapshot: Snapshot) -> None:
+    def _send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
             self._sent_s = snapshot.time_s
-            self._outgoing = _Outgoing(setpoint, flown)
+            self._tell(setpoint, snapshot)
 
     def _tell(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint as the autopilot takes it."""

@@ -292,12 +292,6 @@ class Vehicle:
         self._sequence = snapshot.sequence or self._sequence + 1
         self._places.update(snapshot)
         self._flight.step(snapshot)
-        try:
-            self._tell(snapshot)
-        finally:  # last, though it is what matters most: who is told waits for nothing else, a setpoint can wait 0.3 ms
-            self._flight.send(snapshot)
-
-    def _tell(self, snapshot: Snapshot) -> None:
         found = self._flight.estimate(snapshot)
         self._tell_change(found)
         due = [each for each in self._subscribers if each.is_due()]

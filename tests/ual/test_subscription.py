@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -143,6 +144,46 @@ def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not
             source.put(sample(number := next(numbers)))
             received.wait_for(number)
     assert sum(each.missed_count + 1 for each in received.samples) == number
+
+
+def test_what_closes_itself_gives_its_connection_back(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    def open_count() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    def close_itself(_: Telemetry) -> None:
+        may_close.wait(LIMIT_S)
+        subscriptions[-1].close()
+        has_closed.set()
+
+    daemon.script().put(sample(1))
+    with uav.subscribe(print):
+        pass
+    no_thread_is_left()
+    before_count, subscriptions = open_count(), []
+    for _ in range(10):
+        may_close, has_closed = threading.Event(), threading.Event()
+        daemon.script().put(sample(1))
+        subscriptions.append(uav.subscribe(close_itself))
+        may_close.set()
+        assert has_closed.wait(LIMIT_S)
+    no_thread_is_left()
+    deadline_s = time.monotonic() + LIMIT_S
+    while open_count() > before_count + 5 and time.monotonic() < deadline_s:  # the sockets' other ends are here, too
+        time.sleep(0.05)
+    assert open_count() <= before_count + 5
+
+
+def test_a_system_without_threads_is_told(uav: ual.Uav, monkeypatch: pytest.MonkeyPatch) -> None:
+    start = threading.Thread.start
+
+    def refuse(thread: threading.Thread) -> None:
+        if thread.name == "ual telemetry":
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(RuntimeError, match="new thread"):
+        uav.subscribe(print)
 
 
 def test_a_callback_runs_never_twice_at_a_time_and_gets_the_samples_in_their_order(

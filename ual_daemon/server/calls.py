@@ -27,6 +27,7 @@ class Calls:
     def __init__(self, ns: str, shutdown_refuses: tuple[str, ...], log_name: str = "") -> None:
         self._ns = ns
         self._log_name = log_name
+        self._has_ended_waiting = False
         self._shutdown_refuses = shutdown_refuses
         self._loop = asyncio.get_running_loop()
         self._methods: dict[str, Method] = {}
@@ -61,7 +62,8 @@ class Calls:
         self._end(streams=True)
 
     def end_waiting(self) -> None:
-        """Ends the calls that still wait for something."""
+        """Ends the calls that still wait for something, and those that would begin to."""
+        self._has_ended_waiting = True
         self._end(streams=False)
 
     def _end(self, *, streams: bool) -> None:
@@ -76,6 +78,8 @@ class Calls:
         """It runs from now on, to be ended by a shutdown."""
         with self._lock:
             self._answers.add(answer)
+        if self._has_ended_waiting and not answer.is_stream:  # what it does began before, but was not known yet
+            answer.end()
 
     def leave(self, answer: Answer) -> None:
         """It has ended."""

@@ -58,7 +58,7 @@ class Core:
                 _log.exception("what gRPC called back failed; this is a defect of UAL, please report it")
 
     def _next(self) -> Any:  # noqa: ANN401  the binding's, as all events
-        while self._gather_s:
+        if self._gather_s:
             # With a deadline that has passed gRPC would read from one connection only, each time: pings of the others
             # would not be answered.
             event = self.queue.poll(time.time() + _READ_S)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from typing import Any, TypeVar
 
@@ -144,7 +144,7 @@ class Connection:
 
 
 class TelemetryStream:
-    """One stream of telemetry. Belongs to the thread that reads it; `close` may be called from any."""
+    """One stream of telemetry. One thread at a time reads it; `close` may be called from any."""
 
     def __init__(self, channel: grpc.Channel, target: Target, address: str, rate_hz: float) -> None:
         self._channel = channel
@@ -154,7 +154,7 @@ class TelemetryStream:
             pb.StreamTelemetryRequest(rate_hz=rate_hz), metadata=target.metadata
         )
 
-    def read(self) -> Iterator[pb.StreamTelemetryResponse]:
+    def read(self) -> Generator[pb.StreamTelemetryResponse, None, None]:
         """The samples, until it is closed. Raises what the daemon, or the connection, ends it by."""
         try:
             yield from self._call

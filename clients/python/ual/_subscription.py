@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 from typing_extensions import Self
@@ -107,7 +107,7 @@ class _Feed:
         self._is_answered = threading.Event()
         self._refusal: UalError | None = None
         self._stream: TelemetryStream | None = None
-        self._responses: Iterator[pb.StreamTelemetryResponse] | None = None
+        self._responses: Generator[pb.StreamTelemetryResponse, None, None] | None = None
         self._reported = ""
         """The reason, as it was told, by which the stream is interrupted."""
         self._turn = threading.Lock()
@@ -116,13 +116,18 @@ class _Feed:
         self._available_count = 0
         """How many threads read, or wait for their turn; the others call back."""
         self._has_ended = threading.Event()
-        """Whether nobody reads any more."""
+        """Whether the stream is read no more."""
         self._has_ended.set()
 
     def start(self) -> None:
         """Begins to read."""
         self._has_ended.clear()
-        for _ in range(_AVAILABLE_COUNT):
+        try:
+            self._add_thread()
+        except RuntimeError:  # the system has none left
+            self._has_ended.set()
+            raise
+        for _ in range(1, _AVAILABLE_COUNT):
             self._add_thread()
 
     def wait(self) -> None:
@@ -155,6 +160,12 @@ class _Feed:
     def _add_thread(self) -> None:
         threading.Thread(target=self._take_turns, name="ual telemetry", daemon=True).start()
 
+    def _replace(self) -> None:
+        try:
+            self._add_thread()
+        except RuntimeError as error:
+            _log.warning("telemetry is not read while callbacks run: %s", error)
+
     def _take_turns(self) -> None:
         """Reads, lets the next one read, and calls back meanwhile."""
         while True:
@@ -169,15 +180,16 @@ class _Feed:
                     subscriptions = self._read()
                 finally:
                     self._reading_id = None
+                    with self._lock:
+                        self._available_count -= 1
+                        is_last = not self._available_count
                     if subscriptions is None:
+                        self._is_closing.set()
                         self._has_ended.set()
                 if subscriptions is None:
                     return
-                with self._lock:
-                    self._available_count -= 1
-                    is_last = not self._available_count
                 if is_last:
-                    self._add_thread()
+                    self._replace()
             for subscription in subscriptions:
                 subscription.listener.call()
 
@@ -195,13 +207,14 @@ class _Feed:
                     self._sample, self._refusal = None, error  # what came last is old for who joins now
                 self._is_answered.set()
                 if not has_begun:
-                    self._is_closing.set()
                     break
                 if not self._is_closing.is_set() and error.reason != self._reported:
                     self._reported = error.reason
                     _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)
             self._responses = None
             self._is_closing.wait(RETRY_S)
+        if self._responses is not None:
+            self._responses.close()  # only then does gRPC give back what it holds
         return None
 
     def _next(self) -> Telemetry | None:

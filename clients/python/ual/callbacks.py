@@ -36,18 +36,17 @@ class Callbacks:
 
     def open(self, callback: Callable[[Telemetry], None]) -> Listener:
         """Calls back with what is put into the listener."""
-        return Listener(callback, self)
+        with self._lock:
+            lane = self._shared = self._shared or _Lane()
+            listener = Listener(callback, lane, self)
+            lane.listeners.add(listener)
+        return listener
 
     # --- For the listeners --------------------------------------------------------------------------------------------
 
     def queue(self, listener: Listener) -> None:
         """It has something to be called back with."""
         with self._lock:  # so that nobody moves it to another lane meanwhile
-            if listener.has_left:
-                return
-            if listener.lane is None:
-                listener.lane = self._shared = self._shared or _Lane()
-                listener.lane.listeners.add(listener)
             listener.lane.add(listener)
 
     def relieve(self, lane: _Lane) -> None:
@@ -71,10 +70,7 @@ class Callbacks:
     def leave(self, listener: Listener) -> None:
         """It has ended."""
         with self._lock:
-            listener.has_left = True
             lane = listener.lane
-            if lane is None:
-                return
             lane.listeners.discard(listener)
             if not lane.listeners:
                 lane.end()
@@ -85,9 +81,8 @@ class Callbacks:
 class Listener:
     """One callback, the newest sample for it, and how many were lost before. One thread puts or offers at a time."""
 
-    def __init__(self, callback: Callable[[Telemetry], None], group: Callbacks) -> None:
-        self.lane: _Lane | None = None
-        self.has_left = False
+    def __init__(self, callback: Callable[[Telemetry], None], lane: _Lane, group: Callbacks) -> None:
+        self.lane = lane
         self._callback = callback
         self._group = group
         self._lock = threading.Lock()
@@ -103,7 +98,7 @@ class Listener:
 
     def put(self, sample: Telemetry) -> None:
         """Takes a new sample, and has a lane call back with it."""
-        if self.lane is not None and self.lane.is_held_up():
+        if self.lane.is_held_up():
             self._group.relieve(self.lane)
         with self._lock:
             self._take(sample)
@@ -130,7 +125,7 @@ class Listener:
         self.run()
 
     def run(self) -> None:
-        """Calls back where nobody else is about to."""
+        """Calls back, for whoever has made it busy."""
         with self._lock:
             sample, self._newest = self._newest, None
             missed_count, self._missed_count = self._missed_count, 0

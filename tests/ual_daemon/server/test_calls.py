@@ -300,6 +300,17 @@ def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
     asyncio.run(run())
 
 
+def test_a_call_that_begins_to_wait_after_the_waiting_was_ended_is_ended_too() -> None:
+    async def run() -> None:
+        async with served() as it:
+            it.calls.end_waiting()
+            error = await error_of(it.stub.Arm(pb.ArmRequest()))
+            assert isinstance(error, TaskAbortedError)
+            assert error.metadata["by"] == "shutdown"
+
+    asyncio.run(run())
+
+
 def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
     async def run() -> None:
         async with served() as it:

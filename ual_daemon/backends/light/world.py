@@ -33,6 +33,8 @@ _MOST_STEPS = 5
 _TOO_MUCH = 0.7
 _PLENTY = 0.5
 _SMOOTHING_STEPS = 25.0
+_MOST_SHARE = 2.0
+"""A process that was stopped for a moment says nothing of how fast the computer is."""
 
 
 class _Listener(NamedTuple):
@@ -52,11 +54,12 @@ class Thinning:
     def __init__(self) -> None:
         self.every = 1
         """After every how manieth step."""
+        self._most = 1
         self._share = 0.0
 
     def took(self, share: float) -> bool:
-        """Takes what part of its time a step took, updates included. True when `every` is another one from now on."""
-        self._share += (share - self._share) / _SMOOTHING_STEPS
+        """Takes what part of its time a step took, updates included. True when `every` is more than it ever was."""
+        self._share += (min(share, _MOST_SHARE) - self._share) / _SMOOTHING_STEPS
         if self._share > _TOO_MUCH and self.every < _MOST_STEPS:
             every = self.every + 1
         elif self.every > 1 and self._share * self.every / (self.every - 1) < _PLENTY:
@@ -65,7 +68,8 @@ class Thinning:
             return False
         self._share *= self.every / every
         self.every = every
-        return True
+        is_most, self._most = every > self._most, max(every, self._most)
+        return is_most
 
 
 class World:
@@ -113,7 +117,7 @@ class World:
 
     def listen(self, index: int, on_step: Callable[[], None], is_needed: Callable[[], bool] = lambda: True) -> None:
         """From now on calls back after the first step, after each in which the conditions of the vehicle have changed,
-        and after each for which `is_needed` says so; the world runs while anyone listens.
+        and after each for which `is_needed` says so (but see `Thinning`); the world runs while anyone listens.
         """
         with self._changed:
             self._listeners = {**self._listeners, index: _Listener(on_step, is_needed)}
@@ -176,7 +180,7 @@ class World:
             yield
 
     def _step_once(self, every: int = 1) -> None:
-        """Updates each vehicle after every how manieth step, not all of them after the same."""
+        """Updates each vehicle after every how manieth step, not all of them after the same; see `Thinning`."""
         with self._stepping:
             with self.lock:
                 self._steps += 1
@@ -187,14 +191,16 @@ class World:
                     listener.on_step()
 
     def _step_in_time(self, step_s: float) -> None:
-        """A step that should not take longer than that."""
-        begin_s = time.monotonic()
-        self._step_once(self._thinning.every)
-        count = len(self._listeners)
-        if count > 1 and self._thinning.took((time.monotonic() - begin_s) / step_s):
-            every = self._thinning.every
-            level = logging.WARNING if every > 1 else logging.INFO
-            _log.log(level, "this computer updates each of %d UAVs after every %d. step of %g s", count, every, STEP_S)
+        """A step of several vehicles that should not take longer than that."""
+        thinning, begin_s = self._thinning, time.monotonic()
+        self._step_once(thinning.every)
+        if thinning.took((time.monotonic() - begin_s) / step_s):
+            _log.warning(
+                "this computer is too slow to update %d UAVs each %g s: each is updated after every %d. step",
+                len(self._listeners),
+                step_s,
+                thinning.every,
+            )
 
     def _run(self) -> None:
         due_s = time.monotonic()
@@ -217,7 +223,8 @@ class World:
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
             with self._stepping:
-                if self._speed_factor == math.inf:
+                factor = self._speed_factor
+                if 0.0 < factor <= 1.0 and len(self._listeners) > 1:
+                    self._step_in_time(STEP_S / factor)
+                elif factor != 0.0:
                     self._step_once()
-                elif self._speed_factor != 0.0:
-                    self._step_in_time(STEP_S / self._speed_factor)

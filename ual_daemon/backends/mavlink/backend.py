@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 TICK_S = 0.05
 """How often time is looked at, and the longest between two updates."""
 LOOK_S = 0.01
-"""How often while a command is under way, and how soon at most after a pose."""
+"""How often at most: after a pose, and while the autopilot is waited for."""
 PAUSE_S = 1.0
 """When this thread had no turn for so long (a stopped process, a starved computer), what it finds waiting is old: PX4
 may have left OFFBOARD meanwhile, and a setpoint sent by what it said before would bring it back there."""
@@ -171,7 +171,8 @@ class MavlinkBackend(Backend):
             _log_statistics(self.link_statistics())
 
     def _converse(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
-        next_tick_s = next_look_s = updated_s = turn_s = self.clock.now_s()
+        next_tick_s = looked_s = updated_s = turn_s = self.clock.now_s()
+        has_news = False
         sessions_count = 0
         pose: Sample[Pose] | None = None
         while not self._is_closing:
@@ -196,12 +197,12 @@ class MavlinkBackend(Backend):
             if has_moved or now_s - updated_s >= TICK_S:
                 pose, updated_s = newest, now_s
                 self._update(vehicle, connection.trouble, now_s, on_update)
-            if has_moved:
-                # The rest waits for the next turn: whoever was just told of it needs Python's lock now.
-                next_look_s = min(next_look_s, now_s + LOOK_S)
-            if (has_moved or now_s < next_look_s) and now_s < next_tick_s and not self._posted:
+            has_news = has_news or has_moved or (vehicle is not None and vehicle.is_hurried)
+            is_look_due = now_s - looked_s >= (LOOK_S if has_news else TICK_S)
+            # After a new pose the rest waits for the next turn: whoever was just told of it needs Python's lock now.
+            if (has_moved or not is_look_due) and now_s < next_tick_s and not self._posted:
                 continue
-            next_look_s = now_s + (LOOK_S if conversation.is_commanding else TICK_S)
+            looked_s, has_news = now_s, False
             self._supervise(connection, now_s)
             while self._posted:
                 self._posted.popleft()(now_s)

@@ -74,11 +74,6 @@ class Conversation:
         """How often there was something between frames that was none, or a frame that was no message."""
         return self._reader.corrupt_count + self._undecodable_count
 
-    @property
-    def is_commanding(self) -> bool:
-        """Whether a command is under way."""
-        return self.vehicle is not None and self.vehicle.is_commanding
-
     def receive(self, data: bytes, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes what came from an address at `now_s` (backend clock), which is `utc_now_s`.
 

@@ -131,14 +131,14 @@ class _Layout(NamedTuple):
     arrays: tuple[tuple[str, int, int], ...]
 
     def read(self, frame: Frame) -> Message:
-        """The message as pymavlink decodes it, but without checking again what `frames` has checked."""
+        """The message as pymavlink decodes it, but without its bytes, and without checking again what `frames` has."""
         values = self.payload.unpack_from(frame.payload.ljust(self.payload.size, b"\0"))
         message = object.__new__(self.kind)
         fields = message.__dict__ = dict(zip(self.names, values, strict=True))
         for name, begin, end in self.arrays:
             fields[name] = list(values[begin:end])
         fields["_header"] = _Header(frame.message_id, frame.sequence, frame.system_id, frame.component_id)
-        fields["_type"] = self.kind.msgname
+        fields["_type"], fields["_fieldnames"] = self.kind.msgname, self.kind.fieldnames
         return message
 
 

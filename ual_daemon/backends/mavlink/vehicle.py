@@ -83,9 +83,9 @@ class MavlinkVehicle:
         """Of messages that are worth decoding; of others the arrival is enough."""
 
     @property
-    def is_commanding(self) -> bool:
-        """Whether a command is under way, more than a request to be told something."""
-        return self._commands.is_any_under_way
+    def is_hurried(self) -> bool:
+        """Whether a command is under way, or a heartbeat is wanted at once: it should be ticked often."""
+        return self._wants_heartbeat or self._commands.is_any_under_way
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
