@@ -143,7 +143,7 @@ def test_what_is_offered_to_one_that_waits_behind_another_in_a_lane_frees_it() -
     stuck.listener.put(sample(1))
     stuck.wait_for(1)
     waiting.listener.put(sample(1))
-    time.sleep(2.0 * PATIENCE_S)
+    time.sleep(2.0 * PATIENCE_S)  # only then does the lane count as held up
     waiting.listener.offer(sample(2))
     waiting.listener.call()
     waiting.wait_for(2)

@@ -135,7 +135,7 @@ def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not
             while not stuck_count.acquire(timeout=2.0 * PATIENCE_S):
                 source.put(sample(next(numbers)))
         for _ in range(30):
-            time.sleep(2.0 * PATIENCE_S)
+            time.sleep(2.0 * PATIENCE_S)  # only then does a lane count as held up
             source.put(sample(number := next(numbers)))
         received.wait_for(number)
         may_return.set()

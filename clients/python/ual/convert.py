@@ -202,8 +202,6 @@ def twist_stamped_from_proto(message: pb.TwistStamped, field: str = "velocity") 
     """A velocity to fly; parts of the twist that are not set are zero."""
     if not message.HasField("twist"):
         raise _not_set(f"{field}.twist")
-    if not message.HasField("header"):
-        return TwistStamped(_read_twist(message.twist))
     header = message.header
     return TwistStamped(_read_twist(message.twist), header.frame_id, stamp_from_proto(header.stamp))
 

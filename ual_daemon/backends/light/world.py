@@ -30,8 +30,11 @@ Vehicles: TypeAlias = "Single | Fleet"
 _LATEST_STEPS = 10
 _MAX_STEP_S = 3600.0
 _MOST_STEPS = 5
+"""10 updates a second: fewer are no flying."""
 _TOO_MUCH = 0.7
+"""The part of its time that a step may take: Python's lock is for the server, too."""
 _PLENTY = 0.5
+"""Less than this it must take where there are more updates again, so that they do not come and go."""
 _SMOOTHING_STEPS = 25.0
 _MOST_SHARE = 2.0
 """A process that was stopped for a moment says nothing of how fast the computer is."""
@@ -196,10 +199,11 @@ class World:
         self._step_once(thinning.every)
         if thinning.took((time.monotonic() - begin_s) / step_s):
             _log.warning(
-                "this computer is too slow to update %d UAVs each %g s: each is updated after every %d. step",
+                "this computer is too slow for %d UAVs in one process: references and telemetry of each are updated "
+                "every %g s instead of every %g s while that lasts; fly fewer, or on a faster one",
                 len(self._listeners),
+                thinning.every * step_s,
                 step_s,
-                thinning.every,
             )
 
     def _run(self) -> None:

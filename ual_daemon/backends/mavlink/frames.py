@@ -9,6 +9,7 @@ from ual_daemon.backends.mavlink import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGIC = re.compile(rb"[\xfd\xfe]")
+_MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
@@ -117,17 +118,14 @@ def _size_at(data: bytes, at: int) -> int | None:
 
 def _frame(data: bytes) -> Frame | None:
     """The one frame that these bytes are, or None."""
-    size = len(data)
-    if size >= _HEADER_V2 + _CHECKSUM and data[0] == MAGIC_V2:
-        flags = data[2]
-        end = _HEADER_V2 + data[1]
-        if flags & ~_SIGNED or size != end + _CHECKSUM + (_SIGNATURE if flags else 0):
-            return None
-        message_id = data[7] | data[8] << 8 | data[9] << 16
+    if data[:1] not in _MAGICS or _size_at(data, 0) != len(data):
+        return None
+    if data[0] == MAGIC_V1:
+        message_id, end = data[5], _HEADER_V1 + data[1]
         if checksum.is_right(message_id, data, end):
-            return Frame(message_id, data[5], data[6], data[4], flags == _SIGNED, data, data[_HEADER_V2:end])
-    elif size >= _HEADER_V1 + _CHECKSUM and data[0] == MAGIC_V1:
-        end = _HEADER_V1 + data[1]
-        if size == end + _CHECKSUM and checksum.is_right(data[5], data, end):
-            return Frame(data[5], data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
+            return Frame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
+        return None
+    message_id, end = data[7] | data[8] << 8 | data[9] << 16, _HEADER_V2 + data[1]
+    if checksum.is_right(message_id, data, end):
+        return Frame(message_id, data[5], data[6], data[4], bool(data[2] & _SIGNED), data, data[_HEADER_V2:end])
     return None

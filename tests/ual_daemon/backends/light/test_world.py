@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -18,6 +19,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
 from ual_daemon.backends.light.physics import STEP_S
 from ual_daemon.backends.light.world import Thinning
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.settings import ConfigError
 
 
@@ -295,17 +297,24 @@ def test_one_long_pause_thins_nothing() -> None:
 def test_thinning_does_not_swing() -> None:
     for tenths in range(60):
         thinning = Thinning()
-        found = [thinning.every for _ in range(5000) if thinning.took(0.02 + 0.1 * tenths / thinning.every) is not None]
+        found = []
+        for _ in range(5000):
+            thinning.took(0.02 + 0.1 * tenths / thinning.every)
+            found.append(thinning.every)
         assert found == sorted(found)
 
 
 def test_thinned_updates_take_turns_and_what_changes_is_told_at_once() -> None:
     world = World(0.0)
     told: dict[int, list[int]] = {0: [], 1: [], 2: []}
+
+    def note(number: int, snapshot: Snapshot) -> None:
+        told[number].append(snapshot.sequence)
+
     backends = [LightBackend(BackendOptions(f"uav_{i}"), world) for i in range(3)]
     with ExitStack() as stack:
         for number, backend in enumerate(backends):
-            backend.open(lambda snapshot, number=number: told[number].append(snapshot.sequence))  # type: ignore[misc]
+            backend.open(partial(note, number))
             stack.callback(backend.close)
         world.step(STEP_S)
         for steps in told.values():

@@ -4,6 +4,7 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, heartbeat
 from tests.ual_daemon.backends.mavlink.traces import load
+from ual_daemon.backends.mavlink import checksum
 from ual_daemon.backends.mavlink.frames import Frame, split
 from ual_daemon.backends.mavlink.messages import EVENT_ID, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
@@ -24,7 +25,9 @@ def event(name: str, *, levels: int = ERROR, modes: int = 0, sequence: int = 1) 
         struct.pack("<BBBBBB", len(payload), 0, 0, sequence % 256, 1, 1) + EVENT_ID.to_bytes(3, "little") + payload
     )
     crc = mavlink.x25crc(covered + bytes((160,))).crc
-    return bytes((0xFD, *covered, crc & 0xFF, crc >> 8))
+    data = bytes((0xFD, *covered, crc & 0xFF, crc >> 8))
+    assert checksum.is_right(EVENT_ID, data, 1 + len(covered))
+    return data
 
 
 def frame(data: bytes) -> Frame:
