@@ -368,13 +368,13 @@ class TakeOff(Manoeuvre):
         refusal = self._command.refusal()  # one that came late, by a bad link
         if refusal is not None and estimate.state is State.LANDED_ARMED:
             return failed(refusal)
-        setpoint = self._climb_setpoint(snapshot) if self._on_setpoints else None
         motion = measured_motion(snapshot)
+        setpoint = self._climb_setpoint(snapshot, motion) if self._is_led(snapshot, estimate) else None
         climbed_m = motion.position.z - self._ground_z
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
-        # One that climbs by itself takes no references before it says that it is up.
+        # One that climbs by itself is not up before it says so.
         if not is_up or (not self._on_setpoints and estimate.state is State.TAKING_OFF):
             self._up_since_s = None
         elif self._up_since_s is None:
@@ -389,10 +389,18 @@ class TakeOff(Manoeuvre):
             )
         return Step(setpoint)
 
-    def _climb_setpoint(self, snapshot: Snapshot) -> Setpoint:
+    def _is_led(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+        """Whether it gets references. One that climbs by itself takes none before it says that it has done so. Then it is
+        led to the height that was asked for: it may count from elsewhere (home, or the ground below its rangefinder).
+        """
+        is_in_air = snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR
+        return self._on_setpoints or (is_in_air and estimate.state is State.FLYING_AUTO)
+
+    def _climb_setpoint(self, snapshot: Snapshot, measured: Motion) -> Setpoint:
         if self._climb is None:
             top = self._top.motion(snapshot)
-            line = Line(self._ground.motion(snapshot), top.position, top.yaw_rad, self._limits)
+            start = self._ground.motion(snapshot) if self._on_setpoints else measured
+            line = Line(start, top.position, top.yaw_rad, self._limits)
             self._climb = Follow(line, snapshot.time_s)
         return self._climb.setpoint(snapshot)
 
