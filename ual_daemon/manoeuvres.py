@@ -390,8 +390,8 @@ class TakeOff(Manoeuvre):
         return Step(setpoint)
 
     def _is_led(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether it gets references. One that climbs by itself takes none before it says that it has done so. Then it is
-        led to the height that was asked for: it may count from elsewhere (home, or the ground below its rangefinder).
+        """Whether it gets references. One that climbs by itself takes none before it says that it has done so. Then it
+        is led to the height that was asked for: it may count from elsewhere (home, the ground below its rangefinder).
         """
         is_in_air = snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR
         return self._on_setpoints or (is_in_air and estimate.state is State.FLYING_AUTO)

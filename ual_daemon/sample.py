@@ -38,7 +38,7 @@ def make_sample(
         odometry=_odometry(snapshot, places, body, twist),
         transform=_in_map(places, body, snapshot.stamp_s),
         reference_pose=reference,
-        position_geo=snapshot.position_geo or _position_geo(snapshot),
+        position_geo=_position_geo(snapshot),
         battery=snapshot.battery,
         gps=snapshot.gps,
         flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
@@ -60,9 +60,14 @@ def _in_map(places: Places, body: Pose | None, stamp_s: float) -> Transform | No
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
-    """Where it is on Earth, by the autopilot's projection; None while the autopilot does not trust its position."""
-    is_known = snapshot.estimator is not None and snapshot.estimator.value.is_good
-    if not is_known or snapshot.pose is None or snapshot.projection is None:
+    """Where it is on Earth, by the autopilot's word or else its projection; None while it does not trust its position:
+    ArduPilot then goes on telling where it was.
+    """
+    if snapshot.estimator is None or not snapshot.estimator.value.is_good:
+        return None
+    if snapshot.position_geo is not None:
+        return snapshot.position_geo
+    if snapshot.pose is None or snapshot.projection is None:
         return None
     point = snapshot.projection.to_geo(snapshot.pose.value.position)
     amsl_m, home_m, separation_m = point.altitude_amsl_m, snapshot.home_altitude_amsl_m, snapshot.geoid_separation_m

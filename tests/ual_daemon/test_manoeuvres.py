@@ -187,6 +187,25 @@ def test_an_autopilot_that_climbs_by_itself_gets_no_setpoint_until_it_is_up(
     assert step.then.motion(autopilot.snapshot()).position.z == pytest.approx(HEIGHT_M + 0.2)
 
 
+@pytest.mark.parametrize("off_m", [-0.7, 0.7])
+def test_an_autopilot_that_counts_from_elsewhere_is_led_to_the_height_once_it_is_up(
+    autopilot: Autopilot, ack: Future[None], off_m: float
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=False)
+    ack.set_result(None)
+    autopilot.control, autopilot.landed = Control.REFERENCES, LandedState.TAKING_OFF
+    autopilot.z = HEIGHT_M + 0.2 + off_m
+    assert autopilot.step(climb) == Step()
+    autopilot.landed = LandedState.IN_AIR
+    step = autopilot.step(climb)
+    while not step.has_ended:
+        assert isinstance(step.setpoint, PositionSetpoint)
+        autopilot.z = step.setpoint.position.z
+        step = autopilot.step(climb)
+    assert step.error is None
+    assert autopilot.z == pytest.approx(HEIGHT_M + 0.2, abs=0.2)
+
+
 def test_setpoints_hold_the_ground_until_the_mode_is_there_then_climb(autopilot: Autopilot, ack: Future[None]) -> None:
     climb = take_off(autopilot, ack, on_setpoints=True)
     ground = PositionSetpoint(Vector3(1.0, 2.0, 0.2), Quaternion.from_yaw(0.5).yaw_rad)

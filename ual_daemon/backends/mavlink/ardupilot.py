@@ -74,19 +74,6 @@ _UNARMABLE = frozenset(
 """Modes in which ArduCopter always refuses to be armed (`allows_arming` in its mode.h)."""
 _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 
-MULTIROTORS = frozenset(
-    {
-        mavlink.MAV_TYPE_QUADROTOR,
-        mavlink.MAV_TYPE_COAXIAL,
-        mavlink.MAV_TYPE_TRICOPTER,
-        mavlink.MAV_TYPE_HEXAROTOR,
-        mavlink.MAV_TYPE_OCTOROTOR,
-        mavlink.MAV_TYPE_DECAROTOR,
-        mavlink.MAV_TYPE_DODECAROTOR,
-    }
-)
-"""The vehicles (MAV_TYPE) that this dialect flies. ArduPilot's others have the same numbers for other modes."""
-
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only a simulator has, or an ArduPilot that simulates on its own board (which tells a board)."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.mavlink.ardupilot import MULTIROTORS, ArduCopter
-from ual_daemon.backends.mavlink.dialect import Dialect, Unknown
+from ual_daemon.backends.mavlink.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.dialect import MULTIROTORS, Dialect, Unknown
 from ual_daemon.backends.mavlink.messages import Message, mavlink
 from ual_daemon.backends.mavlink.px4 import Px4
 
@@ -11,8 +11,10 @@ from ual_daemon.backends.mavlink.px4 import Px4
 def dialect_of(heartbeat: Message) -> Dialect:
     """The dialect of who sends such a heartbeat."""
     autopilot, kind = heartbeat.autopilot, heartbeat.type
+    if kind not in MULTIROTORS:
+        return Unknown(autopilot, kind)
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return Px4()
-    if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA and kind in MULTIROTORS:
+    if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return ArduCopter()
     return Unknown(autopilot, kind)

@@ -75,7 +75,7 @@ class MavlinkBackend(Backend):
         self._conversation: Conversation | None = None
         self._posted: deque[Callable[[float], None]] = deque()
         self._thread: threading.Thread | None = None
-        self._is_closing = False
+        self._closing = threading.Event()
         self._snapshot = Snapshot(time_s=self.clock.now_s())
         self._info = VehicleInfo()
 
@@ -91,7 +91,7 @@ class MavlinkBackend(Backend):
 
     def close(self) -> None:
         thread, connection = self._thread, self._connection
-        self._is_closing = True
+        self._closing.set()
         if connection is not None:
             connection.wake()
         if thread is not None and thread is not threading.current_thread():
@@ -165,17 +165,31 @@ class MavlinkBackend(Backend):
 
     def _run(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
         try:
-            self._converse(connection, conversation, on_update)
+            while not self._closing.is_set():
+                self._converse_until_defect(connection, conversation, on_update)
         finally:
             connection.close()
             _log_statistics(self.link_statistics())
+
+    def _converse_until_defect(
+        self, connection: Connection, conversation: Conversation, on_update: UpdateCallback
+    ) -> None:
+        try:
+            self._converse(connection, conversation, on_update)
+        except Exception:  # noqa: BLE001 - who flies must hear of a lost link, and have it back: this thread goes on
+            _log.exception("the conversation with the autopilot failed; this is a defect of UAL, please report it")
+            now_s = self.clock.now_s()
+            conversation.forget()
+            connection.restart(now_s)
+            self._update(conversation.vehicle, connection.trouble, now_s, on_update)
+            self._closing.wait(TICK_S)
 
     def _converse(self, connection: Connection, conversation: Conversation, on_update: UpdateCallback) -> None:
         next_tick_s = looked_s = updated_s = turn_s = self.clock.now_s()
         has_news = False
         sessions_count = 0
         pose: Sample[Pose] | None = None
-        while not self._is_closing:
+        while not self._closing.is_set():
             chunks = connection.receive(next_tick_s - self.clock.now_s(), self.clock.now_s())
             turn_s, last_turn_s = self.clock.now_s(), turn_s
             if turn_s - last_turn_s > PAUSE_S:

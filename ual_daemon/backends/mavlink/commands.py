@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -33,6 +34,9 @@ EXPLAIN_S = 0.4
 EFFECT_S = 1.0
 """How long after the refusal of a command that was sent more than once its effect may come: what was refused may be the
 repetition (a second take-off), because the first one was obeyed and its acknowledgement lost."""
+STALE_ACK_S = 1.0
+"""How long after the end of a command an acknowledgement may still be its own: one that came twice, or late, or that of
+a repetition. It has the command's number only, so that it could be taken for that of the next one of that number."""
 SETPOINTS_WAIT_S = 3.0
 """A command that needs setpoints is sent after this in any case: let the autopilot say what is wrong."""
 
@@ -141,6 +145,8 @@ class Commands:
         self._snapshot = snapshot
         self._waiting: deque[_Pending] = deque()
         self._in_flight: dict[int, _Pending] = {}
+        self._ended_s: dict[int, float] = {}
+        """When the last command of each number ended, or was given up."""
 
     def submit(self, command: Command, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False) -> Future[None]:
         """Sends a command when its turn comes; the future ends with its acknowledgement or its effect, or stays open
@@ -155,7 +161,7 @@ class Commands:
             return pending.future
         if command.group:
             # What the vehicle does is judged by its state, not by the end of the command that a newer one replaces.
-            self._forget(lambda other: other.command.group == command.group)
+            self._forget(lambda other: other.command.group == command.group, now_s)
         self._waiting.append(pending)
         self._send_waiting(now_s)
         return pending.future
@@ -174,6 +180,9 @@ class Commands:
         pending = self._in_flight.get(ack.command)
         if pending is None or pending.refusal:
             return
+        may_be_stale = now_s - self._ended_s.get(ack.command, -math.inf) < STALE_ACK_S
+        if may_be_stale and pending.command.shows is not None:
+            return  # it is sent again until its effect shows, or until it is answered for sure
         if ack.result == mavlink.MAV_RESULT_IN_PROGRESS:
             pending.next_s = now_s + IN_PROGRESS_S
         elif ack.result == mavlink.MAV_RESULT_ACCEPTED:
@@ -197,7 +206,7 @@ class Commands:
 
     def tick(self, now_s: float) -> None:
         """Does what time asks for; to be called often."""
-        self._forget(lambda pending: pending.is_withdrawn())
+        self._forget(lambda pending: pending.is_withdrawn(), now_s)
         self._finish_those_shown(now_s)
         for pending in [pending for pending in self._in_flight.values() if now_s >= pending.next_s]:
             if pending.refusal or pending.acks_count:
@@ -207,7 +216,7 @@ class Commands:
             else:
                 level = logging.WARNING if pending.command.group else logging.DEBUG  # requests are made again
                 _log.log(level, "%s did not answer the command to %s", self._name, pending.command.what)
-                del self._in_flight[pending.command.id]
+                self._end(pending, now_s)
         self._send_waiting(now_s)
 
     def awaits_effect(self, now_s: float) -> bool:
@@ -231,7 +240,9 @@ class Commands:
 
     def _send_waiting(self, now_s: float) -> None:
         for pending in list(self._waiting):
-            if pending.command.id not in self._in_flight and self._is_ready(pending, now_s):
+            if pending.is_withdrawn():
+                self._waiting.remove(pending)
+            elif pending.command.id not in self._in_flight and self._is_ready(pending, now_s):
                 self._waiting.remove(pending)
                 self._in_flight[pending.command.id] = pending
                 self._transmit(pending, now_s)
@@ -247,14 +258,19 @@ class Commands:
         pending.sends_count += 1
         pending.next_s = now_s + (RESEND_S if pending.command.group else REQUEST_RESEND_S)
 
-    def _forget(self, is_meant: Callable[[_Pending], bool]) -> None:
+    def _forget(self, is_meant: Callable[[_Pending], bool], now_s: float) -> None:
         for pending in [pending for pending in self._waiting if is_meant(pending)]:
             self._waiting.remove(pending)
         for pending in [pending for pending in self._in_flight.values() if is_meant(pending)]:
-            del self._in_flight[pending.command.id]
+            self._end(pending, now_s)
+
+    def _end(self, pending: _Pending, now_s: float) -> None:
+        """It is under way no more."""
+        del self._in_flight[pending.command.id]
+        self._ended_s[pending.command.id] = now_s
 
     def _finish(self, pending: _Pending, now_s: float) -> None:
-        del self._in_flight[pending.command.id]
+        self._end(pending, now_s)
         following = pending.command.then
         if not pending.refusal and following is not None:
             self._waiting.append(_Pending(following, now_s, pending.is_withdrawn, pending.future, texts=pending.texts))

@@ -123,6 +123,8 @@ class Conversation:
                 except CorruptFrameError as error:
                     self._undecodable_count += 1
                     _log.debug("dropped a frame: %s", error)
+                except Exception:  # noqa: BLE001 - what the others say is to be heard all the same
+                    self._report_defect(frame)
 
     def _take(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a frame of an autopilot, ours or another."""
@@ -185,6 +187,12 @@ class Conversation:
                 vehicle.system_id,
                 SECTION,
             )
+
+    def _report_defect(self, frame: Frame) -> None:
+        text = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
+        if text not in self._warnings:
+            self._warnings.add(text)
+            _log.exception("%s", text)
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warnings:

@@ -25,6 +25,19 @@ _ESTIMATOR_NEEDS = {
 }
 
 
+MULTIROTORS = frozenset(
+    {
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_COAXIAL,
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_DECAROTOR,
+        mavlink.MAV_TYPE_DODECAROTOR,
+    }
+)
+"""The vehicles (MAV_TYPE) that are flown. Others need other setpoints, and ArduPilot's have the same numbers for other
+modes."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
 
 
@@ -59,7 +72,10 @@ class Dialect(ABC):
     sparse_messages: frozenset[int] = frozenset()
     """Of the messages asked to be streamed those that come far less often than asked for where nothing changes."""
     wanted_messages: tuple[int, ...] = ()
-    """Messages that are sent only when asked for, needed once."""
+    """Messages that are sent only when asked for, or when they change, needed once."""
+    changing_messages: frozenset[int] = frozenset()
+    """Of these, those whose change matters so much that they are asked for now and then: one that was pushed may have
+    been lost."""
     parameters: tuple[str, ...] = ()
     """Parameters to read: those that `limits` understands."""
 

@@ -41,7 +41,7 @@ class Interview:
         self._rounds_count = 0
         self._round_s = 0.0
         self._next_s: float | None = None
-        self._seen = telemetry.seen.copy()
+        self._seen = self._seen_before = telemetry.seen.copy()
         self._parameter_rounds_count = 0
         self._next_parameters_s: float | None = None
 
@@ -67,7 +67,9 @@ class Interview:
         self._seen = self._telemetry.seen.copy()
         for message_id in self._dialect.wanted_messages:
             request = request_message(message_id)
-            if message_id not in self._telemetry.seen and not self._commands.is_under_way(request):
+            is_told = self._telemetry.seen[message_id] > self._seen_before[message_id]
+            is_settled = is_told and message_id not in self._dialect.changing_messages
+            if not (is_settled or self._commands.is_under_way(request)):
                 self._commands.submit(request, now_s)
 
     def _flows(self, command: Command) -> bool:

@@ -88,6 +88,7 @@ class Px4(Dialect):
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
     )
+    changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
     parameters = (
         "MPC_XY_VEL_MAX",
         "MPC_Z_VEL_MAX_UP",

@@ -91,8 +91,12 @@ _CHECK_IDS = frozenset(map(event_id, _CHECK_NAMES))
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What one event tells: that it was armed (or disarmed), or words that may explain a refusal; maybe neither."""
+    """What one event tells: that it was armed (or disarmed), or words that may explain a refusal; maybe neither.
 
+    `boot_s` is when that was, by the time since the autopilot's boot.
+    """
+
+    boot_s: float
     armed: bool | None = None
     text: str = ""
 
@@ -102,13 +106,14 @@ def read(frame: Frame, mode: str) -> Event:
     one tells nothing.
     """
     payload = frame.payload.ljust(_LAYOUT.size, b"\0")
-    number, _, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
+    number, boot_ms, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
+    boot_s = boot_ms / 1000.0
     if number in _ARMED:
-        return Event(armed=_ARMED[number])
+        return Event(boot_s, armed=_ARMED[number])
     text = _TEXTS.get(number, "")
     if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
-        return Event()
-    return Event(text=text)
+        return Event(boot_s)
+    return Event(boot_s, text=text)
 
 
 def _concerns(number: int, arguments: bytes, mode: str) -> bool:

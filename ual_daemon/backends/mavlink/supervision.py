@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
@@ -138,7 +139,9 @@ class Supervision:
         self._url = url
         self._gaps = SequenceGaps()
         self._seconds: deque[_Second] = deque()
-        self._boot_s = float("-inf")
+        self.boot_s = -math.inf
+        """The time since boot that was told last."""
+        self._boot_told_s = math.inf
 
     def heard(self, sequence: int, now_s: float) -> None:
         """A frame of the autopilot came."""
@@ -157,10 +160,11 @@ class Supervision:
         if self.state is not LinkState.CONNECTED:
             self._change(LinkState.CONNECTED, silence_s)
 
-    def booted(self, boot_s: float) -> bool:
+    def booted(self, boot_s: float, now_s: float) -> bool:
         """Takes the autopilot's time since boot, as some message has it; true when it has booted anew."""
-        is_new = boot_s < self._boot_s - REBOOT_S
-        self._boot_s = boot_s
+        # After a silence it may run for longer than it had run before that, and yet not for as long as the silence was.
+        is_new = boot_s < self.boot_s - REBOOT_S or boot_s < now_s - self._boot_told_s - REBOOT_S
+        self.boot_s, self._boot_told_s = boot_s, now_s
         if is_new:
             self.reboots_count += 1
             self._gaps = SequenceGaps()

@@ -34,8 +34,12 @@ _FIX = {
     mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
     mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
 }
+GEO_LIMIT_S = 1.5
+"""A place on Earth older than this is not told any more; all send it at 5 Hz or more."""
 LATE_S = 0.3
 """A jitter as long as this reorders messages."""
+OLDEST_S = 3.0
+"""What has the number of an earlier message is no news for so long; then the numbers must have gone astray."""
 _UNKNOWN_U16 = 0xFFFF
 _TEXT_LENGTH = 50
 
@@ -69,8 +73,8 @@ class Telemetry:
         self._attitude: Sample[tuple[Quaternion, Vector3]] | None
         self._pose: Sample[Pose] | None
         self._velocity: Sample[Twist] | None
+        self._position_geo: Sample[GeoPoint] | None
         self.forget()
-        self._position_geo: GeoPoint | None = None
         self._projection: Projection | None = None
         self._home_altitude_amsl_m: float | None = None
         self._geoid_separation_m: float | None = None
@@ -109,6 +113,7 @@ class Telemetry:
     def forget(self) -> None:
         """What was heard says no longer how the vehicle is; what it is, and where its frame lies, stays known."""
         self._armed = self._mode = self._estimator = self._attitude = self._pose = self._velocity = None
+        self._position_geo = None
         # Where a landed state is to come, none yet must not be taken for in the air.
         self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.tells_landed_state else None
 
@@ -167,6 +172,7 @@ class Telemetry:
 
     def snapshot(self, now_s: float) -> Snapshot:
         """All of it, as of now."""
+        place = self._position_geo
         return Snapshot(
             time_s=now_s,
             heard_s=self._heard_s,
@@ -177,7 +183,7 @@ class Telemetry:
             estimator=self._estimator,
             pose=self._pose,
             velocity=self._velocity,
-            position_geo=self._position_geo,
+            position_geo=None if place is None or now_s - place.time_s > GEO_LIMIT_S else place.value,
             projection=self._projection,
             home_altitude_amsl_m=self._home_altitude_amsl_m,
             geoid_separation_m=self._geoid_separation_m,
@@ -191,7 +197,7 @@ class Telemetry:
         reorders them would show the mode before for a moment, as if somebody had taken the UAV.
         """
         number, last = self._number.value, self._told.get(what)
-        if last is not None and number < last[0] and now_s - last[1] < LATE_S:
+        if last is not None and number < last[0] and now_s - last[1] < OLDEST_S:
             return False
         self._told[what] = (number, now_s)
         return True
@@ -250,16 +256,20 @@ class Telemetry:
         self._projection = None
         self._home_altitude_amsl_m = None
 
-    def _on_global_position_int(self, message: Message, _now_s: float, _: float) -> None:
+    def _on_global_position_int(self, message: Message, now_s: float, _: float) -> None:
+        if message.lat == message.lon == 0:  # before its first fix ArduPilot sends this
+            self._position_geo = None
+            return
         altitude_m = _mm(message.alt)
         separation_m = self._geoid_separation_m
-        self._position_geo = GeoPoint(
+        place = GeoPoint(
             _degrees(message.lat),
             _degrees(message.lon),
             altitude_amsl_m=altitude_m,
             altitude_home_m=_mm(message.relative_alt),
             altitude_ellipsoid_m=None if separation_m is None else altitude_m + separation_m,
         )
+        self._position_geo = Sample(place, now_s)
 
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
         self._projection = self._dialect.projection(
@@ -285,7 +295,7 @@ class Telemetry:
         voltage, current, remaining = message.voltage_battery, message.current_battery, message.battery_remaining
         battery = Battery(
             remaining_percent=None if remaining < 0 else float(remaining),
-            voltage_v=None if voltage == _UNKNOWN_U16 else _mm(voltage),
+            voltage_v=None if voltage in (0, _UNKNOWN_U16) else _mm(voltage),  # 0 by ArduPilot without a monitor
             current_a=None if current < 0 else current / 100.0,  # -1 by MAVLink, -100 by PX4, where it is not known
         )
         self._battery = None if battery == Battery() else battery

@@ -27,7 +27,8 @@ HEARTBEAT_LATE_S = 1.1
 """A heartbeat this late was lost. On a bad link three in a row can be, and nothing else tells whether it is armed."""
 SILENCE_S = 3.0
 """After a silence as long as this it is asked everything anew: it may have booted, or the link been another's."""
-
+OLD_EVENT_S = 1.0
+"""An event of PX4 that is this much older than the newest time since boot is no news."""
 STREAMLESS_S = 10.0
 """How often one that does not stream any more is asked everything anew."""
 
@@ -90,32 +91,43 @@ class MavlinkVehicle:
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
         telemetry = self.telemetry
-        heard_s = telemetry.heard_s
+        self._end_silence(now_s)
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
-        has_booted = boot_ms > 0 and self._supervision.booted(boot_ms / 1000.0)
-        if has_booted:
+        if boot_ms > 0 and self._supervision.booted(boot_ms / 1000.0, now_s):
             telemetry.booted()
+            self.ask_anew()
         telemetry.update(message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False
             self._wants_heartbeat = True
-        if has_booted or (heard_s is not None and now_s - heard_s > SILENCE_S):
-            self.ask_anew()
         handler = self._handlers.get(message.get_msgId())
         if handler is not None:
             handler(message, now_s, utc_now_s)
 
     def notice(self, frame: Frame, now_s: float) -> None:
         """Takes the arrival of a message that no dialect of pymavlink knows, or that is not used."""
+        self._end_silence(now_s)
         self.telemetry.heard(frame.sequence, now_s)
         event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
-        if event is not None:
+        # It sends the last ones again to anybody who asks for them, all that listen included.
+        if event is not None and event.boot_s >= self._supervision.boot_s - OLD_EVENT_S:
             # PX4 tells of arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._wants_heartbeat = True
             if event.armed is not None:
                 self.telemetry.armed_changed(event.armed, now_s)
             if event.text:
                 self._commands.on_text(event.text)
+
+    def _end_silence(self, now_s: float) -> None:
+        """Something came. After a silence that counts as a lost link nothing from before it is believed: the autopilot
+        may have done what it does without us, and a setpoint sent by its mode of then would take PX4 out of that again.
+        """
+        heard_s = self.telemetry.heard_s
+        silence_s = 0.0 if heard_s is None else now_s - heard_s
+        if silence_s > self.dialect.freshness.link_s:
+            self.forget()
+        if silence_s > SILENCE_S:
+            self.ask_anew()
 
     def forget(self) -> None:
         """See `Telemetry.forget`. A heartbeat is asked for, so that it is known again at once."""

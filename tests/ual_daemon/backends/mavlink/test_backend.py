@@ -19,6 +19,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink import MavlinkBackend
+from ual_daemon.backends.mavlink.conversation import Conversation
 from ual_daemon.backends.mavlink.frames import split
 from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
@@ -292,6 +293,36 @@ def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypat
         assert [snapshot.armed for snapshot in seen[old:]] == [None] * len(seen[old:])
         autopilot.say(heartbeat())
         wait_for(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
+
+
+def test_a_defect_in_the_conversation_is_told_and_the_link_opened_anew(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    failures = iter([ZeroDivisionError()] * 3)
+    tick = Conversation.tick
+
+    def failing(self: Conversation, now_s: float) -> None:
+        if self.vehicle is not None and (error := next(failures, None)) is not None:
+            raise error
+        tick(self, now_s)
+
+    monkeypatch.setattr(Conversation, "tick", failing)
+    port = free_port()
+    seen: list[Snapshot] = []
+    with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", seen.append):
+
+        def meets() -> bool:
+            autopilot.say(heartbeat(armed=True))
+            return sum("defect" in record.message for record in caplog.records) == 3
+
+        wait_for(meets, "the defects")
+        old = len(seen)
+
+        def is_heard() -> bool:
+            autopilot.say(heartbeat(armed=True))
+            return len(seen) > old and seen[-1].armed is not None
+
+        wait_for(is_heard, "what is said afterwards")
 
 
 def test_closing_ends_the_updates_the_thread_and_the_socket() -> None:

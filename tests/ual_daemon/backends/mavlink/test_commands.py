@@ -12,6 +12,7 @@ from ual_daemon.backends.mavlink.commands import (
     REQUEST_SENDS_COUNT,
     RESEND_S,
     SENDS_COUNT,
+    STALE_ACK_S,
     Command,
     request_message,
 )
@@ -51,6 +52,51 @@ def test_a_command_goes_to_the_autopilot_and_ends_with_its_acknowledgement() -> 
     assert not future.done()
     talk.hear(ack(ARM, ACCEPTED))
     assert future.result(0) is None
+
+
+@pytest.mark.parametrize(("mode", "needed"), [(OFFBOARD, SET_MODE), (LANDING, ARM)])
+def test_what_was_withdrawn_is_not_sent_by_an_acknowledgement_of_something_else(mode: int, needed: int) -> None:
+    talk = Talk()
+    talk.hear(heartbeat(mode, armed=True))
+    command = PX4.take_control() if needed == SET_MODE else PX4.arm(talk.snapshot())  # by way of AUTO.LOITER
+    wanted = [True]
+    talk.vehicle.submit(request_message(49), talk.now_s)
+    talk.vehicle.submit(command, talk.now_s, lambda: not wanted)
+    assert talk.commands(needed) == []
+    talk.setpoints_s = 1.0
+    wanted.clear()
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED), ack(mavlink.MAV_CMD_REQUEST_MESSAGE, ACCEPTED))
+    assert talk.commands(needed) == []
+
+
+def test_an_acknowledgement_of_the_one_before_does_not_end_a_command_that_was_lost() -> None:
+    talk = Talk()
+    talk.submit(PX4.take_control())
+    talk.setpoints_s = 1.0
+    talk.run(0.05)
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
+    holding = talk.submit(PX4.hold())  # is lost on its way
+    talk.commands(SET_MODE)
+    talk.hear(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))  # copies
+    talk.run(RESEND_S + 0.1)
+    assert not holding.done()
+    assert len(talk.commands(SET_MODE)) == 1
+    talk.hear(heartbeat(4 << 16 | 3 << 24, armed=True))
+    talk.run(0.05)
+    assert holding.done()
+
+
+def test_a_refusal_soon_after_the_command_before_is_believed_when_it_comes_again() -> None:
+    talk = Talk()
+    talk.submit(PX4.disarm())
+    talk.hear(ack(ARM, ACCEPTED))
+    arming = talk.submit(PX4.arm(Snapshot(0.0)))
+    talk.hear(ack(ARM, REJECTED))
+    talk.run(STALE_ACK_S + 0.1)
+    assert not arming.done()
+    talk.hear(ack(ARM, REJECTED))
+    talk.run(EFFECT_S + 0.1)
+    assert isinstance(arming.exception(0), RejectedByAutopilotError)
 
 
 def test_disarming_is_never_forced() -> None:

@@ -204,6 +204,73 @@ def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once() -> 
     assert 0.0 in {sent.param1 for sent in talk.commands(REQUEST)}
 
 
+def test_after_a_lost_link_the_past_is_forgotten_whatever_comes_first() -> None:
+    for first in (position(1.3), attitude(), mavlink.MAVLink_ping_message(0, 0, 0, 0)):
+        talk = Talk()
+        flying = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR)
+        talk.hear(heartbeat(6 << 16, armed=True), attitude(), position(0.0), flying, estimator_status())
+        assert state(talk) is State.FLYING_AUTO
+        talk.run(1.3)  # what it does by itself meanwhile we do not hear
+        talk.link.sent.clear()
+        talk.hear(first)
+        talk.hear(attitude(), position(1.3), estimator_status())
+        assert state(talk) is State.UNINITIALIZED
+        talk.run(0.1)
+        assert 0.0 in {sent.param1 for sent in talk.commands(REQUEST)}
+        talk.hear(heartbeat(4 << 16 | 5 << 24, armed=True), flying)
+        assert state(talk) is State.FLYING_MANUAL
+
+
+def test_a_message_that_makes_us_fail_costs_no_other(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    update = talk.vehicle.update
+
+    def failing(message: Message, now_s: float, utc_now_s: float) -> None:
+        if message.get_type() == "ATTITUDE_QUATERNION":
+            raise ZeroDivisionError
+        update(message, now_s, utc_now_s)
+
+    monkeypatch.setattr(talk.vehicle, "update", failing)
+    talk.hear(data=talk.pack(attitude()) + talk.pack(heartbeat(armed=True)))
+    talk.hear(attitude())
+    assert talk.snapshot().armed.value is True
+    (told,) = [record for record in caplog.records if "could not be used" in record.message]
+    assert "message 31 " in told.message
+
+
+@pytest.mark.parametrize(
+    "kind", [mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_VTOL_TILTROTOR]
+)
+def test_a_px4_that_is_no_multirotor_is_only_watched(kind: int) -> None:
+    talk = Talk()
+    talk.hear(heartbeat(kind=kind), attitude(), position(0.0))
+    assert talk.snapshot().pose is not None
+    info = talk.vehicle.info()
+    assert not info.capabilities
+    assert info.autopilot.startswith("unknown (px4, ")
+
+
+def _place(latitude: int, longitude: int) -> Message:
+    return mavlink.MAVLink_global_position_int_message(BOOT_MS, latitude, longitude, 488_000, 3_000, 0, 0, 0, 0)
+
+
+def test_a_place_on_earth_is_told_while_it_is_fresh_and_one() -> None:
+    talk = Talk()
+    talk.hear(heartbeat(), _place(0, 0))  # ArduPilot before its first fix
+    assert talk.snapshot().position_geo is None
+    talk.hear(_place(473977420, 85455940))
+    assert talk.snapshot().position_geo.latitude_deg == pytest.approx(47.397742)
+    talk.now_s += 1.0
+    talk.hear(heartbeat())
+    assert talk.snapshot().position_geo is not None
+    talk.now_s += 1.0
+    talk.hear(heartbeat())
+    assert talk.snapshot().position_geo is None
+
+
 @pytest.mark.parametrize(
     ("flags", "why"),
     [
@@ -302,12 +369,25 @@ def test_a_message_that_comes_late_does_not_bring_the_past_back() -> None:
     assert talk.snapshot().pose.value.position.y == 2.0
 
 
+def test_a_copy_of_the_mode_before_is_known_by_its_number_however_long_it_was_on_its_way() -> None:
+    talk = Talk()
+    offboard, position_mode = 6 << 16, 3 << 16
+    copy = talk.pack(mavlink.MAVLink_current_mode_message(0, offboard, 0))
+    talk.hear(data=copy)
+    talk.hear(heartbeat(position_mode, armed=True))
+    for _ in range(30):
+        talk.now_s += 0.05
+        talk.hear(attitude())
+    talk.hear(data=copy)
+    assert talk.snapshot().mode.value.name == "POSCTL"
+
+
 def test_numbers_that_begin_anew_are_believed_after_a_moment() -> None:
     talk = Talk()
     for _ in range(5):
         talk.hear(heartbeat(armed=True))
     talk.pack = packer()  # another boot, say
-    talk.run(0.3)
+    talk.run(0.35)
     talk.hear(heartbeat(armed=False))
     assert talk.snapshot().armed.value is False
 
@@ -394,11 +474,21 @@ def test_what_is_sent_only_on_request_is_requested_until_it_comes() -> None:
     talk.hear(heartbeat())
     talk.run(20.0)
     assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 49.0, 242.0}
-    talk.hear(mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    talk.hear(mavlink.MAVLink_home_position_message(1, 1, 1, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
     talk.run(5.0)  # those that were under way
     talk.link.sent.clear()
     talk.run(60.0)
-    assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 242.0}
+    assert {sent.param1 for sent in talk.commands(REQUEST)} == {148.0, 49.0}
+
+
+def test_px4s_origin_is_asked_for_now_and_then_as_the_message_that_moves_it_may_have_been_lost() -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    talk.hear(mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    talk.run(20.0)
+    talk.link.sent.clear()
+    talk.run(60.0)
+    assert 5 <= [sent.param1 for sent in talk.commands(REQUEST)].count(49.0) <= 6 * 4  # each is sent four times at most
 
 
 def test_limits_come_from_parameters_that_are_read_until_they_are_known() -> None:

@@ -2,12 +2,15 @@
 
 import builtins
 import contextlib
+import errno
 import fcntl
 import itertools
 import logging
 import os
 import pty
 import socket
+import termios
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -175,6 +178,45 @@ def test_a_host_that_nobody_knows_is_told() -> None:
         assert run.connection.trouble.startswith("cannot find the host no-such-host.invalid: ")
 
 
+def test_a_name_that_is_no_name_is_told() -> None:
+    with running("tcp://a..b:5760") as run:
+        run.until(lambda: run.connection.trouble)
+        assert run.connection.trouble == "cannot find the host a..b: that is no host name; trying again"
+
+
+def test_a_slow_name_service_holds_nothing_up(monkeypatch: pytest.MonkeyPatch, server: socket.socket) -> None:
+    answer = threading.Event()
+    look_up = socket.getaddrinfo
+
+    def slowly(_: str, *rest: Any, **named: Any) -> Any:
+        assert answer.wait(PATIENCE_S)
+        return look_up(HERE, *rest, **named)
+
+    monkeypatch.setattr(socket, "getaddrinfo", slowly)
+    with running(f"tcp://uav.example:{server.getsockname()[1]}") as run:
+        run.until(lambda: run.connection.trouble == "looking for the host uav.example")
+        answer.set()
+        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udpin"])
+def test_a_system_that_has_no_socket_left_is_told_and_tried_again(
+    scheme: str, monkeypatch: pytest.MonkeyPatch, server: socket.socket
+) -> None:
+    port = server.getsockname()[1] if scheme == "tcp" else free_port()
+    make = socket.socket
+
+    def none_left(*_: Any) -> Any:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    with running(f"{scheme}://{HERE}:{port}") as run:
+        monkeypatch.setattr(socket, "socket", none_left)
+        run.until(lambda: run.connection.trouble)
+        assert run.connection.trouble == f"{scheme}://{HERE}:{port}: Too many open files; trying again"
+        monkeypatch.setattr(socket, "socket", make)
+        run.until(lambda: "Too many" not in run.connection.trouble, passed_s=0.5)
+
+
 def test_who_does_not_read_gets_no_old_setpoints_and_whole_frames_only(server: socket.socket) -> None:
     setpoint, command = b"s" * 70, b"c" * 40
     with running(url_of(server)) as run:
@@ -338,6 +380,19 @@ def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.Log
             run.turn(5.0)
     gone = f"{line.path} is gone (unplugged?); opening it anew"
     assert [record.message for record in caplog.records] == [missing, gone, missing, gone, missing]
+
+
+def test_a_line_that_is_unplugged_while_it_is_opened_is_told(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(*_: Any) -> Any:
+        raise termios.error(errno.EIO, os.strerror(errno.EIO))
+
+    line.plug()
+    with running_serial(line) as run:
+        with monkeypatch.context() as patch:
+            patch.setattr(termios, "tcflush", gone)
+            run.until(lambda: run.connection.trouble.endswith("Input/output error; trying again"))
+        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+    line.unplug()
 
 
 def test_a_line_that_another_program_uses_is_told(line: Line) -> None:

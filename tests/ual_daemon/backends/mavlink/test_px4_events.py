@@ -2,7 +2,7 @@ import struct
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, heartbeat
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Talk, ack, attitude, heartbeat, position
 from tests.ual_daemon.backends.mavlink.traces import load
 from ual_daemon.backends.mavlink import checksum
 from ual_daemon.backends.mavlink.frames import Frame, split
@@ -16,10 +16,10 @@ ARM, CHECK = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_RUN_PREARM_CH
 MODES_ALL, MODES_MANUAL, MODES_LOITER = 0xFFFFFFFF, 0b0111, 1 << 4
 
 
-def event(name: str, *, levels: int = ERROR, modes: int = 0, sequence: int = 1) -> bytes:
+def event(name: str, *, levels: int = ERROR, modes: int = 0, sequence: int = 1, boot_ms: int = 5000) -> bytes:
     """The frame of an event as PX4 sends it, the zeros at its end left out."""
     arguments = struct.pack("<IB", modes, 20)
-    payload = struct.pack("<IIHBBB", event_id(name), 5000, sequence, 0, 0, levels) + arguments
+    payload = struct.pack("<IIHBBB", event_id(name), boot_ms, sequence, 0, 0, levels) + arguments
     payload = payload.rstrip(b"\0")
     covered = (
         struct.pack("<BBBBBB", len(payload), 0, 0, sequence % 256, 1, 1) + EVENT_ID.to_bytes(3, "little") + payload
@@ -46,6 +46,14 @@ def test_words_of_a_denial_are_those_of_its_name() -> None:
     found = read(frame(event("commander_arm_denied_resolve_failures")), LOITER_NAME)
     assert found.text == "arm denied resolve failures"
     assert found.armed is None
+
+
+@pytest.mark.parametrize(("boot_ms", "is_news"), [(BOOT_MS + 10_000, True), (BOOT_MS + 9_500, True), (5_000, False)])
+def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int, is_news: bool) -> None:
+    talk = Talk()
+    talk.hear(heartbeat(6 << 16, armed=True), attitude(), position(10.0))
+    talk.hear(data=event("commander_disarmed_by", sequence=3, boot_ms=boot_ms))
+    assert talk.snapshot().armed.value is not is_news
 
 
 @pytest.mark.parametrize(

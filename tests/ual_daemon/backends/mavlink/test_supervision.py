@@ -110,8 +110,16 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
 
 def test_a_boot_time_that_runs_back_is_a_reboot() -> None:
     watch = Supervision("udp", lost_s=1.0)
-    assert [watch.booted(boot_s) for boot_s in (100.0, 100.5, 100.2, 101.0, 3.0, 3.1)] == [False] * 4 + [True, False]
+    told = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.1), (3.1, 1.2)]
+    assert [watch.booted(boot_s, now_s) for boot_s, now_s in told] == [False] * 4 + [True, False]
     assert watch.statistics(0.0).reboots_count == 1
+
+
+@pytest.mark.parametrize(("boot_s", "is_reboot"), [(20.0, True), (33.5, True), (45.0, False), (44.0, False)])
+def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: float, is_reboot: bool) -> None:
+    watch = Supervision("udp", lost_s=1.0)
+    assert not watch.booted(10.0, now_s=100.0)
+    assert watch.booted(boot_s, now_s=135.0) is is_reboot
 
 
 def test_the_round_trip_is_measured_once_a_second_by_answers_to_our_requests_only() -> None:

@@ -89,9 +89,13 @@ class Connection:
                 is_ready = True
         try:
             return self._link.receive(now_s) if is_ready else []
-        except LinkError as error:
-            self._fail(str(error), now_s)
+        except (LinkError, OSError) as error:
+            self._fail(error, now_s)
             return []
+
+    def restart(self, now_s: float) -> None:
+        """Opens the link anew after a while, as if it had broken."""
+        self._fail(LinkError(f"{self._url}: opening the link anew"), now_s)
 
     def discard(self, now_s: float) -> None:
         """Throws away all that has come and is not received yet."""
@@ -123,25 +127,27 @@ class Connection:
         elif self._link.needs_word and now_s - self._alive_s > SILENCE_S:
             try:
                 self._link.drop_peer(f"nothing came from {self._url} for {SILENCE_S:.0f} s; connecting anew")
-            except LinkError as error:
-                self._fail(str(error), now_s)
+            except (LinkError, OSError) as error:
+                self._fail(error, now_s)
 
     def _open(self, now_s: float) -> None:
         try:
             self._link.open()
-        except LinkError as error:
-            self._fail(str(error), now_s)
+        except (LinkError, OSError) as error:
+            self._fail(error, now_s)
             return
         self._is_open = True
         self._alive_s = now_s
         if not self._told:
             _log.info("waiting for an autopilot at %s", self._url)
 
-    def _fail(self, trouble: str, now_s: float) -> None:
+    def _fail(self, error: LinkError | OSError, now_s: float) -> None:
         self._link.close()
         self._is_open = False
         self._next_open_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
+        # Of an OSError nobody has said more: the system is short of something (descriptors, memory).
+        trouble = f"{self._url}: {error.strerror}; trying again" if isinstance(error, OSError) else str(error)
         self.trouble = trouble
         if trouble not in self._told:  # each once, until all is well: they may take turns
             self._told.add(trouble)

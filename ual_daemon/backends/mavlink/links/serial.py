@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import select
+import termios
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,8 @@ class SerialLink(Link):
 
         try:
             line = serial.Serial(self._endpoint.device, self._endpoint.baud, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:  # of OSError is pyserial's own; ValueError: a rate it cannot have
+        # Of OSError is pyserial's own; ValueError: a rate it cannot have; termios.error: unplugged just now.
+        except (OSError, ValueError, termios.error) as error:
             raise LinkError(f"cannot open {self._endpoint}: {_why(error)}; trying again") from None
         self._line = line
         self.sessions_count += 1
@@ -77,6 +79,6 @@ class SerialLink(Link):
         return self._writer.write(data, is_perishable=is_perishable)
 
 
-def _why(error: OSError | ValueError) -> str:
-    code = error.errno if isinstance(error, OSError) else None
-    return str(error) if code is None else _HINTS.get(code, os.strerror(code))
+def _why(error: Exception) -> str:
+    code = error.args[0] if error.args else None
+    return _HINTS.get(code, os.strerror(code)) if isinstance(code, int) else str(error)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from ual_daemon.backends.mavlink.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
-from ual_daemon.backends.mavlink.links.resolve import resolve
+from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
@@ -28,12 +28,13 @@ class TcpClientLink(Link):
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM)
         self._address: Address | None = None
         self._socket: socket.socket | None = None
         self._writer = StreamWriter(os.write)
 
     def open(self) -> None:
-        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_STREAM)
+        family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_STREAM)
         _prepare(sock)
         code = sock.connect_ex(address)
@@ -104,6 +105,7 @@ class TcpServerLink(Link):
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM)
         self._listener: socket.socket | None = None
         self._client: socket.socket | None = None
         self._address: Address | None = None
@@ -111,7 +113,7 @@ class TcpServerLink(Link):
         self._writer = StreamWriter(os.write)
 
     def open(self) -> None:
-        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_STREAM)
+        family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_STREAM)
         try:
             sock.setblocking(False)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from ual_daemon.backends.mavlink.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
-from ual_daemon.backends.mavlink.links.resolve import resolve
+from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
@@ -26,6 +26,7 @@ class UdpLink(Link):
 
     def __init__(self, endpoint: UdpEndpoint) -> None:
         self._endpoint = endpoint
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_DGRAM)
         self._socket: socket.socket | None = None
         self._descriptors: Mapping[int, int] = {}
         self._poll = select.poll()
@@ -33,7 +34,7 @@ class UdpLink(Link):
         self._is_sending_well = True
 
     def open(self) -> None:
-        family, address = resolve(self._endpoint.host, self._endpoint.port, socket.SOCK_DGRAM)
+        family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_DGRAM)
         try:
             sock.setblocking(False)
