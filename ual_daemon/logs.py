@@ -1,12 +1,13 @@
 """Structured logs: events with fields, as text for people or as one JSON object a line.
 
 Lines are written by a thread of their own, so that a log that nobody reads (a full pipe, a slow disk) never holds up
-flying; lines that do not fit the queue are counted, and the loss is told.
+flying; lines that do not fit the queue, or cannot be written, are counted, and the loss is told.
 """
 
 from __future__ import annotations
 
 import atexit
+import errno
 import json
 import logging
 import math
@@ -31,6 +32,9 @@ _TALKATIVE = ("asyncio", "grpc")
 """Libraries whose debug messages would bury ours."""
 _QUEUE_SIZE = 10_000
 _FLUSH_LIMIT_S = 1.0
+_RETRY_S = 0.1
+"""Between a line that could not be written and the next one."""
+_NOBODY_READS = (errno.EPIPE, errno.EBADF)
 _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 
 
@@ -134,13 +138,27 @@ class BackgroundHandler(logging.Handler):
         super().close()
 
     def _write(self) -> None:
-        while (line := self._lines.get()) is not None:
+        failed, why = 0, ""  # since a line was written
+        while True:
+            line = self._lines.get()
             try:
+                if failed:
+                    self._stream.flush()  # what its buffer has kept; until that is out, nothing is added to it
+                    self._stream.write(f"up to {failed} log lines lost: {why}\n")
+                    failed = 0
+                if line is None:
+                    return
                 self._stream.write(line + "\n")
                 if self._lines.empty():
                     self._stream.flush()
-            except (OSError, ValueError):
-                return  # the reader of the pipe is gone, or the stream is closed: there is nobody to tell
+            except ValueError:
+                return  # the stream is closed: there is nobody to tell
+            except OSError as error:
+                if line is None or error.errno in _NOBODY_READS:
+                    return
+                # A disk that is full, a pipe that does not block: the log goes on when that is over.
+                failed, why = failed + 1, error.strerror or str(error)
+                time.sleep(_RETRY_S)
 
 
 def setup(level: str, format: Format = "text", stream: TextIO | None = None) -> None:  # noqa: A002  as in logging

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import errno
 import io
 import json
 import logging
+import os
 import threading
 from collections.abc import Iterator
 
@@ -140,3 +142,44 @@ def test_a_stuck_reader_holds_up_nobody_and_the_loss_is_told() -> None:
         "line 2",
         "2 log lines lost: the log is not read fast enough",
     ]
+
+
+class _Failing(io.StringIO):
+    """A stream that cannot be written to as long as it has an error."""
+
+    def __init__(self, error: int) -> None:
+        super().__init__()
+        self.error = error
+        self.has_failed = threading.Event()
+        self.has_written = threading.Event()
+
+    def write(self, text: str) -> int:
+        if self.error:
+            self.has_failed.set()
+            raise OSError(self.error, os.strerror(self.error))
+        written = super().write(text)
+        self.has_written.set()
+        return written
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EAGAIN, errno.EIO])
+def test_the_log_goes_on_after_it_could_not_be_written_for_a_while(log: Log, error: int) -> None:
+    log.stream = stream = _Failing(error)
+    log.begin("text")
+    logs.event(LOG, logging.INFO, "while_full")
+    assert stream.has_failed.wait(10)
+    stream.error = 0
+    logs.event(LOG, logging.INFO, "after")
+    assert stream.has_written.wait(10)
+    loss, line = log.lines()
+    assert loss == f"up to 1 log lines lost: {os.strerror(error)}"
+    assert "after" in line
+
+
+@pytest.mark.parametrize("error", [errno.EPIPE, errno.EBADF])
+def test_the_log_ends_when_nobody_can_read_it(error: int) -> None:
+    handler = logs.BackgroundHandler(_Failing(error))
+    handler.emit(logging.LogRecord("x", logging.INFO, __file__, 1, "unheard", None, None))
+    handler._thread.join(10)
+    assert not handler._thread.is_alive()
+    handler.close()
