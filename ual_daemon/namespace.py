@@ -21,6 +21,8 @@ from ual.discovery import Registration
 
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
+_LOOK_S = 0.005
+_LOOKS_LIMIT_S = 1.0
 
 
 class NamespaceError(Exception):
@@ -42,12 +44,12 @@ class Namespace:
             self._lock = _open_lock(path)
         except OSError as error:
             raise NamespaceError(f"cannot open {path}: {error.strerror}") from None
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not _take(self._lock):
             holder = _holder(ns, self._lock)
             os.close(self._lock)
-            raise NamespaceError(f"{ns} is flown by {holder} already: stop that, or choose another --ns") from None
+            raise NamespaceError(f"{ns} is flown by {holder} already: stop that, or choose another --ns")
+        with suppress(OSError):  # what a killed daemon left must not be taken for ours, now that the lock is held
+            discovery.registry_file(ns).unlink()
         with suppress(OSError):  # another user's file: it can be locked, but not written
             os.truncate(self._lock, 0)
             os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
@@ -102,6 +104,29 @@ def _open_lock(path: Path) -> int:
                 lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags)
                 os.fchmod(lock, _READABLE)
                 return lock
+
+
+def _take(lock: int) -> bool:
+    """Takes a lock; False where another daemon holds it.
+
+    Clients that look whether one does hold it for a moment (`ual.discovery`). They share it, which a daemon never does.
+    """
+    end_s = time.monotonic() + _LOOKS_LIMIT_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pass
+        else:
+            return True
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        fcntl.flock(lock, fcntl.LOCK_UN)  # so that of two daemons that start together one gets it
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(_LOOK_S)
 
 
 def _holder(ns: str, lock: int) -> str:

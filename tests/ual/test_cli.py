@@ -21,6 +21,7 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from ual.cli import cli
 from ual.cli.app import UalCommand, UalGroup
+from ual.discovery import Registration
 from ual.types import State
 
 UAL = (sys.executable, "-c", "from ual.cli import main; main()")
@@ -176,6 +177,12 @@ def test_as_json_a_failure_is_an_object_too() -> None:
 
 def test_nobody_is_listed_when_nobody_is_there() -> None:
     assert done("list") == ""
+
+
+def test_one_that_registered_nonsense_is_listed_as_that(runtime_dir: Path) -> None:
+    runtime_dir.mkdir()
+    Registration("uav_1", os.getpid(), "nonsense", "light", 1.5).write()
+    assert done("list").split("\t")[:2] == ["uav_1", "INVALID_ARGUMENT"]
 
 
 # --- Looking ----------------------------------------------------------------------------------------------------------

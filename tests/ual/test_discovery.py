@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import subprocess
@@ -61,12 +62,75 @@ def test_a_registration_is_read_as_it_was_written(here: Path) -> None:
     assert [file.name for file in here.iterdir()] == ["uav_3.json"]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"ns": "uav_1"}', '{"ns": "a", "pid": "x"}', "\x00\xff"])
+def as_json(**changed: object) -> str:
+    """A registration of uav_1 that is alive, but for what is changed."""
+    values = {"ns": "uav_1", "pid": os.getpid(), "address": "127.0.0.1:6000", "backend": "light", "started_s": 1.5}
+    return json.dumps(values | changed)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "{}",
+        '{"ns": "uav_1"}',
+        '{"ns": "a", "pid": "x"}',
+        "\x00\xff",
+        as_json(pid=float("inf")),
+        as_json(ns="uav_2"),
+        as_json(backend="\x1b[2J"),
+        as_json(address="\ud800"),
+        as_json(backend="b" * 5000),
+        "[" * 4000,
+        "[" * 200_000,
+    ],
+    ids=lambda text: text[:40],
+)
 def test_a_file_that_is_no_registration_is_none(text: str) -> None:
     file = discovery.registry_file("uav_1")
     file.write_text(text)
     assert Registration.read(file) is None
     assert discovery.list_daemons() == []
+
+
+def test_a_pipe_is_no_registration_and_not_waited_for(here: Path) -> None:
+    os.mkfifo(here / "uav_1.json")
+    register("uav_2")
+    assert [each.ns for each in discovery.list_daemons()] == ["uav_2"]
+    assert discovery.registered("uav_1") is None
+
+
+def test_a_linked_registration_is_not_followed(here: Path, tmp_path: Path) -> None:
+    register("uav_1")
+    (here / "uav_1.json").rename(tmp_path / "elsewhere.json")
+    (here / "uav_1.json").symlink_to(tmp_path / "elsewhere.json")
+    assert discovery.list_daemons() == []
+
+
+def test_a_pid_that_somebody_else_has_by_now_is_no_daemon() -> None:
+    discovery.lock_file("uav_1").touch()
+    register("uav_1", pid=os.getpid())
+    register("uav_2", "127.0.0.1:6002")
+    assert discovery.registered("uav_1") is None
+    assert discovery.find() == "127.0.0.1:6002"
+
+
+def test_a_daemon_whose_pid_is_not_seen_from_here_is_there_by_its_lock() -> None:
+    register("uav_1", pid=GONE_PID)
+    with discovery.lock_file("uav_1").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert discovery.registered("uav_1") is not None
+    assert discovery.registered("uav_1") is None
+
+
+def test_where_the_lock_cannot_be_looked_at_it_goes_by_the_pid(here: Path) -> None:
+    (here / "uav_1.lock").symlink_to(here / "nowhere")
+    register("uav_1")
+    assert discovery.registered("uav_1") is not None
+    register("uav_1", pid=GONE_PID)
+    assert discovery.registered("uav_1") is None
 
 
 def test_a_daemon_that_was_killed_is_none() -> None:

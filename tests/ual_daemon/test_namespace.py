@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import stat
@@ -83,6 +84,32 @@ def test_what_a_killed_daemon_left_is_no_holder(runtime_dir: Path) -> None:
     with Namespace("uav_1") as namespace:
         namespace.register("127.0.0.1:4712", "light")
         assert json.loads((runtime_dir / "uav_1.json").read_text())["pid"] == os.getpid()
+
+
+def test_what_a_killed_daemon_left_is_not_taken_for_one_that_starts(runtime_dir: Path) -> None:
+    end(hold("127.0.0.1:4711", "light"))
+    assert (runtime_dir / "uav_1.json").exists()
+    with Namespace("uav_1"):
+        assert discovery.registered("uav_1") is None
+        with pytest.raises(NamespaceError, match=rf"pid {os.getpid()}, which is still starting"):
+            Namespace("uav_1")
+
+
+def test_clients_that_look_do_not_keep_a_daemon_from_starting(
+    runtime_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runtime_dir.mkdir(parents=True)
+    with (runtime_dir / "uav_1.lock").open("w") as looking:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        looks: list[float] = []
+
+        def look_away(pause_s: float) -> None:
+            looks.append(pause_s)
+            fcntl.flock(looking, fcntl.LOCK_UN)
+
+        monkeypatch.setattr("ual_daemon.namespace.time.sleep", look_away)
+        with Namespace("uav_1"):
+            assert len(looks) == 1
 
 
 def test_the_directory_is_shared_as_tmp_is(runtime_dir: Path) -> None:

@@ -1,7 +1,9 @@
 """How daemons and clients of one computer find each other: a directory with one small file for each daemon.
 
 A daemon holds a lock on `lock_file` of its namespace as long as it runs and writes its `Registration` beside it. The
-file of a daemon that was killed stays behind: it names a process that is gone, and is taken as none.
+file of a daemon that was killed stays behind: nobody holds its lock, and it is taken as none.
+
+All users of the computer may add files to the directory: whatever is no registration there is passed over.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import stat
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -22,6 +25,9 @@ _PORT_BEFORE_FIRST = 50050
 _LAST_PORT = 65535
 _READABLE = 0o644
 _OWN = 0o600
+_LONGEST_FILE = 4096
+_AS_IT_LIES = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+"""To open a file that anybody may have laid there: no link is followed, no pipe waited for."""
 
 
 def runtime_dir() -> Path:
@@ -98,19 +104,26 @@ class Registration:
     def read(cls, file: Path) -> Registration | None:
         """What a file says; None where there is none, or it is none of ours."""
         try:
-            values = json.loads(file.read_text(encoding="utf-8"))
-            return cls(
+            values = json.loads(_read_small(file))
+            found = cls(
                 ns=str(values["ns"]),
                 pid=int(values["pid"]),
                 address=str(values["address"]),
                 backend=str(values["backend"]),
                 started_s=float(values["started_s"]),
             )
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return None
+        # It speaks for the namespace whose file it is, in words that can be shown.
+        is_ours = found.ns == file.stem and (found.ns + found.address + found.backend).isprintable()
+        return found if is_ours else None
 
     def is_alive(self) -> bool:
-        """Whether its process is there."""
+        """Whether its daemon runs: by the lock, and by its pid only where the lock cannot be looked at."""
+        is_locked = _is_locked(lock_file(self.ns))
+        return self._has_process() if is_locked is None else is_locked
+
+    def _has_process(self) -> bool:
         if self.pid <= 0:
             return False
         try:
@@ -121,6 +134,43 @@ class Registration:
             # Another user's process is one all the same; a number that can be no process is not.
             return self.pid < 2**31
         return True
+
+
+def _read_small(file: Path) -> bytes:
+    handle = os.open(file, _AS_IT_LIES)
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise ValueError("no regular file")
+        text = os.read(handle, _LONGEST_FILE + 1)
+    finally:
+        os.close(handle)
+    if len(text) > _LONGEST_FILE:
+        raise ValueError("longer than any registration")
+    return text
+
+
+def _is_locked(file: Path) -> bool | None:
+    """Whether a daemon holds this lock; None where that cannot be seen.
+
+    It is tried for a moment, shared, so that clients do not see each other; a daemon that starts at that moment tries
+    again (`ual_daemon.namespace`).
+    """
+    import fcntl  # not everywhere where a client that was given an address works
+
+    try:
+        handle = os.open(file, _AS_IT_LIES)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return None
+    else:
+        return False
+    finally:
+        os.close(handle)
 
 
 def list_daemons() -> list[Registration]:

@@ -53,11 +53,11 @@ def list_uavs(session: Session) -> None:
 def _state(session: Session, daemon: Registration) -> tuple[State | None, str]:
     from ual.client import Uav
 
-    with Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca) as uav:
-        try:
+    try:
+        with Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca) as uav:
             telemetry = uav.telemetry()
-        except UalError as error:
-            return None, error.reason
+    except UalError as error:
+        return None, error.reason
     return telemetry.state, telemetry.state_reason
 
 
