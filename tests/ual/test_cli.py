@@ -19,6 +19,7 @@ from typing_extensions import Self
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.ual import fake_daemon
 from ual.cli import cli
 from ual.cli.app import UalCommand, UalGroup
 from ual.discovery import Registration
@@ -108,7 +109,10 @@ def test_help_needs_no_grpc() -> None:
         ["path", "1,2,3", "--speeds", "1,fast"],
         ["goto", "1", "2", "3", "--max-speed", "fast"],
         ["velocity", "1", "0", "0"],
+        ["velocity", "1", "0", "0", "--for", "nan"],
         ["takeoff", "3", "--timeout", "0"],
+        ["takeoff", "3", "--timeout", "nan"],
+        ["watch", "--rate", "nan"],
         ["goto-geo", "1", "2", "3", "--reference", "moon"],
         ["check", "--only", "no_such_check"],
         ["sim", "fault", "begin", "estimator-jumps", "--offset", "1"],
@@ -400,6 +404,13 @@ def test_a_waypoint_file_with_a_mistake_names_the_line(tmp_path: Path) -> None:
     assert "cannot read" in result.stderr
 
 
+def test_a_velocity_whose_stop_nobody_answers_has_failed() -> None:
+    with fake_daemon.running() as deaf:  # it takes velocities, and knows of no abort
+        result = run("--address", deaf.address, "velocity", "1", "0", "0", "--for", "0.2")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "the stop was not taken: " in result.stderr
+
+
 # --- On a terminal ----------------------------------------------------------------------------------------------------
 
 
@@ -462,7 +473,7 @@ def test_ctrl_c_stops_a_velocity_at_once(flying: DaemonProcess) -> None:
         terminal.interrupt()
         assert terminal.wait() == 130
     assert "interrupted: the UAV stops" in terminal.text
-    flying.wait_for("velocity_ended")
+    flying.wait_for("command", command="abort")
 
 
 def test_watch_is_one_screen_of_every_uav(start_daemon: StartDaemon) -> None:

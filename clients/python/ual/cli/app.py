@@ -15,6 +15,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from ual.cli.output import to_json
+from ual.cli.values import Number
 from ual.errors import UalError
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class _SharedOptions:
                 ),
                 click.Option(
                     ["--timeout", "timeout_s"],
-                    type=click.FloatRange(min=0.0, min_open=True),
+                    type=Number(min=0.0, min_open=True),
                     metavar="SECONDS",
                     help="How long to wait; a go-to or path is then cancelled.",
                     expose_value=False,

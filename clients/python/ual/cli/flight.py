@@ -10,6 +10,7 @@ import click
 
 from ual.cli import manoeuvre, options, values
 from ual.cli.app import Session, command, pass_session
+from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import AltitudeReference
@@ -149,7 +150,7 @@ def goto_geo(
 @click.argument("vy", type=float)
 @click.argument("vz", type=float)
 @click.option("--yaw-rate", "yaw_rate", type=values.angle, default="0", help="Turn to the left, per second.")
-@click.option("--for", "duration_s", type=click.FloatRange(min=0.0), required=True, help="For how many seconds.")
+@click.option("--for", "duration_s", type=values.Number(min=0.0), required=True, help="For how many seconds.")
 @options.frame
 @options.dry_run
 @pass_session
@@ -172,9 +173,9 @@ def velocity(
         try:
             _repeat(uav, wanted, duration_s)
         except KeyboardInterrupt:
-            uav.set_velocity(Twist())
+            _stop(uav)
             manoeuvre.interrupt("interrupted: the UAV stops")
-        uav.set_velocity(Twist())
+        _stop(uav)
     session.emit({"done": "velocity", "duration_s": duration_s}, f"flew for {duration_s:g} s, stopped")
 
 
@@ -184,6 +185,14 @@ def _repeat(uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
     while time.monotonic() < end_s:
         uav.set_velocity(wanted)
         pause.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic())))
+
+
+def _stop(uav: Uav) -> None:
+    """Stops by a call that is answered: nobody hears whether the last velocity of a stream has come."""
+    try:
+        uav.abort()
+    except UalError as error:
+        raise type(error)(f"the stop was not taken: {error.message}", error.metadata) from None
 
 
 @command("pose")

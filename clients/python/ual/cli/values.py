@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -11,6 +13,16 @@ from ual import routes
 from ual.geometry import Pose, Vector3
 from ual.routes import Route, RouteError
 from ual.types import PathHeading
+
+
+class Number(click.FloatRange):
+    """A number within a range; not "nan", which click takes for one within any."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 (click's)
+        number: float = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return number
 
 
 def angle(text: str) -> float:

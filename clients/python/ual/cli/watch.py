@@ -14,6 +14,7 @@ import click
 from ual import discovery
 from ual.cli.app import Session, command, pass_session
 from ual.cli.output import pose_text, vector_text
+from ual.cli.values import Number
 from ual.types import State, Telemetry
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _STATE_STYLES = {
 @click.option(
     "--rate",
     "rate_hz",
-    type=click.FloatRange(min=0.0),
+    type=Number(min=0.0),
     default=5.0,
     show_default=True,
     help="Samples a second; 0 is each.",
