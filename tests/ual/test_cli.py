@@ -20,10 +20,10 @@ from typing_extensions import Self
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
-from ual.cli import cli
+from ual.cli import cli, watch
 from ual.cli.app import UalCommand, UalGroup
 from ual.discovery import Registration
-from ual.types import State
+from ual.types import State, Telemetry
 
 UAL = (sys.executable, "-c", "from ual.cli import main; main()")
 
@@ -183,6 +183,13 @@ def test_nobody_is_listed_when_nobody_is_there() -> None:
     assert done("list") == ""
 
 
+@pytest.mark.parametrize("words", [["watch", "--all"], ["watch", "--all", "--once"]], ids=" ".join)
+def test_nobody_is_watched_when_nobody_is_there(words: list[str]) -> None:
+    result = run(*words)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "no daemon runs on this computer" in result.stderr
+
+
 def test_one_that_registered_nonsense_is_listed_as_that(runtime_dir: Path) -> None:
     runtime_dir.mkdir()
     Registration("uav_1", os.getpid(), "nonsense", "light", 1.5).write()
@@ -240,6 +247,41 @@ def test_watch_goes_on_in_a_pipe_until_it_is_interrupted(daemon: DaemonProcess) 
         watching.send_signal(signal.SIGINT)
         assert watching.wait(LIMIT_S) == 130
     assert samples[0]["sequence"] < samples[1]["sequence"] < samples[2]["sequence"]
+
+
+def test_watch_tells_one_that_does_not_answer_beside_the_others(start_daemon: StartDaemon) -> None:
+    start_daemon(ns="uav_2").wait_for("listening")
+    Registration("uav_1", os.getpid(), "127.0.0.1:1", "light", 1.5).write()
+    result = run("--json", "watch", "--all", "--once")
+    assert result.exit_code == 1
+    first, second = map(json.loads, result.stdout.splitlines())
+    assert (first["ns"], first["error"]["reason"]) == ("uav_1", "DAEMON_UNREACHABLE")
+    assert (second["ns"], second["state"]) == ("uav_2", "LANDED_DISARMED")
+    assert result.stderr.startswith("ual: uav_1: DAEMON_UNREACHABLE: ")
+    with subprocess.Popen([*UAL, "watch", "--all"], stdout=subprocess.PIPE, text=True) as watching:
+        assert watching.stdout is not None
+        assert watching.stdout.readline().startswith("uav_2\tLANDED_DISARMED")
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(LIMIT_S) == 130
+
+
+def test_samples_that_were_not_printed_are_counted() -> None:
+    board = watch._Board(["uav_1", "uav_2"], 0.0)
+
+    def put(ns: str, sequence: int, missed_count: int) -> None:
+        board.put(ns, Telemetry(State.FLYING_AUTO, sequence=sequence, missed_count=missed_count))
+
+    def taken() -> dict[str, tuple[int, int]]:
+        return {ns: (each.sequence, each.missed_count) for ns, each in board.take().items()}
+
+    put("uav_1", 4, 3)
+    put("uav_2", 9, 0)
+    put("uav_1", 5, 0)
+    put("uav_1", 8, 2)
+    assert taken() == {"uav_1": (8, 7), "uav_2": (9, 0)}
+    assert taken() == {}
+    put("uav_1", 9, 0)
+    assert taken() == {"uav_1": (9, 0)}
 
 
 def test_a_reader_that_has_enough_ends_watch_quietly(daemon: DaemonProcess) -> None:
@@ -482,6 +524,28 @@ def test_watch_is_one_screen_of_every_uav(start_daemon: StartDaemon) -> None:
     with Terminal("watch", "--all") as terminal:
         for text in ("uav_1", "uav_2", "battery", "LANDED_DISARMED"):
             terminal.wait_for(text)
+        terminal.interrupt()
+        assert terminal.wait() == 130
+
+
+def test_watch_does_not_show_a_dead_uav_as_alive(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon()
+    daemon.wait_for("listening")
+    with Terminal("watch") as terminal:
+        terminal.wait_for("LANDED_DISARMED")
+        daemon.process.kill()
+        terminal.wait_for("no telemetry for ")
+        terminal.wait_for("it was LANDED_DISARMED")
+        terminal.interrupt()
+        assert terminal.wait() == 130
+
+
+def test_watch_shows_the_others_beside_one_that_does_not_answer(start_daemon: StartDaemon) -> None:
+    start_daemon(ns="uav_2").wait_for("listening")
+    Registration("uav_1", os.getpid(), "127.0.0.1:1", "light", 1.5).write()
+    with Terminal("watch", "--all") as terminal:
+        terminal.wait_for("DAEMON_UNREACHABLE")
+        terminal.wait_for("LANDED_DISARMED")
         terminal.interrupt()
         assert terminal.wait() == 130
 

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from ual import discovery
-from ual.cli.app import Session, command, pass_session
+from ual.cli.app import REFUSED, Session, command, note, pass_session
 from ual.cli.output import pose_text, vector_text
 from ual.cli.values import Number
+from ual.discovery import Registration
+from ual.errors import DaemonUnreachableError, UalError
 from ual.types import State, Telemetry
 
 if TYPE_CHECKING:
@@ -22,6 +26,12 @@ if TYPE_CHECKING:
 
     from ual.client import Uav
 
+_PARALLEL = 16
+_RETRY_S = 1.0
+_CLOSE_S = 2.0
+_REFRESH_S = 1.0
+_LOST_S = 2.0
+"""What is older than this (at low rates, than two samples take) is not shown as how the UAV is."""
 _STATE_STYLES = {
     State.UNINITIALIZED: "red",
     State.FLYING_MANUAL: "yellow",
@@ -45,60 +55,155 @@ _STATE_STYLES = {
 @pass_session
 def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
     """Show how the UAV is, until Ctrl-C."""
-    with ExitStack() as stack:
-        uavs = [stack.enter_context(uav) for uav in (_all(session) if everyone else [session.connect()])]
+    if everyone:
+        daemons = discovery.list_daemons()
+        if not daemons:
+            raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
         if once:
-            for uav in uavs:
-                _print(session, uav.ns, uav.telemetry())
-        elif session.as_json or not sys.stdout.isatty():
-            _print_lines(session, uavs, rate_hz)
-        else:
-            _show(uavs, rate_hz)
+            _print_each(session, daemons)
+            return
+        with _all_subscribed(session, daemons, rate_hz) as board:
+            _follow(session, board)
+        return
+    with session.connect() as uav:
+        if once:
+            _print(session, uav.ns, uav.telemetry())
+            return
+        board = _Board([uav.ns], rate_hz)
+        with uav.subscribe(partial(board.put, uav.ns), rate_hz):
+            _follow(session, board)
 
 
-def _all(session: Session) -> list[Uav]:
+def _connect(session: Session, daemon: Registration) -> Uav:
     from ual.client import Uav
 
-    return [Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca) for daemon in discovery.list_daemons()]
+    return Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """What is known of one UAV: its newest sample, since when that is so; or why there is none, where that was told."""
+
+    since_s: float
+    telemetry: Telemetry | None = None
+    why: str = ""
 
 
 class _Board:
     """The newest sample of each UAV; a change wakes whoever waits."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: Iterable[str], rate_hz: float) -> None:
         self.changed = threading.Event()
-        self._samples: dict[str, Telemetry] = {}
+        self.lost_after_s = max(_LOST_S, 2.0 / rate_hz if rate_hz else 0.0)
+        self._lock = threading.Lock()
+        self._columns = {ns: _Column(time.monotonic()) for ns in names}
+        self._new: dict[str, Telemetry] = {}
 
     def put(self, ns: str, telemetry: Telemetry) -> None:
         """Takes a sample."""
-        self._samples[ns] = telemetry
+        with self._lock:
+            self._columns[ns] = _Column(time.monotonic(), telemetry)
+            unseen = self._new.get(ns)
+            if unseen is not None:  # it is lost, and so is what was lost before it
+                telemetry = replace(telemetry, missed_count=telemetry.missed_count + unseen.missed_count + 1)
+            self._new[ns] = telemetry
         self.changed.set()
 
-    def samples(self) -> Mapping[str, Telemetry]:
-        """The samples there are."""
-        return dict(self._samples)
+    def put_error(self, ns: str, error: UalError) -> None:
+        """Takes why there are no samples."""
+        with self._lock:
+            self._columns[ns] = replace(self._columns[ns], why=f"{error.reason}: {error.message}")
+        self.changed.set()
+
+    def take(self) -> Mapping[str, Telemetry]:
+        """The samples that were not taken yet, the newest of each UAV; those between are counted in it as missed."""
+        with self._lock:
+            new, self._new = self._new, {}
+        return new
+
+    def columns(self) -> Mapping[str, _Column]:
+        """What is known of each UAV."""
+        with self._lock:
+            return dict(self._columns)
 
 
 @contextmanager
-def _subscribed(uavs: list[Uav], rate_hz: float) -> Iterator[_Board]:
-    board = _Board()
-    with ExitStack() as stack:
-        for uav in uavs:
-            stack.enter_context(uav.subscribe(partial(board.put, uav.ns), rate_hz))
+def _all_subscribed(session: Session, daemons: Sequence[Registration], rate_hz: float) -> Iterator[_Board]:
+    """All of them, each by a thread of its own until it answers: one that does not holds up none of the others."""
+    board = _Board([daemon.ns for daemon in daemons], rate_hz)
+    is_closing = threading.Event()
+
+    def subscribe(daemon: Registration) -> None:
+        is_told = False
+        while not is_closing.is_set():
+            try:
+                with _connect(session, daemon) as uav, uav.subscribe(partial(board.put, daemon.ns), rate_hz):
+                    is_closing.wait()
+            except UalError as error:
+                board.put_error(daemon.ns, error)
+                if not (is_told or _is_screen(session)):
+                    note(f"ual: {_failure(daemon.ns, error)}")
+                is_told = True
+                is_closing.wait(_RETRY_S)
+
+    threads = [threading.Thread(target=subscribe, args=(daemon,), daemon=True) for daemon in daemons]
+    for thread in threads:
+        thread.start()
+    try:
         yield board
+    finally:
+        is_closing.set()
+        end_s = time.monotonic() + _CLOSE_S
+        for thread in threads:  # but for those that still wait for an answer, which end with the process
+            thread.join(max(0.0, end_s - time.monotonic()))
 
 
-def _print_lines(session: Session, uavs: list[Uav], rate_hz: float) -> None:
-    seen: dict[str, int] = {}
-    with _subscribed(uavs, rate_hz) as board:
-        while True:
-            board.changed.wait()
-            board.changed.clear()
-            for ns, telemetry in board.samples().items():
-                if seen.get(ns) != telemetry.sequence:
-                    seen[ns] = telemetry.sequence
-                    _print(session, ns, telemetry)
-            sys.stdout.flush()
+def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
+    """One sample of each, or why there is none."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    def ask(daemon: Registration) -> Telemetry | UalError:
+        try:
+            with _connect(session, daemon) as uav:
+                return uav.telemetry()
+        except UalError as error:
+            return error
+
+    has_failed = False
+    with ThreadPoolExecutor(_PARALLEL) as pool:
+        for daemon, found in zip(daemons, pool.map(ask, daemons), strict=True):
+            if isinstance(found, Telemetry):
+                _print(session, daemon.ns, found)
+                continue
+            has_failed = True
+            session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
+            note(f"ual: {_failure(daemon.ns, found)}")
+    if has_failed:
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _failure(ns: str, error: UalError) -> str:
+    return f"{ns}: {error.reason}: {' '.join(error.message.split())}"
+
+
+def _is_screen(session: Session) -> bool:
+    return sys.stdout.isatty() and not session.as_json
+
+
+def _follow(session: Session, board: _Board) -> None:
+    if _is_screen(session):
+        _show(board)
+    else:
+        _print_lines(session, board)
+
+
+def _print_lines(session: Session, board: _Board) -> None:
+    while True:
+        board.changed.wait()
+        board.changed.clear()
+        for ns, telemetry in board.take().items():
+            _print(session, ns, telemetry)
+        sys.stdout.flush()
 
 
 def _print(session: Session, ns: str, telemetry: Telemetry) -> None:
@@ -117,30 +222,48 @@ def _print(session: Session, ns: str, telemetry: Telemetry) -> None:
     click.echo("\t".join(parts))
 
 
-def _show(uavs: list[Uav], rate_hz: float) -> None:
+def _show(board: _Board) -> None:
     from rich.live import Live
 
-    with _subscribed(uavs, rate_hz) as board, Live(screen=True, auto_refresh=False) as live:
+    with Live(screen=True, auto_refresh=False) as live:
         while True:
-            board.changed.wait()
+            live.update(_screen(board.columns(), board.lost_after_s), refresh=True)
+            board.changed.wait(_REFRESH_S)  # the age of what is shown changes, too
             board.changed.clear()
-            live.update(_screen(board.samples()), refresh=True)
 
 
-def _screen(samples: Mapping[str, Telemetry]) -> Table:
+def _screen(found: Mapping[str, _Column], lost_after_s: float) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=SIMPLE_HEAD, title="ual watch (Ctrl-C ends)", title_justify="left", header_style="bold")
     table.add_column("")
-    for ns in sorted(samples):
+    for ns in sorted(found):
         table.add_column(ns, min_width=24)
-    columns = [_rows(samples[ns]) for ns in sorted(samples)]
+    now_s = time.monotonic()
+    columns = [_aged_rows(found[ns], now_s - found[ns].since_s, lost_after_s) for ns in sorted(found)]
     for values in zip(*columns, strict=True):
         name = values[0][0]
         table.add_row(name, *(Text(text, style) for _, text, style in values))
     return table
+
+
+def _aged_rows(column: _Column, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
+    """The lines of a column, which say how old they are once that matters."""
+    telemetry = column.telemetry
+    (name, state, style), because, *others = _rows(telemetry or Telemetry(State.UNINITIALIZED))
+    if telemetry is None:
+        others = [(name, "", "") for name, _, _ in others]
+    if column.why or age_s >= lost_after_s:
+        why = column.why or ("" if telemetry is None else f"it was {state}")
+        lost = [(name, f"no telemetry for {age_s:.0f} s", "bold red"), (because[0], why, "red")]
+        return lost + [(name, text, "red") for name, text, _ in others]
+    if telemetry is None:
+        return [(name, "", ""), (because[0], "", ""), *others]
+    if age_s >= lost_after_s / 2:
+        state = f"{state}, {age_s:.0f} s ago"
+    return [(name, state, style), because, *others]
 
 
 def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
