@@ -29,6 +29,8 @@ _Maybe: TypeAlias = R | Awaitable[R]
 _log = logging.getLogger(__name__)
 
 _WATCH_RATE_HZ = 10.0
+_MAX_WATCH_RATE_HZ = 50.0
+"""As often as a UAV is updated: nothing is new in between, and one watcher must not take a core of the daemon."""
 
 
 class UalServicer(ual_pb2_grpc.UalServiceServicer):
@@ -171,7 +173,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
 
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
-        period_s = 1.0 / (_rate_hz(request.rate_hz) or _WATCH_RATE_HZ)
+        period_s = 1.0 / min(_rate_hz(request.rate_hz) or _WATCH_RATE_HZ, _MAX_WATCH_RATE_HZ)
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)
         while not done.done():

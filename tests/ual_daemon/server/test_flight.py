@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any
@@ -166,6 +167,19 @@ def test_a_task_that_nobody_waits_for_goes_on(stub: Any) -> None:
     last = list(watching)[-1].task
     assert last.status == pb.TASK_STATUS_ABORTED
     assert last.error.reason == "TASK_ABORTED"
+
+
+def test_a_task_is_watched_at_most_as_often_as_the_uav_is_updated(stub: Any) -> None:
+    request = far_away()
+    request.non_blocking = True
+    task = stub.GoToWaypoint(request, timeout=LIMIT_S).task
+    start_s = time.monotonic()
+    watching = stub.WatchTask(pb.WatchTaskRequest(task_id=task.id, rate_hz=1e9), timeout=LIMIT_S)
+    for _ in range(11):
+        next(watching)
+    assert time.monotonic() - start_s > 0.19  # ten pauses of 0.02 s
+    stub.Abort(pb.AbortRequest(task_id=task.id), timeout=LIMIT_S)
+    assert list(watching)[-1].task.status == pb.TASK_STATUS_ABORTED
 
 
 # --- Telemetry --------------------------------------------------------------------------------------------------------
