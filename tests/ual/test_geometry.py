@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.strategies import ANGLES, ROTATIONS, TRANSFORMS, vectors
+from ual.errors import InvalidArgumentError
 from ual.geometry import IDENTITY, KEEP_HEADING, Pose, Quaternion, Transform, Vector3, wrap_angle
 
 X, Y, Z = Vector3(1.0, 0.0, 0.0), Vector3(0.0, 1.0, 0.0), Vector3(0.0, 0.0, 1.0)
@@ -41,6 +42,14 @@ def test_euler_angles_turn_about_fixed_axes_roll_first() -> None:
     q = Quaternion.from_euler(math.pi / 2, 0.0, math.pi / 2)
     assert near(q.rotate(Y), Z)
     assert near(q.rotate(X), Y)
+
+
+@pytest.mark.parametrize("angle_rad", [math.inf, -math.inf])
+def test_an_infinite_angle_is_refused_by_its_name(angle_rad: float) -> None:
+    with pytest.raises(InvalidArgumentError, match=r"yaw_rad: -?inf is no angle"):
+        Pose.at(0.0, 0.0, 0.0, angle_rad)
+    with pytest.raises(InvalidArgumentError, match=r"pitch_rad: -?inf is no angle"):
+        Quaternion.from_euler(0.0, angle_rad, 0.0)
 
 
 def test_the_other_rotation_comes_first_in_a_product() -> None:

@@ -20,7 +20,7 @@ from ual.types import AltitudeReference, GeoWaypoint
 HOME, AMSL = AltitudeReference.HOME, AltitudeReference.AMSL
 
 
-def item(command: int, params: list[float | None], frame: int = 3) -> dict[str, Any]:
+def item(command: float, params: list[float | None], frame: int = 3) -> dict[str, Any]:
     return {"type": "SimpleItem", "command": command, "frame": frame, "params": params, "doJumpId": 1}
 
 
@@ -91,6 +91,7 @@ def test_a_fence_in_the_plan_is_said_to_be_left_out() -> None:
         plan(waypoint(1, 2, 3), geoFence={"polygons": [{"inclusion": True}], "circles": []}), "m.plan"
     )
     assert "geofence" in route.left_out[0]
+    assert not routes.parse_plan(plan(waypoint(1, 2, 3), geoFence=[], rallyPoints=3), "m.plan").left_out
 
 
 @pytest.mark.parametrize(
@@ -104,6 +105,9 @@ def test_a_fence_in_the_plan_is_said_to_be_left_out() -> None:
         (plan(waypoint(1, 2, 3), waypoint(1, 2, 3, frame=10)), "item 2.*MAV_FRAME 10"),
         (plan(item(17, [0, 0, 0, 0, 1, 2, 3])), "item 1.*MAVLink command 17"),
         (plan({"type": "ComplexItem", "complexItemType": "StructureScan"}), "item 1.*StructureScan"),
+        (plan(item(math.inf, [0, 0, 0, None, 1, 2, 3])), "item 1: is not as QGroundControl writes it"),
+        (plan(item(178, [math.inf, 3, 0, 0, 0, 0, 0])), "item 1: is not as QGroundControl writes it"),
+        (plan(rallyPoints=3, geoFence=[1]), "no waypoints"),
         (plan(item(16, [0, 0])), "item 1: is not as QGroundControl writes it"),
         (plan(item(16, [0, 0, 0, None, None, 2, 3])), "item 1: is not as QGroundControl writes it"),
     ],

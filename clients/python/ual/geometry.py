@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from ual.errors import InvalidArgumentError
+
 
 @dataclass(frozen=True, slots=True)
 class Vector3:
@@ -75,14 +77,15 @@ class Quaternion:
     @classmethod
     def from_yaw(cls, yaw_rad: float) -> Quaternion:
         """The rotation about z, counter-clockwise seen from above."""
-        return cls(0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
+        sine, cosine = _half(yaw_rad, "yaw_rad")
+        return cls(0.0, 0.0, sine, cosine)
 
     @classmethod
     def from_euler(cls, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
         """Roll about x, then pitch about y, then yaw about z, each about the fixed axes (REP 103)."""
-        about_x = cls(math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2))
-        about_y = cls(0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2))
-        return cls.from_yaw(yaw_rad) * about_y * about_x
+        sine_x, cosine_x = _half(roll_rad, "roll_rad")
+        sine_y, cosine_y = _half(pitch_rad, "pitch_rad")
+        return cls.from_yaw(yaw_rad) * cls(0.0, sine_y, 0.0, cosine_y) * cls(sine_x, 0.0, 0.0, cosine_x)
 
     def __mul__(self, other: Quaternion) -> Quaternion:
         """The other rotation first, then this one (Hamilton product)."""
@@ -141,6 +144,14 @@ class Quaternion:
 
 IDENTITY = Quaternion()
 KEEP_HEADING = Quaternion(0.0, 0.0, 0.0, 0.0)
+
+
+def _half(angle_rad: float, name: str) -> tuple[float, float]:
+    """Sine and cosine of half an angle."""
+    try:
+        return math.sin(angle_rad / 2), math.cos(angle_rad / 2)
+    except ValueError:
+        raise InvalidArgumentError(f"{name}: {angle_rad} is no angle", {"field": name}) from None
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -134,10 +134,15 @@ def parse_plan(text: str, name: str) -> Route:
     if not reader.waypoints:
         raise RouteError(f"{name} has no waypoints to fly to")
     speeds = reader.speeds_m_s if any(reader.speeds_m_s) else []
-    has_fence = any((plan.get("geoFence") or {}).get(key) for key in ("polygons", "circles"))
-    if has_fence or (plan.get("rallyPoints") or {}).get("points"):
+    if any(_holds(plan.get("geoFence"), key) for key in ("polygons", "circles")) or _holds(
+        plan.get("rallyPoints"), "points"
+    ):
         reader.left_out.append("the geofence and rally points (the daemon has a geofence of its own)")
     return Route(reader.waypoints, speeds, reader.left_out)
+
+
+def _holds(part: object, key: str) -> bool:
+    return isinstance(part, Mapping) and bool(part.get(key))
 
 
 class _PlanReader:
@@ -155,7 +160,7 @@ class _PlanReader:
             place = f"{where} {number}"
             try:
                 self._read_item(item, place)
-            except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+            except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError):
                 raise RouteError(f"{self._name}, {place}: is not as QGroundControl writes it") from None
 
     def _read_item(self, item: Mapping[str, Any], place: str) -> None:
