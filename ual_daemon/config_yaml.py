@@ -36,10 +36,7 @@ def assignment(text: str, name: str) -> tuple[str, Any]:
     if not equals or not all(re.fullmatch(r"\w+", part) for part in key.split(".")):
         raise ConfigurationError(f"{name}: expected KEY=VALUE, as limits.climb_speed_m_s=2, got {text!r}")
     try:
-        loader = _Loader(value)
-        node = loader.get_single_node()
-        _check_node(node)
-        return key, None if node is None else loader.construct_document(node)
+        return key, _read(value)[1]
     except (yaml.YAMLError, _BadNodeError) as error:
         raise ConfigurationError(f"{name} {key}: {_yaml_message(error)}") from None
 
@@ -56,10 +53,7 @@ def read_file(path: Path) -> FileSource:
         line = data.count(b"\n", 0, error.start) + 1
         raise ConfigurationError(f"{path}:{line}: byte {data[error.start]:#04x} is not UTF-8 text") from None
     try:
-        loader = _Loader(text)
-        node = loader.get_single_node()
-        _check_node(node)
-        values = {} if node is None else loader.construct_document(node)
+        node, values = _read(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise ConfigurationError(f"{path}:{line}: character {error.character:#06x} is not allowed") from None
@@ -76,10 +70,29 @@ def read_file(path: Path) -> FileSource:
     return FileSource(values, path, node)
 
 
+def _read(text: str) -> tuple[yaml.Node | None, Any]:
+    """The nodes of a text and what they say."""
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        _check_node(node)
+        return node, None if node is None else loader.construct_document(node)
+    except RecursionError:
+        raise _BadNodeError("values within values, too deep", loader.line + 1) from None
+
+
 class _Loader(yaml.SafeLoader):
     """Reads scalars as YAML 1.2 does: ``1e3`` is a number, ``12:30`` and ``on`` are text."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012  as in the base class
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:  # noqa: ANN401 (whatever it says)
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, AttributeError):
+            # What the base class lets through of a value that is not what it says it is: ``!!int x``.
+            kind = node.tag.rpartition(":")[2]
+            raise _BadNodeError(f"{node.value!r:.40} is no {kind}", node.start_mark.line + 1) from None
 
 
 for _tag, _pattern, _first in (
@@ -99,9 +112,9 @@ for _tag, _pattern, _first in (
 class _BadNodeError(Exception):
     """YAML allows it, a configuration does not."""
 
-    def __init__(self, message: str, node: yaml.Node) -> None:
+    def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
-        self.line: int = node.start_mark.line + 1
+        self.line = line
 
 
 def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, ...] = ()) -> None:
@@ -109,7 +122,7 @@ def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, 
     if node is None or isinstance(node, yaml.ScalarNode):
         return
     if node in above:
-        raise _BadNodeError(f"{path}: the value contains itself", node)
+        raise _BadNodeError(f"{path}: the value contains itself", node.start_mark.line + 1)
     if isinstance(node, yaml.SequenceNode):
         for index, inner in enumerate(node.value):
             _check_node(inner, f"{path}[{index}]", (*above, node))
@@ -117,11 +130,11 @@ def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, 
         lines: dict[str, int] = {}
         for key, inner in node.value:
             if not isinstance(key, yaml.ScalarNode) or not key.tag.endswith((":str", ":merge")):
-                raise _BadNodeError("a key must be text", key)
-            name = f"{path}.{key.value}".lstrip(".")
+                raise _BadNodeError("a key must be text", key.start_mark.line + 1)
+            name, line = f"{path}.{key.value}".lstrip("."), key.start_mark.line + 1
             if key.value in lines:
-                raise _BadNodeError(f"{name}: given twice, first in line {lines[key.value]}", key)
-            lines[key.value] = key.start_mark.line + 1
+                raise _BadNodeError(f"{name}: given twice, first in line {lines[key.value]}", line)
+            lines[key.value] = line
             _check_node(inner, name, (*above, node))
 
 

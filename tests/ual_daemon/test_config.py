@@ -115,6 +115,10 @@ def test_printed_it_is_the_same_configuration_again(file: Path) -> None:
         ("ns: *nobody\n", "uav.yaml:1: found undefined alias 'nobody'"),
         ("frames: &a [*a]\n", "uav.yaml:1: frames[0]: the value contains itself"),
         ("ns: !!python/object:os.system x\n", "uav.yaml:1: could not determine a constructor"),
+        ("ns: a\nurl: " + "[" * 50_000, "uav.yaml:2: values within values, too deep"),
+        ("ns: a\nurl: !!int x\n", "uav.yaml:2: 'x' is no int"),
+        ("ns: a\nurl: !!timestamp x\n", "uav.yaml:2: 'x' is no timestamp"),
+        ("ns: a\nurl: " + "9" * 5000, "uav.yaml:2: '9999"),
         ("ns: a\n---\nns: b\n", "uav.yaml:2: expected a single document"),
         (b"ns: uav_1\nurl: caf\xe9\n", "uav.yaml:2: byte 0xe9 is not UTF-8 text"),
         ("ns: a\nurl: b".encode("utf-16"), "uav.yaml:1: byte 0xff is not UTF-8 text"),
@@ -172,7 +176,7 @@ def test_an_assignment_sets_any_key() -> None:
     assert config_yaml.assignment("url=a=b", "--set") == ("url", "a=b")
 
 
-@pytest.mark.parametrize("text", ["ns", "=1", "a..b=1", "a b=1", "a=[1", "a={b: 1, b: 2}"])
+@pytest.mark.parametrize("text", ["ns", "=1", "a..b=1", "a b=1", "a=[1", "a={b: 1, b: 2}", "a=!!int x"])
 def test_a_bad_assignment_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"^--set") as caught:
         config_yaml.assignment(text, "--set")
