@@ -164,6 +164,14 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
             "failed to connect to all addresses; last error: UNKNOWN: Tls handshake failed: CERTIFICATE_VERIFY_FAILED",
             "its certificate is not one that --tls-ca trusts",
         ),
+        (
+            "errors resolving host:1: [field:hostname lookup error:lookup failed for host:1: Domain name not found]",
+            "no UAL daemon answers at host:1 (Domain name not found)",
+        ),
+        (
+            "DNS resolution failed for host:1: C-ares status is not ARES_SUCCESS name=host: Domain name not found",
+            "no UAL daemon answers at host:1 (Domain name not found)",
+        ),
         ("Stream removed (Socket closed)", "the UAL daemon at host:1 went away (Stream removed (Socket closed))"),
         ("", "(no answer): start one with `ual-daemon`"),
     ],

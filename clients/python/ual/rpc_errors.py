@@ -35,7 +35,12 @@ DETAILS_KEY = "grpc-status-details-bin"
 # In bytes. All trailing metadata of a call must fit 8 KiB, and a message is in it twice.
 _LONGEST_TEXT = 1500
 
-_NOT_CONNECTED = ("failed to connect to all addresses", "connections to all backends failing")
+_NOT_CONNECTED = (
+    "failed to connect to all addresses",
+    "connections to all backends failing",
+    "errors resolving ",
+    "DNS resolution failed",
+)
 
 # What gRPC's words mean where one side uses TLS and the other does not, or another; the first that fits is it.
 _TLS_CAUSES: Mapping[str, str] = {
