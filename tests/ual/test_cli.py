@@ -400,6 +400,25 @@ def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
     flying.wait_for("task_ended", task="go_to_waypoint")
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["goto", "1", "1", "3", "--yaw", "inf"],
+        ["goto-geo", "1", "1", "3", "--yaw", "inf"],
+        ["frames", "add", "x", "0", "0", "0", "--yaw", "inf"],
+        ["pose", "1", "1", "3", "--yaw", "inf"],
+        ["velocity", "1", "0", "0", "--for", "1", "--yaw-rate", "inf"],
+    ],
+    ids=" ".join,
+)
+def test_an_infinite_angle_is_one_line(daemon: DaemonProcess, words: list[str]) -> None:
+    del daemon
+    result = run(*words)
+    assert (result.exit_code, result.stdout) == (1, "")
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("ual: ")
+
+
 def test_not_a_number_is_refused_by_the_daemon(flying: DaemonProcess) -> None:
     del flying
     result = run("goto", "nan", "0", "3")
@@ -428,9 +447,10 @@ def test_a_plan_of_qgroundcontrol_is_flown_and_drawn(flying: DaemonProcess, tmp_
 
 def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
-    result = run("goto", "5", "0", "3", "--plot", tmp_path / "flown.doc")
-    assert result.exit_code == 2
-    assert ".png" in result.stderr
+    for picture, why in ((tmp_path / "flown.doc", ".png"), (tmp_path / "nowhere" / "flown.png", "cannot be written")):
+        result = run("goto", "5", "0", "3", "--plot", picture)
+        assert result.exit_code == 2
+        assert why in result.stderr
     with ual.Uav() as uav:
         assert uav.pose().pose.position.x == pytest.approx(0.0, abs=0.2)
 
@@ -441,9 +461,11 @@ def test_a_waypoint_file_with_a_mistake_names_the_line(tmp_path: Path) -> None:
     result = run("waypoints", "fly", file)
     assert result.exit_code == 1
     assert f"{file}, line 2: " in result.stderr
-    result = run("waypoints", "fly", tmp_path / "none.jsonl")
-    assert result.exit_code == 1
-    assert "cannot read" in result.stderr
+    for words in (["waypoints", "fly"], ["path", "--file"]):
+        result = run("--json", *words, tmp_path / "none.jsonl")
+        assert result.exit_code == 1
+        assert result.stderr.startswith("ual: INVALID_ARGUMENT: cannot read")
+        assert json.loads(result.stdout)["error"]["reason"] == "INVALID_ARGUMENT"
 
 
 def test_a_velocity_whose_stop_nobody_answers_has_failed() -> None:

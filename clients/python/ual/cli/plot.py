@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Telemetry
 
@@ -57,10 +59,12 @@ def _require_drawing(file: Path) -> None:
     """Refuses before anything moves what could not be drawn after it."""
     if file.suffix.lower() not in _ENDINGS:
         raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
+    if not (os.access(file, os.W_OK) or (os.access(file.parent, os.W_OK | os.X_OK) and not file.exists())):
+        raise click.BadParameter(f"{file} cannot be written", param_hint="--plot")
     try:
         import matplotlib as mpl  # noqa: F401
     except ImportError:
-        raise click.ClickException("--plot needs matplotlib: pip install 'ual-client[plot]'") from None
+        raise NotSupportedError("--plot needs matplotlib: pip install 'ual-client[plot]'") from None
 
 
 def draw(places: Sequence[Place], file: Path, title: str) -> None:
@@ -88,7 +92,7 @@ def draw(places: Sequence[Place], file: Path, title: str) -> None:
     try:
         figure.savefig(file, dpi=120)
     except OSError as failure:
-        raise click.ClickException(f"cannot write {file}: {failure.strerror}") from None
+        raise InvalidArgumentError(f"cannot write {file}: {failure.strerror}", {"field": "plot"}) from None
 
 
 def off_line_m(places: Sequence[Place]) -> list[float]:

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ual import routes
+from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, Vector3
 from ual.routes import Route, RouteError
 from ual.types import PathHeading
@@ -76,6 +77,6 @@ def read_route(file: Path, frame_id: str = "", altitude_m: float | None = None) 
             return Route(routes.parse_lines(sys.stdin.read(), "standard input", frame_id))
         return routes.read(file, frame_id=frame_id, altitude_m=altitude_m)
     except UnicodeDecodeError:
-        raise click.ClickException("standard input is no text") from None
+        raise InvalidArgumentError("standard input is no text", {"field": "file"}) from None
     except RouteError as error:
-        raise click.ClickException(str(error)) from None
+        raise InvalidArgumentError(str(error), {"field": "file"}) from None

@@ -11,6 +11,7 @@ from ual.cli import options, values
 from ual.cli.app import Session, UalCommand, UalGroup, pass_session
 from ual.cli.output import pose_json, pose_text
 from ual.cli.path import PathOptions, fly_path
+from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
 
 
@@ -36,7 +37,7 @@ def save(session: Session, file: Path, frame_id: str) -> None:
         with file.open("a", encoding="utf-8") as opened:
             opened.write(line + "\n")
     except OSError as error:
-        raise click.ClickException(f"cannot write {file}: {error.strerror}") from None
+        raise InvalidArgumentError(f"cannot write {file}: {error.strerror}", {"field": "file"}) from None
     session.emit(pose_json(here), f"{pose_text(here.pose)} in {here.frame_id} saved to {file}")
 
 
