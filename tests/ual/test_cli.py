@@ -113,6 +113,7 @@ def test_help_needs_no_grpc() -> None:
         ["takeoff", "3", "--timeout", "0"],
         ["takeoff", "3", "--timeout", "nan"],
         ["watch", "--rate", "nan"],
+        ["watch", "--all", "--rate", "inf"],
         ["goto-geo", "1", "2", "3", "--reference", "moon"],
         ["check", "--only", "no_such_check"],
         ["sim", "fault", "begin", "estimator-jumps", "--offset", "1"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -55,6 +56,8 @@ _STATE_STYLES = {
 @pass_session
 def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
     """Show how the UAV is, until Ctrl-C."""
+    if math.isinf(rate_hz):
+        raise click.BadParameter("inf is no rate; 0 is each sample", param_hint="--rate")
     if everyone:
         daemons = discovery.list_daemons()
         if not daemons:
