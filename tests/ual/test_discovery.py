@@ -64,20 +64,18 @@ def test_a_registration_is_read_as_it_was_written(here: Path) -> None:
 
 def as_json(**changed: object) -> str:
     """A registration of uav_1 that is alive, but for what is changed."""
-    values = {"ns": "uav_1", "pid": os.getpid(), "address": "127.0.0.1:6000", "backend": "light", "started_s": 1.5}
+    values = {"ns": "uav_1", "pid": 1, "address": "127.0.0.1:6000", "backend": "light", "started_s": 1.5}
     return json.dumps(values | changed)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"ns": "uav_1"}', '{"ns": "a", "pid": "x"}', "\x00\xff"])
+def test_a_file_that_is_no_registration_is_none(text: str) -> None:
+    refuse(text)
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "{",
-        "[]",
-        "{}",
-        '{"ns": "uav_1"}',
-        '{"ns": "a", "pid": "x"}',
-        "\x00\xff",
         as_json(pid=float("inf")),
         as_json(ns="uav_2"),
         as_json(backend="\x1b[2J"),
@@ -86,10 +84,16 @@ def as_json(**changed: object) -> str:
         "[" * 4000,
         "[" * 200_000,
     ],
-    ids=lambda text: text[:40],
+    ids=["infinite", "of another", "control characters", "no text", "long", "deep", "deeper"],
 )
-def test_a_file_that_is_no_registration_is_none(text: str) -> None:
+def test_a_file_that_was_laid_to_do_harm_is_none(text: str) -> None:
+    refuse(text)
+
+
+def refuse(text: str) -> None:
     file = discovery.registry_file("uav_1")
+    file.write_text(as_json())
+    assert Registration.read(file) is not None
     file.write_text(text)
     assert Registration.read(file) is None
     assert discovery.list_daemons() == []
