@@ -288,7 +288,7 @@ class _Subscription:
         self._listener.put(sample)
 
     def close(self) -> None:
-        """Ends it; no call comes once this returns (unless called from the callback itself)."""
+        """Ends it; no call comes once this returns (unless called from a callback)."""
         self._unsubscribe()
         self._listener.close()
         self._on_close(self)

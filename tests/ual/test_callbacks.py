@@ -199,6 +199,29 @@ def test_a_callback_may_close_itself_and_another() -> None:
     assert closed.wait(LIMIT_S)
 
 
+def test_two_callbacks_that_close_each_other_at_the_same_time_both_return() -> None:
+    group = Callbacks()
+    both_run = threading.Barrier(2)
+    closed = threading.Semaphore(0)
+
+    def callback(_: Telemetry) -> None:
+        both_run.wait(LIMIT_S)
+        for each in listeners:
+            each.close()
+        closed.release()
+
+    listeners = [group.open(callback), group.open(callback)]
+    callers = []
+    for each in listeners:  # each on a thread of its own, as the client's readers call back
+        each.offer(sample(1))
+        callers.append(threading.Thread(target=each.call, daemon=True))
+        callers[-1].start()
+    for _ in listeners:
+        assert closed.acquire(timeout=LIMIT_S)
+    for caller in callers:
+        caller.join(LIMIT_S)
+
+
 def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and_all_get_the_last() -> None:
     group = Callbacks()
     generator = random.Random(7)

@@ -80,7 +80,7 @@ class Subscription:
         self._on_close = on_close
 
     def close(self) -> None:
-        """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
+        """Ends it. Called from no callback of this client: once it has returned, the callback runs no more."""
         self.listener.close()
         self._on_close(self)
 

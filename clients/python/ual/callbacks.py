@@ -31,6 +31,8 @@ class Callbacks:
     """The callbacks of one program's subscriptions. May be used from any thread."""
 
     def __init__(self) -> None:
+        self.calling: set[int] = set()
+        """The threads that call back now."""
         self._lock = threading.Lock()
         self._shared: _Lane | None = None
 
@@ -132,12 +134,14 @@ class Listener:
             if sample is None or self._is_closed:
                 self._is_busy = False
                 return
-            self._called_by = threading.get_ident()
+            self._called_by = thread_id = threading.get_ident()
+        self._group.calling.add(thread_id)
         begin_s = time.monotonic()
         try:
             self._callback(replace(sample, missed_count=sample.missed_count + missed_count) if missed_count else sample)
         except BaseException:  # noqa: BLE001 (whatever it is, it is the callback's: SystemExit, too, ends no other's thread)
             _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
+        self._group.calling.discard(thread_id)
         if time.monotonic() - begin_s > PATIENCE_S:
             self._on_probation_count = _QUICK_AGAIN_COUNT
         elif self._on_probation_count:
@@ -156,11 +160,12 @@ class Listener:
         self._newest = sample
 
     def close(self) -> None:
-        """Ends it. From another thread than the callback's: once it has returned, the callback runs no more."""
+        """Ends it. Called from none of the group's callbacks: once it has returned, the callback runs no more."""
         with self._lock:
             self._is_closed = True
-            must_wait = self._called_by not in (None, threading.get_ident())
-        if must_wait:
+            is_called = self._called_by is not None
+        # Two callbacks that close each other, or both the client, would wait for each other for ever.
+        if is_called and threading.get_ident() not in self._group.calling:
             self._has_returned.wait()
         self._group.leave(self)
 
