@@ -26,6 +26,7 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
         self.streamed: list[pb.StreamSetpointsRequest] = []
         self.changed = threading.Condition()
         self.refusal: UalError | None = None
+        self.set_home: Callable[[], None] = lambda: None
         self.telemetry: Callable[[], Iterator[pb.StreamTelemetryResponse | None]] = lambda: iter(())
         self.address = ""
 
@@ -38,6 +39,12 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
         self._refuse(context)
         self.answered.append(request)
         return pb.SetPoseResponse()
+
+    def SetHome(self, request: pb.SetHomeRequest, context: grpc.ServicerContext) -> pb.SetHomeResponse:
+        del request
+        self._refuse(context)
+        self.set_home()
+        return pb.SetHomeResponse()
 
     def StreamSetpoints(
         self, requests: Iterator[pb.StreamSetpointsRequest], context: grpc.ServicerContext
@@ -81,6 +88,12 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
     def wait_for_streamed(self, count: int) -> None:
         with self.changed:
             assert self.changed.wait_for(lambda: len(self.streamed) >= count, 30.0), f"{len(self.streamed)} came"
+
+
+def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
+    """What it may send."""
+    telemetry = pb.Telemetry(state=pb.STATE_FLYING_AUTO, sequence=sequence)
+    return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
 
 
 @contextmanager

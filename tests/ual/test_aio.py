@@ -141,6 +141,7 @@ def test_a_cancelled_coroutine_cancels_its_task(daemon: DaemonProcess) -> None:
         await wait_until(uav, lambda sample: sample.task is not None)
         flying.cancel()
         await asyncio.wait((flying,))
+        assert flying.cancelled()
         await wait_until(uav, lambda sample: sample.task is None)
 
     run(fly, ns="uav_1")
@@ -249,6 +250,78 @@ def test_a_closed_client_refuses(daemon: DaemonProcess) -> None:
 
     asyncio.run(main())
     gc.collect()
+
+
+def test_closing_the_client_ends_a_running_call_with_an_error_not_as_cancelled(daemon: DaemonProcess) -> None:
+    async def main() -> None:
+        async with aio.Uav(address=daemon.address) as uav, aio.Uav(address=daemon.address) as flying:
+            await take_off(uav)
+            going = asyncio.create_task(flying.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0)))
+            await wait_until(uav, lambda sample: sample.task is not None)
+            await flying.close()
+            with pytest.raises(errors.UalError, match="this client is closed"):
+                await going
+
+    asyncio.run(main())
+    daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_a_subscription_that_begins_while_the_client_is_closed_ends(daemon: DaemonProcess) -> None:
+    async def main() -> None:
+        uav = aio.Uav(address=daemon.address)
+        first, second = uav.subscribe(), uav.subscribe()
+        await first.__anext__()
+        await second.__anext__()
+        uav._subscriptions.remove(second)  # as one that another task opened since
+        await uav.close()
+        with pytest.raises(errors.UalError, match="this client is closed"):
+            await asyncio.wait_for(read(second), LIMIT_S)
+
+    async def read(samples: aio.Subscription) -> None:
+        async for _ in samples:
+            pass
+
+    asyncio.run(main())
+
+
+def test_whatever_ends_the_reading_of_a_subscription_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object, __: float) -> None:
+        raise ZeroDivisionError("a defect")
+
+    async def fly(uav: aio.Uav) -> None:
+        with pytest.raises(ZeroDivisionError, match="a defect"):
+            await uav.subscribe().__anext__()
+
+    monkeypatch.setattr("ual.aio._connection.Connection.stream_telemetry", fail)
+    run(fly, address="127.0.0.1:1")
+
+
+def test_where_the_daemon_moved_the_calls_that_run_go_on_until_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        async with uav.subscribe() as samples:
+            assert (await samples.__anext__()).sequence == 1
+            monkeypatch.setattr(uav._connection.target, "_fixed_address", second.address)
+            await uav.set_velocity(Twist())
+            source.put(fake_daemon.sample(2))
+            assert (await samples.__anext__()).sequence == 2
+        assert len(second.answered) == 1
+        assert uav._connection._retired == [], "the old channel is closed"
+
+    with fake_daemon.running() as first, fake_daemon.running() as second:
+        source = first.script()
+        source.put(fake_daemon.sample(1))
+        run(fly, address=first.address)
+
+
+def test_a_call_that_waits_for_the_daemon_finds_it_at_another_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await uav.set_velocity(Twist())
+        addresses = iter(["127.0.0.1:1", "127.0.0.1:1"])  # of the call and of the waiting
+        monkeypatch.setattr(uav._connection.target, "address", lambda: next(addresses, daemon.address))
+        await uav.set_home()
+
+    with fake_daemon.running() as daemon:
+        run(fly, address=daemon.address)
 
 
 # --- Setpoints, scripted ----------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import pytest
 
 import ual
 from tests.ual import fake_daemon
-from tests.ual.fake_daemon import FakeDaemon
+from tests.ual.fake_daemon import FakeDaemon, sample
 from ual.callbacks import PATIENCE_S
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.types import Telemetry
@@ -32,11 +32,6 @@ def daemon() -> Iterator[FakeDaemon]:
 def uav(daemon: FakeDaemon) -> Iterator[ual.Uav]:
     with ual.Uav("uav_1", address=daemon.address) as uav:
         yield uav
-
-
-def sample(sequence: int, missed_count: int = 0) -> pb.StreamTelemetryResponse:
-    telemetry = pb.Telemetry(state=pb.STATE_FLYING_AUTO, sequence=sequence)
-    return pb.StreamTelemetryResponse(telemetry=telemetry, missed_count=missed_count)
 
 
 def no_thread_is_left() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,18 @@ class Stubs:
     def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (what is called differs by method and by channel)
         """The method that a call is of."""
         return getattr(self.ual if call.service is Service.UAL else self.simulation, call.method)
+
+
+@dataclass(slots=True, eq=False)
+class Route:
+    """A channel, of either kind, to where the daemon was when it was opened. Where the daemon moved, it is closed once
+    no call uses it any more: closing it would end their calls.
+    """
+
+    address: str
+    channel: Any
+    stubs: Stubs
+    call_count: int = 0
 
 
 class Target:

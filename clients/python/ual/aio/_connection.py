@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
-from typing import Any, TypeVar
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
 
 import grpc
 import grpc.aio
 
 from ual import _calls, rpc_errors
 from ual._calls import Call
-from ual._target import CHANNEL_OPTIONS, Stubs, Target
+from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
@@ -23,12 +24,16 @@ class Connection:
 
     def __init__(self, target: Target) -> None:
         self.target = target
-        self._channel: grpc.aio.Channel | None = None
-        self._stubs: Stubs | None = None
-        self._address = ""
+        self._route: Route | None = None
+        self._retired: list[Route] = []
+        self._closing: set[asyncio.Task[None]] = set()
         self._is_closed = False
         self._was_reached = False
-        self._retired: set[asyncio.Task[None]] = set()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it makes no calls any more."""
+        return self._is_closed
 
     async def run(self, call: Call[T], timeout_s: float | None = None) -> T:
         """Makes a call and waits for its answer; cancelled with the task that waits."""
@@ -45,47 +50,81 @@ class Connection:
     async def stream_telemetry(self, rate_hz: float) -> AsyncIterator[pb.StreamTelemetryResponse]:
         """The stream of telemetry."""
         request = pb.StreamTelemetryRequest(rate_hz=rate_hz)
-        call = self.stubs().ual.StreamTelemetry(request, metadata=self.target.metadata)
-        try:
-            async for response in call:
-                yield response
-        except grpc.aio.AioRpcError as error:
-            raise self.error(error) from error
-        finally:
-            call.cancel()
+        with self.calling() as route:
+            call = route.stubs.ual.StreamTelemetry(request, metadata=self.target.metadata)
+            try:
+                async for response in call:
+                    yield response
+            except grpc.aio.AioRpcError as error:
+                raise self.error(error) from error
+            finally:
+                call.cancel()
 
-    def stubs(self) -> Stubs:
-        """The daemon's services, where it is now."""
-        if self._is_closed:
-            raise UalError("this client is closed")
-        address = self.target.address()
-        if self._stubs is None or address != self._address:
-            if self._channel is not None:
-                closing = asyncio.create_task(self._channel.close())
-                self._retired.add(closing)
-                closing.add_done_callback(self._retired.discard)
-            self._channel, self._address = self._make_channel(address), address
-            self._stubs = Stubs(self._channel)
-        return self._stubs
+    @contextmanager
+    def calling(self) -> Iterator[Route]:
+        """Where the daemon is now, for one call: its channel stays open until the block is left."""
+        route = self._enter()
+        try:
+            yield route
+        except asyncio.CancelledError as error:
+            # gRPC raises it, too, in every call of a channel that is closed.
+            if self._is_cancelled():
+                raise
+            raise _closed() if self._is_closed else UalError("the call was cancelled before it ended") from error
+        finally:
+            route.call_count -= 1
+            if route in self._retired and not route.call_count:
+                self._retired.remove(route)
+                self._close_soon(route)
 
     def error(self, error: grpc.RpcError) -> UalError:
         """What a call of this connection ended with."""
-        return rpc_errors.from_rpc_error(error, address=self._address, ns=self.target.ns)
+        address = "" if self._route is None else self._route.address
+        return rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
     async def close(self) -> None:
         """Ends every call that runs, and refuses new ones."""
         self._is_closed = True
-        if self._channel is not None:
-            await self._channel.close()
-        if self._retired:
-            await asyncio.wait(self._retired)
+        routes, self._retired = self._retired, []
+        if self._route is not None:
+            routes.append(self._route)
+        for route in routes:
+            await route.channel.close()
+        if self._closing:
+            await asyncio.wait(self._closing)
+
+    def _enter(self) -> Route:
+        if self._is_closed:
+            raise _closed()
+        address = self.target.address()
+        route = self._route
+        if route is None or address != route.address:
+            channel = self._make_channel(address)
+            self._route, moved = Route(address, channel, Stubs(channel)), route
+            if moved is not None and moved.call_count:
+                self._retired.append(moved)
+            elif moved is not None:
+                self._close_soon(moved)
+            route = self._route
+        route.call_count += 1
+        return route
+
+    def _close_soon(self, route: Route) -> None:
+        closing = asyncio.create_task(route.channel.close())
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
+
+    def _is_cancelled(self) -> bool:
+        """Whether it is the task that makes a call which was cancelled, not the call only."""
+        cancelling = getattr(asyncio.current_task(), "cancelling", None)
+        return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 cannot tell
 
     async def _run_once(self, call: Call[T], limit_s: float | None) -> T:
-        method = self.stubs().method(call)
-        try:
-            response = await method(call.request, timeout=limit_s, metadata=self.target.metadata)
-        except grpc.aio.AioRpcError as error:
-            raise _calls.in_time(self.error(error), call, limit_s) from error
+        with self.calling() as route:
+            try:
+                response = await route.stubs.method(call)(call.request, timeout=limit_s, metadata=self.target.metadata)
+            except grpc.aio.AioRpcError as error:
+                raise _calls.in_time(self.error(error), call, limit_s) from error
         self._was_reached = True
         return call.read(response)
 
@@ -95,12 +134,18 @@ class Connection:
         return grpc.aio.secure_channel(address, self.target.credentials, CHANNEL_OPTIONS)
 
     async def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
-        probe: Any = self.stubs().ual.GetInfo
-        try:
-            await probe(
-                pb.GetInfoRequest(), timeout=_calls.RECONNECT_S, metadata=self.target.metadata, wait_for_ready=True
-            )
-        except grpc.aio.AioRpcError as error:
-            if error.code() in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
-                raise unreachable from error
-            raise self.error(error) from error
+        """Waits for a daemon that was there before: it may be starting again, here or elsewhere."""
+        with self.calling() as route:
+            try:
+                await route.stubs.ual.GetInfo(
+                    pb.GetInfoRequest(), timeout=_calls.RECONNECT_S, metadata=self.target.metadata, wait_for_ready=True
+                )
+            except grpc.aio.AioRpcError as error:
+                if error.code() not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
+                    raise self.error(error) from error
+                if self.target.address() == route.address:
+                    raise unreachable from error
+
+
+def _closed() -> UalError:
+    return UalError("this client is closed")

@@ -65,15 +65,16 @@ class Setpoints:
 
     async def _write(self) -> None:
         try:
-            call: Any = self._connection.stubs().ual.StreamSetpoints(metadata=self._connection.target.metadata)
-            try:
-                await self._write_newest(call)
-                await call.done_writing()
-                await call
-            except asyncio.InvalidStateError:
-                await call  # it has ended; this says how
-            finally:
-                call.cancel()
+            with self._connection.calling() as route:
+                call = route.stubs.ual.StreamSetpoints(metadata=self._connection.target.metadata)
+                try:
+                    await self._write_newest(call)
+                    await call.done_writing()
+                    await call
+                except asyncio.InvalidStateError:
+                    await call  # it has ended; this says how
+                finally:
+                    call.cancel()
         except grpc.aio.AioRpcError as error:
             self._failure = self._connection.error(error)
         except UalError as error:

@@ -32,7 +32,7 @@ class Subscription:
         self._changed = asyncio.Event()
         self._newest: pb.StreamTelemetryResponse | None = None
         self._missed_count = 0
-        self._refusal: UalError | None = None
+        self._refusal: Exception | None = None
         self._is_closed = False
         self._draining: asyncio.Task[None] | None = None
 
@@ -69,6 +69,19 @@ class Subscription:
         await self.close()
 
     async def _drain(self) -> None:
+        """Takes what comes until it is closed. However that ends, the iteration learns of it."""
+        try:
+            await self._take()
+        except asyncio.CancelledError:
+            if not self._is_closed:
+                self._refusal = UalError("the task that reads this subscription was cancelled")
+            raise
+        except Exception as error:  # noqa: BLE001 (whatever it is, the iteration raises it)
+            self._refusal = error
+        finally:
+            self._changed.set()
+
+    async def _take(self) -> None:
         reported = ""
         has_begun = False
         while True:
@@ -82,10 +95,8 @@ class Subscription:
                     self._newest = response
                     self._changed.set()
             except UalError as error:
-                if not has_begun:
-                    self._refusal = error
-                    self._changed.set()
-                    return
+                if not has_begun or self._connection.is_closed:
+                    raise
                 if error.reason != reported:
                     reported = error.reason
                     _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)

@@ -69,15 +69,14 @@ class Task:
             yield self._info
             return
         request = pb.WatchTaskRequest(task_id=self.id, rate_hz=rate_hz)
-        call = self._connection.stubs().ual.WatchTask(
-            request, timeout=timeout_s, metadata=self._connection.target.metadata
-        )
-        try:
-            async for response in call:
-                yield convert.task_from_proto(response.task)
-        except grpc.aio.AioRpcError as error:
-            if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
-                raise has_not_ended(self.kind, timeout_s) from error
-            raise self._connection.error(error) from error
-        finally:
-            call.cancel()
+        with self._connection.calling() as route:
+            call = route.stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self._connection.target.metadata)
+            try:
+                async for response in call:
+                    yield convert.task_from_proto(response.task)
+            except grpc.aio.AioRpcError as error:
+                if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
+                    raise has_not_ended(self.kind, timeout_s) from error
+                raise self._connection.error(error) from error
+            finally:
+                call.cancel()
