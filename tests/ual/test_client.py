@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -158,6 +159,75 @@ def test_it_survives_a_daemon_that_is_restarted_in_place(start_daemon: StartDaem
         first.wait()
         start_daemon(listen=address).wait_for("listening")
         assert uav.info().namespace == "uav_1"
+
+
+def test_where_the_daemon_moved_the_calls_that_run_go_on_until_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_called, may_answer = threading.Event(), threading.Event()
+    failures: list[BaseException] = []
+    setpoints: queue.Queue[pb.StreamSetpointsRequest | None] = queue.Queue()
+
+    def set_home() -> None:
+        is_called.set()
+        assert may_answer.wait(LIMIT_S)
+
+    def call() -> None:
+        try:
+            uav.set_home()
+        except errors.UalError as error:
+            failures.append(error)
+
+    with (
+        fake_daemon.running() as first,
+        fake_daemon.running() as second,
+        ual.Uav("uav_1", address=first.address) as uav,
+    ):
+        first.set_home = set_home
+        calling = threading.Thread(target=call)
+        calling.start()
+        stream = uav._connection.stream_setpoints(iter(setpoints.get, None))
+        assert is_called.wait(LIMIT_S)
+        monkeypatch.setattr(uav._connection.target, "_fixed_address", second.address)
+        for _ in range(2):
+            uav.set_home()
+        may_answer.set()
+        calling.join(LIMIT_S)
+        assert failures == []
+        setpoints.put(_calls.velocity_setpoint(Twist()))
+        first.wait_for_streamed(1)
+        setpoints.put(None)
+        stream.result(LIMIT_S)
+        deadline_s = time.monotonic() + LIMIT_S
+        while uav._connection._retired and time.monotonic() < deadline_s:  # gRPC may not have told yet that it ended
+            uav.set_home()
+        assert uav._connection._retired == [], "the old channel is closed"
+
+
+def test_a_call_that_waits_for_the_daemon_finds_it_at_another_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    with fake_daemon.running() as daemon, ual.Uav("uav_1", address=daemon.address) as uav:
+        uav.set_home()
+        addresses = iter(["127.0.0.1:1"] * 3)  # of the call and of the waiting
+        monkeypatch.setattr(uav._connection.target, "address", lambda: next(addresses, daemon.address))
+        uav.set_home()
+
+
+def test_a_call_that_a_closed_client_ends_says_so(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        take_off(uav)
+        flying, failures = ual.Uav("uav_1"), []
+
+        def go() -> None:
+            try:
+                flying.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0))
+            except errors.UalError as error:
+                failures.append(error.message)
+
+        going = threading.Thread(target=go)
+        going.start()
+        wait_until(uav, lambda sample: sample.task is not None)
+        flying.close()
+        going.join(LIMIT_S)
+        assert failures == ["this client is closed"]
+    daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
 
 
 def test_a_stuck_daemon_ends_in_a_timeout_not_in_a_hang(daemon: DaemonProcess) -> None:

@@ -11,7 +11,7 @@ import grpc
 
 from ual import _calls, rpc_errors
 from ual._calls import Call
-from ual._target import CHANNEL_OPTIONS, Stubs, Target
+from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
@@ -24,9 +24,8 @@ class Connection:
     def __init__(self, target: Target) -> None:
         self.target = target
         self._lock = threading.Lock()
-        self._channel: grpc.Channel | None = None
-        self._stubs: Stubs | None = None
-        self._address = ""
+        self._route: Route | None = None
+        self._retired: list[Route] = []
         self._is_closed = False
         self._was_reached = False
 
@@ -57,23 +56,29 @@ class Connection:
     def watch_task(self, task_id: str, rate_hz: float, timeout_s: float | None) -> Any:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
         """The stream of a task's progress: an iterator with `cancel`, which raises `grpc.RpcError`."""
         request = pb.WatchTaskRequest(task_id=task_id, rate_hz=rate_hz)
-        return self._use(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
+        return self._begin(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
 
     def stream_setpoints(self, setpoints: Iterator[pb.StreamSetpointsRequest]) -> Any:  # noqa: ANN401 (as above)
         """Sends setpoints until the iterator ends: a future, which raises `grpc.RpcError`."""
-        return self._use(lambda stubs: stubs.ual.StreamSetpoints.future(setpoints, metadata=self.target.metadata))
+        return self._begin(lambda stubs: stubs.ual.StreamSetpoints.future(setpoints, metadata=self.target.metadata))
 
     def error(self, error: grpc.RpcError) -> UalError:
         """What a call of this connection ended with."""
-        return rpc_errors.from_rpc_error(error, address=self._address, ns=self.target.ns)
+        if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
+            return _closed()
+        route = self._route
+        return rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
 
     def close(self) -> None:
         """Ends every call that runs, and refuses new ones."""
         with self._lock:
             self._is_closed = True
-            channel, self._channel, self._stubs = self._channel, None, None
-        if channel is not None:
-            channel.close()
+            routes, self._retired = self._retired, []
+            if self._route is not None:
+                routes.append(self._route)
+            self._route = None
+        for route in routes:
+            route.channel.close()
 
     def _run_once(self, call: Call[T], limit_s: float | None) -> T:
         try:
@@ -97,28 +102,55 @@ class Connection:
             future.cancel()
 
     def _use(self, use: Callable[[Stubs], T]) -> T:
-        while True:
-            stubs = self._open()
-            try:
-                return use(stubs)
-            except ValueError:
-                # gRPC's answer on a channel that was closed meanwhile: the daemon moved, or the client was closed.
-                if stubs is self._stubs:
-                    raise
+        """Makes a call that has ended when this returns."""
+        route = self._enter()
+        try:
+            return self._call(use, route)
+        finally:
+            self._leave(route)
 
-    def _open(self) -> Stubs:
+    def _begin(self, begin: Callable[[Stubs], Any]) -> Any:  # noqa: ANN401 (a call: gRPC has no type for it)
+        """Makes a call that goes on."""
+        route = self._enter()
+        try:
+            call = self._call(begin, route)
+        except BaseException:
+            self._leave(route)
+            raise
+        call.add_done_callback(lambda _: self._leave(route))
+        return call
+
+    def _call(self, use: Callable[[Stubs], T], route: Route) -> T:
+        try:
+            return use(route.stubs)
+        except ValueError as error:
+            if self._is_closed:  # gRPC's answer on a channel that was closed meanwhile
+                raise _closed() from error
+            raise
+
+    def _enter(self) -> Route:
+        """Where the daemon is now, for one call: its channel stays open until that leaves."""
         address = self.target.address()
-        retired = None
         with self._lock:
             if self._is_closed:
                 raise _closed()
-            if self._stubs is None or address != self._address:
-                retired, self._channel, self._address = self._channel, self._make_channel(address), address
-                self._stubs = Stubs(self._channel)
-            stubs = self._stubs
-        if retired is not None:
-            retired.close()
-        return stubs
+            route = self._route
+            if route is None or address != route.address:
+                if route is not None:
+                    self._retired.append(route)
+                channel = self._make_channel(address)
+                self._route = route = Route(address, channel, Stubs(channel))
+            route.call_count += 1
+            unused = [each for each in self._retired if not each.call_count]
+            self._retired = [each for each in self._retired if each.call_count]
+        for each in unused:
+            each.channel.close()
+        return route
+
+    def _leave(self, route: Route) -> None:
+        # Its channel is closed by who enters next: this is called on gRPC's thread, too, which closing would wait for.
+        with self._lock:
+            route.call_count -= 1
 
     def _make_channel(self, address: str, more: tuple[tuple[str, int], ...] = ()) -> grpc.Channel:
         options = (*CHANNEL_OPTIONS, *more)
@@ -127,7 +159,8 @@ class Connection:
         return grpc.secure_channel(address, self.target.credentials, options)
 
     def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
-        """Waits for a daemon that was there before: it may be starting again, or gRPC pausing before it looks."""
+        """Waits for a daemon that was there before: it may be starting again, here or elsewhere, or gRPC pausing."""
+        address = self.target.address()
         try:
             self._use(
                 lambda stubs: stubs.ual.GetInfo(
@@ -138,9 +171,10 @@ class Connection:
                 )
             )
         except grpc.RpcError as error:
-            if error.code() in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
+            if error.code() not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
+                raise self.error(error) from error
+            if self.target.address() == address:
                 raise unreachable from error
-            raise self.error(error) from error
 
 
 class TelemetryStream:
