@@ -375,3 +375,55 @@ def test_closing_the_client_closes_its_subscriptions(daemon: FakeDaemon) -> None
         uav.state()
     with pytest.raises(UalError, match="this client is closed"):
         uav.subscribe(print)
+
+
+def test_a_client_that_is_being_closed_opens_no_subscription(daemon: FakeDaemon) -> None:
+    open_streams(daemon, sample(1))
+    is_called, may_return = threading.Event(), threading.Event()
+
+    def slow(_: Telemetry) -> None:
+        is_called.set()
+        assert may_return.wait(LIMIT_S)
+
+    uav = ual.Uav("uav_1", address=daemon.address)
+    uav.subscribe(slow)
+    assert is_called.wait(LIMIT_S)
+    closing = threading.Thread(target=uav.close)
+    closing.start()
+    refusals: list[str] = []
+    deadline_s = time.monotonic() + LIMIT_S
+    while not refusals and time.monotonic() < deadline_s:  # until it has begun
+        try:
+            uav.subscribe(print, rate_hz=10.0).close()
+        except UalError as error:
+            refusals.append(error.message)
+    may_return.set()
+    closing.join(LIMIT_S)
+    assert refusals == ["this client is closed"]
+    no_thread_is_left()
+
+
+def test_who_waits_for_a_first_sample_is_told_that_the_client_was_closed(daemon: FakeDaemon) -> None:
+    daemon.script()
+    telemetry, has_begun = daemon.telemetry, threading.Event()
+    refusals: list[str] = []
+    uav = ual.Uav("uav_1", address=daemon.address)
+
+    def begin() -> Iterator[pb.StreamTelemetryResponse | None]:
+        has_begun.set()
+        return telemetry()
+
+    def subscribe() -> None:
+        try:
+            uav.subscribe(print)
+        except UalError as error:
+            refusals.append(error.message)
+
+    daemon.telemetry = begin
+    opening = threading.Thread(target=subscribe)
+    opening.start()
+    assert has_begun.wait(LIMIT_S)
+    uav.close()
+    opening.join(LIMIT_S)
+    assert refusals == ["this client is closed"]
+    no_thread_is_left()

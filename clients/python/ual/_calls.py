@@ -95,6 +95,11 @@ def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError
     return error
 
 
+def closed() -> UalError:
+    """What the calls of a closed client raise."""
+    return UalError("this client is closed")
+
+
 def _nothing(_: Message) -> None:
     return None
 

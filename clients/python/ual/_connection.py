@@ -48,7 +48,7 @@ class Connection:
 
         address = self.target.address()
         if self._is_closed:
-            raise _closed()
+            raise _calls.closed()
         # Its reader waits for it himself, not for a thread that waits for all calls: docs/decisions/0016.
         channel = self._make_channel(address, ((ChannelOptions.SingleThreadedUnaryStream, 1),))
         return TelemetryStream(channel, self.target, address, rate_hz)
@@ -65,7 +65,7 @@ class Connection:
     def error(self, error: grpc.RpcError) -> UalError:
         """What a call of this connection ended with."""
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
-            return _closed()
+            return _calls.closed()
         route = self._route
         return rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
 
@@ -86,7 +86,7 @@ class Connection:
         except grpc.RpcError as error:
             raise _calls.in_time(self.error(error), call, limit_s) from error
         except grpc.FutureCancelledError as error:
-            raise _closed() from error
+            raise _calls.closed() from error
         self._was_reached = True
         return call.read(response)
 
@@ -125,7 +125,7 @@ class Connection:
             return use(route.stubs)
         except ValueError as error:
             if self._is_closed:  # gRPC's answer on a channel that was closed meanwhile
-                raise _closed() from error
+                raise _calls.closed() from error
             raise
 
     def _enter(self) -> Route:
@@ -133,7 +133,7 @@ class Connection:
         address = self.target.address()
         with self._lock:
             if self._is_closed:
-                raise _closed()
+                raise _calls.closed()
             route = self._route
             if route is None or address != route.address:
                 if route is not None:
@@ -184,6 +184,7 @@ class TelemetryStream:
         self._channel = channel
         self._target = target
         self._address = address
+        self._is_closed = False
         self._call: Any = Stubs(channel).ual.StreamTelemetry(
             pb.StreamTelemetryRequest(rate_hz=rate_hz), metadata=target.metadata
         )
@@ -193,6 +194,8 @@ class TelemetryStream:
         try:
             yield from self._call
         except grpc.RpcError as error:
+            if self._is_closed:
+                raise _calls.closed() from error
             raise rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
         finally:
             self.close()
@@ -202,8 +205,5 @@ class TelemetryStream:
 
     def close(self) -> None:
         """Ends it."""
+        self._is_closed = True
         self._channel.close()  # not by `cancel`: of a call that it ended, the reader would not read the end
-
-
-def _closed() -> UalError:
-    return UalError("this client is closed")

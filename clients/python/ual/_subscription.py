@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from typing_extensions import Self
 
-from ual import convert
+from ual import _calls, convert
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
 from ual.callbacks import Callbacks, Listener
@@ -36,12 +36,15 @@ class Subscriptions:
         self._connection = connection
         self._lock = threading.Lock()
         self._feeds: dict[float, _Feed] = {}
+        self._is_closed = False
         self._callbacks = Callbacks()
 
     def open(self, callback: Callable[[Telemetry], None], rate_hz: float) -> Subscription:
         """A subscription that has begun. Raises where there is no daemon, or it refuses."""
-        subscription = Subscription(self._callbacks.open(callback), lambda closed: self._leave(feed, closed))
         with self._lock:
+            if self._is_closed:
+                raise _calls.closed()
+            subscription = Subscription(self._callbacks.open(callback), lambda ended: self._leave(feed, ended))
             known = self._feeds.get(rate_hz)
             feed = known or _Feed(self._connection, rate_hz)
             self._feeds[rate_hz] = feed
@@ -53,11 +56,14 @@ class Subscriptions:
         except BaseException:  # refused, or Ctrl-C
             subscription.close()
             raise
+        if self._is_closed:  # meanwhile, and this subscription with it
+            raise _calls.closed()
         return subscription
 
     def close(self) -> None:
-        """Closes them all."""
+        """Closes them all, also those that are being opened, and opens no more."""
         with self._lock:
+            self._is_closed = True
             subscriptions = [each for feed in self._feeds.values() for each in feed.subscriptions]
         for subscription in subscriptions:
             subscription.close()
@@ -152,6 +158,7 @@ class _Feed:
     def close(self) -> None:
         """Ends the stream."""
         self._is_closing.set()
+        self._is_answered.set()  # nothing more comes that could be waited for
         if self._stream is not None:
             self._stream.close()
         if self._reading_id != threading.get_ident():  # else what it logs has led here

@@ -70,7 +70,7 @@ class Connection:
             # gRPC raises it, too, in every call of a channel that is closed.
             if self._is_cancelled():
                 raise
-            raise _closed() if self._is_closed else UalError("the call was cancelled before it ended") from error
+            raise _calls.closed() if self._is_closed else UalError("the call was cancelled before it ended") from error
         finally:
             route.call_count -= 1
             if route in self._retired and not route.call_count:
@@ -95,7 +95,7 @@ class Connection:
 
     def _enter(self) -> Route:
         if self._is_closed:
-            raise _closed()
+            raise _calls.closed()
         address = self.target.address()
         route = self._route
         if route is None or address != route.address:
@@ -145,7 +145,3 @@ class Connection:
                     raise self.error(error) from error
                 if self.target.address() == route.address:
                     raise unreachable from error
-
-
-def _closed() -> UalError:
-    return UalError("this client is closed")
