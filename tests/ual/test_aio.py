@@ -164,6 +164,20 @@ def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -
     run(fly, ns="uav_1")
 
 
+def test_times_to_wait_for_a_task_are_checked(daemon: DaemonProcess) -> None:
+    del daemon
+
+    async def fly(uav: aio.Uav) -> None:
+        await take_off(uav)
+        task = await uav.go_to_waypoint(Pose.at(2.0, 0.0, 3.0), blocking=False)
+        for timeout_s in (-1.0, float("nan")):
+            with pytest.raises(errors.InvalidArgumentError, match="timeout_s"):
+                await task.wait(timeout_s=timeout_s)
+        assert (await task.wait(timeout_s=float("inf"))).status is TaskStatus.SUCCEEDED
+
+    run(fly, ns="uav_1")
+
+
 def test_setpoints_fly_and_the_pilot_ends_them(daemon: DaemonProcess) -> None:
     del daemon
 

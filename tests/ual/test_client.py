@@ -258,7 +258,7 @@ def test_a_whole_flight(daemon: DaemonProcess) -> None:
 def test_when_the_time_is_over_the_task_is_cancelled(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         take_off(uav)
-        with pytest.raises(errors.UalTimeoutError, match="it is cancelled and the UAV holds its position"):
+        with pytest.raises(errors.UalTimeoutError, match="if it reached the UAV it is cancelled and the UAV holds"):
             uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=0.3)
         wait_until(uav, lambda sample: sample.task is None)
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
@@ -292,12 +292,35 @@ def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -
         assert "ABORTED" in repr(task)
 
 
-def test_times_that_nobody_can_wait_are_refused(daemon: DaemonProcess) -> None:
+def test_a_command_that_got_no_answer_is_not_said_to_go_on(daemon: DaemonProcess) -> None:
+    with ual.Uav("uav_1") as uav:
+        assert uav.is_ready()
+        daemon.signal(signal.SIGSTOP)
+        with pytest.raises(errors.UalTimeoutError, match="if it reached the UAV it goes on: ask for the state"):
+            uav.land(timeout_s=0.2)
+        daemon.signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("timeout_s", [-1.0, float("nan"), "3"])
+def test_times_that_nobody_can_wait_are_refused(daemon: DaemonProcess, timeout_s: float) -> None:
     del daemon
     with ual.Uav("uav_1") as uav:
-        for timeout_s in (-1.0, float("nan")):
-            with pytest.raises(errors.InvalidArgumentError, match="timeout_s"):
-                uav.land(timeout_s=timeout_s)
+        with pytest.raises(errors.InvalidArgumentError, match="timeout_s"):
+            uav.land(timeout_s=timeout_s)
+        take_off(uav)
+        task = uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), blocking=False)
+        with pytest.raises(errors.InvalidArgumentError, match="timeout_s"):
+            task.wait(timeout_s=timeout_s)
+
+
+@pytest.mark.parametrize("timeout_s", [float("inf"), 1e10, pytest.param(10**400, id="huge")])
+def test_times_longer_than_anybody_waits_are_no_limit(daemon: DaemonProcess, timeout_s: float) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav:
+        wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)
+        uav.take_off(3.0, timeout_s=timeout_s)
+        task = uav.go_to_waypoint(Pose.at(2.0, 0.0, 3.0), blocking=False)
+        assert task.wait(timeout_s=timeout_s).status is TaskStatus.SUCCEEDED
 
 
 @pytest.mark.parametrize("ending", ["interrupt", "close"])

@@ -5,7 +5,6 @@ The client and its asyncio twin differ only in how they make a call, never in wh
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -58,8 +57,11 @@ QUICK_S = 10.0
 # How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.
 RECONNECT_S = 1.0
 
-_GOES_ON = "it goes on"
-_IS_CANCELLED = "it is cancelled and the UAV holds its position"
+# No answer came: so whether it reached the UAV is not known.
+_GOES_ON = "if it reached the UAV it goes on: ask for the state"
+_IS_CANCELLED = "if it reached the UAV it is cancelled and the UAV holds its position: ask for the state"
+# Longer than anybody waits; gRPC cannot count to 2**63 ns after 1970.
+_LONGEST_S = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +82,21 @@ class Call(Generic[T]):
 
 def deadline(call: Call[Any], timeout_s: float | None) -> float | None:
     """The time limit of a call, as the caller says, or its own."""
-    if timeout_s is None or timeout_s == math.inf:
-        return call.quick_s
-    if not timeout_s >= 0.0:
-        raise InvalidArgumentError(f"timeout_s: {timeout_s} is no time to wait", {"field": "timeout_s"})
-    return timeout_s
+    limit_s = time_limit(timeout_s)
+    return call.quick_s if limit_s is None else limit_s
+
+
+def time_limit(timeout_s: float | None) -> float | None:
+    """How long a caller would wait; None where he would wait for ever. `InvalidArgumentError` for what is no time."""
+    if timeout_s is None:
+        return None
+    try:
+        is_time = timeout_s >= 0.0
+    except TypeError:
+        is_time = False
+    if not is_time:
+        raise InvalidArgumentError(f"timeout_s: {timeout_s!r} is no time to wait", {"field": "timeout_s"})
+    return timeout_s if timeout_s <= _LONGEST_S else None
 
 
 def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError:
@@ -259,7 +271,7 @@ def _speed(max_speed_m_s: float | None) -> float:
 
 
 def _task(method: str, request: Message, blocking: bool, at_timeout: str = _IS_CANCELLED) -> Call[TaskInfo]:
-    quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, "")
+    quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
     return Call(Service.UAL, method, request, _read_task, quick_s, at_timeout)
 
 

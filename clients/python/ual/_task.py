@@ -46,7 +46,7 @@ class Task:
         return _calls.has_ended(self.info())
 
     def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        for info in self._watch(WAIT_RATE_HZ, timeout_s):
+        for info in self._watch(WAIT_RATE_HZ, _calls.time_limit(timeout_s)):
             self._info = info
         if self._info.error is not None:
             raise self._info.error

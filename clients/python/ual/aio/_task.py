@@ -41,7 +41,7 @@ class Task:
         return _calls.has_ended(await self.info())
 
     async def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        async for info in self._watch(WAIT_RATE_HZ, timeout_s):
+        async for info in self._watch(WAIT_RATE_HZ, _calls.time_limit(timeout_s)):
             self._info = info
         if self._info.error is not None:
             raise self._info.error
