@@ -24,6 +24,10 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
     def __init__(self) -> None:
         self.answered: list[pb.SetVelocityRequest | pb.SetPoseRequest] = []
         self.streamed: list[pb.StreamSetpointsRequest] = []
+        self.stream_count = 0
+        self.is_thawed = threading.Event()
+        """Whether it takes setpoints of the stream."""
+        self.is_thawed.set()
         self.changed = threading.Condition()
         self.refusal: UalError | None = None
         self.set_home: Callable[[], None] = lambda: None
@@ -49,7 +53,11 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
     def StreamSetpoints(
         self, requests: Iterator[pb.StreamSetpointsRequest], context: grpc.ServicerContext
     ) -> pb.StreamSetpointsResponse:
+        with self.changed:
+            self.stream_count += 1
+            self.changed.notify_all()
         for request in requests:
+            self.is_thawed.wait(30.0)
             with self.changed:
                 self._refuse(context)
                 self.streamed.append(request)
@@ -84,6 +92,10 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
     def _refuse(self, context: grpc.ServicerContext) -> None:
         if self.refusal is not None:
             context.abort_with_status(rpc_errors.to_grpc_status(self.refusal))
+
+    def wait_for_streams(self, count: int) -> None:
+        with self.changed:
+            assert self.changed.wait_for(lambda: self.stream_count >= count, 30.0), f"{self.stream_count} came"
 
     def wait_for_streamed(self, count: int) -> None:
         with self.changed:

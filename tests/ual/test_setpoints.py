@@ -10,7 +10,7 @@ import pytest
 import ual
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon
-from ual import _calls, _direct
+from ual import _calls, _direct, _setpoints
 from ual._connection import Connection
 from ual._setpoints import STALE_S, Setpoints, _Stream
 from ual._target import Target
@@ -130,8 +130,24 @@ def test_a_refusal_that_no_call_can_raise_is_logged(
     daemon.refusal = WrongStateError("the pilot flies")
     setpoints.send(forward(3.0))
     with caplog.at_level(logging.WARNING):
-        setpoints.settle()
+        assert not setpoints.settle()
     assert "the last setpoints were refused: WRONG_STATE: the pilot flies" in caplog.text
+
+
+def test_what_the_daemon_does_not_take_before_the_stream_must_end_is_told(
+    daemon: FakeDaemon, setpoints: Setpoints, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_setpoints, "CLOSE_S", 0.2)
+    setpoints.send(forward(1.0))
+    setpoints.send(forward(2.0))
+    assert setpoints.settle()
+    assert caplog.text == ""
+    daemon.is_thawed.clear()
+    setpoints.send(forward(1.0))
+    setpoints.send(forward(0.0))
+    assert not setpoints.settle()
+    assert "the daemon did not take the last setpoints within 0.2 s" in caplog.text
+    daemon.is_thawed.set()
 
 
 def test_closing_sends_what_waits(daemon: FakeDaemon, setpoints: Setpoints) -> None:

@@ -64,24 +64,33 @@ class Setpoints:
         if is_new:
             stream.open()
 
-    def settle(self) -> None:
-        """Sends what waits and ends the stream, so that what is called next comes after it. A refusal that no setpoint
-        is left to raise is logged.
+    def settle(self) -> bool:
+        """Sends what waits and ends the stream, so that what is called next comes after it. Returns whether the daemon
+        took it all. If not, that is logged, as is a refusal that no setpoint is left to raise.
         """
         with self._lock:
             stream, self._accepted_s = self._stream, None
-        if stream is not None:
-            stream.close(CLOSE_S)
+        is_taken = stream is None or stream.close(CLOSE_S)
         with self._lock:
             failure, self._failure = self._failure, None
-        if failure is not None:
-            _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
+        return tell(is_taken, failure)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         with self._lock:
             if self._stream is stream:
                 self._stream = None
                 self._failure = failure
+
+
+def tell(is_taken: bool, failure: UalError | None) -> bool:
+    """Logs what is wrong with the setpoints that nobody will ask for any more; returns whether nothing is."""
+    if not is_taken:
+        _log.warning(
+            "the daemon did not take the last setpoints within %g s: what the UAV makes of them is not known", CLOSE_S
+        )
+    if failure is not None:
+        _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
+    return is_taken and failure is None
 
 
 class _Stream:
@@ -132,16 +141,21 @@ class _Stream:
         self._send = _direct.sender(self._call) or self._send_by_iterator
         self._go_on()
 
-    def close(self, timeout_s: float) -> None:
-        """Ends the stream once what waits is sent."""
+    def close(self, timeout_s: float) -> bool:
+        """Ends the stream once what waits is sent; cancels it where the daemon has not taken that in time. Returns
+        whether it has.
+        """
         with self._lock:
             self._is_ending = True
             is_under_way = self._is_under_way
         if not is_under_way:
             self._iterated.put(None)
-        if not self._ended.wait(timeout_s) and self._call is not None:
+        if self._ended.wait(timeout_s):
+            return True
+        if self._call is not None:
             self._call.cancel()
             self._ended.wait(timeout_s)
+        return False
 
     def __iter__(self) -> _Stream:
         return self
