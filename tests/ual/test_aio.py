@@ -376,3 +376,43 @@ def test_a_refused_setpoint_is_raised_by_the_next_call_or_logged(caplog: pytest.
     with fake_daemon.running() as daemon, caplog.at_level(logging.WARNING):
         run(fly, address=daemon.address)
     assert "the last setpoints were refused: WRONG_STATE: the pilot flies again" in caplog.text
+
+
+def test_setpoints_that_the_daemon_does_not_take_are_told(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await uav.set_velocity(Twist())
+        await uav.set_velocity(Twist())
+        await uav.set_home()
+        daemon.is_thawed.set()
+
+    monkeypatch.setattr("ual.aio._setpoints.CONTINUES_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.CLOSE_S", 0.2)
+    with fake_daemon.running() as daemon:
+        daemon.is_thawed.clear()
+        run(fly, address=daemon.address)
+    assert "the daemon did not take the last setpoints" in caplog.text
+
+
+def test_after_a_command_that_was_cancelled_setpoints_share_a_stream_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await uav.set_velocity(Twist())
+        daemon.is_thawed.clear()
+        await uav.set_velocity(Twist())
+        await asyncio.to_thread(daemon.wait_for_streams, 1)
+        abort = asyncio.create_task(uav.abort())
+        await asyncio.sleep(0)  # it waits for the setpoints
+        abort.cancel()
+        await asyncio.wait((abort,))
+        assert abort.cancelled()
+        daemon.is_thawed.set()
+        for number in range(1, 6):
+            await uav.set_velocity(Twist(Vector3(number)))
+            await asyncio.to_thread(daemon.wait_for_streamed, number)
+        assert daemon.stream_count == 2
+
+    monkeypatch.setattr("ual.aio._setpoints.CONTINUES_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.STALE_S", LIMIT_S)
+    with fake_daemon.running() as daemon:
+        run(fly, address=daemon.address)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import logging
+from collections.abc import Callable
 from typing import Any
 
 import grpc.aio
 
 from ual import _calls
-from ual._setpoints import CLOSE_S, CONTINUES_S, STALE_S
+from ual._setpoints import CLOSE_S, CONTINUES_S, STALE_S, tell
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
-
-_log = logging.getLogger(__name__)
 
 
 class Setpoints:
@@ -24,10 +22,7 @@ class Setpoints:
         self._connection = connection
         self._accepted_s: float | None = None
         self._failure: UalError | None = None
-        self._changed = asyncio.Event()
-        self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
-        self._is_ending = False
-        self._writing: asyncio.Task[None] | None = None
+        self._stream: _Stream | None = None
 
     async def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
         """Sends a setpoint; raises the refusal of this one, or of one before."""
@@ -41,29 +36,53 @@ class Setpoints:
             self._accepted_s = asyncio.get_running_loop().time()
             return
         self._accepted_s = now_s
-        self._newest = (setpoint, now_s)
-        self._changed.set()
-        if self._writing is None:
-            self._writing = asyncio.create_task(self._write())
+        if self._stream is None or self._stream.is_ending:
+            self._stream = _Stream(self._connection, self._on_end)
+        self._stream.put(setpoint)
         # Lets the writer run, in a program that never waits for anything else.
         await asyncio.sleep(0)
 
-    async def settle(self) -> None:
+    async def settle(self) -> bool:
         """Sends what waits and ends the stream; as `ual._setpoints.Setpoints.settle`."""
         self._accepted_s = None
-        if self._writing is not None:
-            self._is_ending = True
-            self._changed.set()
-            _, unfinished = await asyncio.wait((self._writing,), timeout=CLOSE_S)
-            for writing in unfinished:
-                writing.cancel()
-                await asyncio.wait((writing,))
-            self._is_ending = False
+        is_taken = self._stream is None or await self._stream.close(CLOSE_S)
         failure, self._failure = self._failure, None
-        if failure is not None:
-            _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
+        return tell(is_taken, failure)
+
+    def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
+        if self._stream is stream:
+            self._stream = None
+            self._failure = failure
+
+
+class _Stream:
+    """One stream of setpoints, written by a task of its own: the newest waits, those between are never sent."""
+
+    def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None]) -> None:
+        self.is_ending = False
+        self._connection = connection
+        self._on_end = on_end
+        self._changed = asyncio.Event()
+        self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
+        self._writing = asyncio.create_task(self._write())
+
+    def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
+        """Sends it, or lets it wait in place of the one that waits."""
+        self._newest = (setpoint, asyncio.get_running_loop().time())
+        self._changed.set()
+
+    async def close(self, timeout_s: float) -> bool:
+        """As `ual._setpoints`' does. Cancelled, it leaves a stream that ends by itself."""
+        self.is_ending = True
+        self._changed.set()
+        _, unfinished = await asyncio.wait((self._writing,), timeout=timeout_s)
+        if unfinished:
+            self._writing.cancel()
+            await asyncio.wait(unfinished)
+        return not unfinished
 
     async def _write(self) -> None:
+        failure: UalError | None = None
         try:
             with self._connection.calling() as route:
                 call = route.stubs.ual.StreamSetpoints(metadata=self._connection.target.metadata)
@@ -75,21 +94,20 @@ class Setpoints:
                     await call  # it has ended; this says how
                 finally:
                     call.cancel()
+            if not self.is_ending:
+                failure = DaemonUnreachableError("the daemon ended the stream of setpoints")
         except grpc.aio.AioRpcError as error:
-            self._failure = self._connection.error(error)
+            failure = self._connection.error(error)
         except UalError as error:
-            self._failure = error
-        else:
-            if not self._is_ending:
-                self._failure = DaemonUnreachableError("the daemon ended the stream of setpoints")
+            failure = error
         finally:
-            self._writing = None
+            self._on_end(self, failure)
 
     async def _write_newest(self, call: Any) -> None:  # noqa: ANN401 (gRPC's call)
         loop = asyncio.get_running_loop()
         while not call.done():
             if self._newest is None:
-                if self._is_ending:
+                if self.is_ending:
                     return
                 self._changed.clear()
                 await self._changed.wait()
