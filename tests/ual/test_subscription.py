@@ -8,10 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import ual
+import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
 from ual.callbacks import PATIENCE_S
@@ -291,6 +293,21 @@ def test_what_the_daemon_refuses_is_raised_at_once(daemon: FakeDaemon, uav: ual.
     with pytest.raises(InvalidArgumentError, match="rate_hz"):
         uav.subscribe(print, rate_hz=-1.0)
     no_thread_is_left()
+
+
+@pytest.mark.parametrize("rate_hz", ["10", None, b"5", [1.0]])
+def test_a_rate_that_is_no_number_is_refused_before_it_leaves(uav: ual.Uav, rate_hz: Any) -> None:
+    with pytest.raises(InvalidArgumentError, match="is not a number"):
+        uav.subscribe(print, rate_hz=rate_hz)
+    with pytest.raises(InvalidArgumentError, match="is not a number"):
+        ual.aio.Uav("uav_1").subscribe(rate_hz=rate_hz)
+    no_thread_is_left()
+
+
+def test_a_rate_that_no_float_can_be_is_refused_as_too_much(daemon: FakeDaemon, uav: ual.Uav) -> None:
+    daemon.refusal = InvalidArgumentError("rate_hz: inf is not a rate", {"field": "rate_hz"})
+    with pytest.raises(InvalidArgumentError, match="inf"):
+        uav.subscribe(print, rate_hz=10**400)
 
 
 def test_no_daemon_is_raised_at_once() -> None:

@@ -5,6 +5,7 @@ The client and its asyncio twin differ only in how they make a call, never in wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -105,6 +106,18 @@ def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError
         what_then = f"; {call.at_timeout}" if call.at_timeout else ""
         return UalTimeoutError(f"{call.method} did not end within {limit_s:g} s{what_then}", error.metadata)
     return error
+
+
+def rate(rate_hz: float) -> float:
+    """How often samples are to come, as the number that it is; which numbers can be is the daemon's to say."""
+    try:
+        if not isinstance(rate_hz, (str, bytes, bytearray)):  # float() would read them
+            return float(rate_hz)
+    except OverflowError:  # an integer
+        return math.inf
+    except (TypeError, ValueError):
+        pass
+    raise InvalidArgumentError(f"rate_hz: {repr(rate_hz)[:100]} is not a number", {"field": "rate_hz"})
 
 
 def closed() -> UalError:

@@ -96,7 +96,7 @@ class Uav:
         return self._connection.run(_calls.get_telemetry())
 
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
-        return self._subscriptions.open(callback, rate_hz)
+        return self._subscriptions.open(callback, _calls.rate(rate_hz))
 
     def frames(self) -> list[Frame]:
         return self._connection.run(_calls.list_frames())

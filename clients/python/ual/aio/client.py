@@ -90,7 +90,7 @@ class Uav:
 
         An iteration that is too slow gets the newest sample and sees in `missed_count` how many it lost.
         """
-        subscription = Subscription(self._connection, rate_hz, self._subscriptions.discard)
+        subscription = Subscription(self._connection, _calls.rate(rate_hz), self._subscriptions.discard)
         self._subscriptions.add(subscription)
         return subscription
 
