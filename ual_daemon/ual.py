@@ -27,6 +27,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import Simulation
+from ual.time_limit import time_limit
 from ual.types import (
     AltitudeReference,
     Frame,
@@ -146,16 +147,16 @@ class UAL:
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     def arm(self, *, timeout_s: float | None = None) -> None:
-        _wait(self.vehicle.arm(), timeout_s, "arm")
+        _run(self.vehicle.arm, timeout_s, "arm")
 
     def disarm(self, *, timeout_s: float | None = None) -> None:
-        _wait(self.vehicle.disarm(), timeout_s, "disarm")
+        _run(self.vehicle.disarm, timeout_s, "disarm")
 
     def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.motions.take_off(height_m).begin(), blocking, timeout_s)
+        return _handle(self.vehicle.motions.take_off(height_m).begin, blocking, timeout_s)
 
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.motions.land().begin(), blocking, timeout_s)
+        return _handle(self.vehicle.motions.land().begin, blocking, timeout_s)
 
     def go_to_waypoint(
         self,
@@ -166,7 +167,7 @@ class UAL:
         timeout_s: float | None = None,
     ) -> _Task:
         motion = self.vehicle.motions.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s)
-        return _handle(motion.begin(), blocking, timeout_s)
+        return _handle(motion.begin, blocking, timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -183,7 +184,7 @@ class UAL:
         motion = self.vehicle.motions.go_to_waypoint_geo(
             latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad=yaw_rad, max_speed_m_s=max_speed_m_s
         )
-        return _handle(motion.begin(), blocking, timeout_s)
+        return _handle(motion.begin, blocking, timeout_s)
 
     def follow_path(
         self,
@@ -205,7 +206,7 @@ class UAL:
             heading=heading,
             point_of_interest=None if point_of_interest is None else stamped_point(point_of_interest),
         )
-        return _handle(motion.begin(), blocking, timeout_s)
+        return _handle(motion.begin, blocking, timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
         self.vehicle.motions.tell_pose(stamped_pose(pose))
@@ -214,7 +215,7 @@ class UAL:
         self.vehicle.motions.tell_velocity(stamped_twist(velocity))
 
     def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        _wait(self.vehicle.motions.recover_from_manual().begin(), timeout_s, "recover_from_manual")
+        _run(self.vehicle.motions.recover_from_manual().begin, timeout_s, "recover_from_manual")
 
     def set_home(self, set_z: bool = False) -> None:
         self.vehicle.set_home(set_z)
@@ -257,7 +258,7 @@ class _Task:
         return self._task.future.done()
 
     def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        _wait(self._task.future, timeout_s, f"wait for {self._task.kind.name.lower()}")
+        _wait(self._task.future, time_limit(timeout_s), f"wait for {self._task.kind.name.lower()}")
         return self._task.info()
 
     def cancel(self) -> None:
@@ -300,19 +301,26 @@ class _Subscription:
         self.close()
 
 
-def _wait(future: Future[None], timeout_s: float | None, what: str) -> None:
+def _run(begin: Callable[[], Future[None]], timeout_s: float | None, what: str) -> None:
+    limit_s = time_limit(timeout_s)  # before anything moves
+    _wait(begin(), limit_s, what)
+
+
+def _wait(future: Future[None], limit_s: float | None, what: str) -> None:
     """Waits for a future. `UalTimeoutError` when it has not ended in time; what it stands for goes on."""
-    done, _ = concurrent.futures.wait([future], timeout=timeout_s)
+    done, _ = concurrent.futures.wait([future], timeout=limit_s)
     if not done:
-        raise UalTimeoutError(f"{what}: not done after the {timeout_s:g} s that the caller would wait")
+        raise UalTimeoutError(f"{what}: not done after the {limit_s:g} s that the caller would wait")
     future.result()
 
 
-def _handle(task: VehicleTask, blocking: bool, timeout_s: float | None) -> _Task:
+def _handle(begin: Callable[[], VehicleTask], blocking: bool, timeout_s: float | None) -> _Task:
+    limit_s = time_limit(timeout_s)  # before anything moves
+    task = begin()
     handle = _Task(task)
     if blocking:
         try:
-            _wait(task.future, timeout_s, task.kind.name.lower())
+            _wait(task.future, limit_s, task.kind.name.lower())
         except BaseException:
             # The caller's deadline has passed, or he was interrupted (Ctrl-C): what he waited for shall not go on
             # unwatched. Take-off and landing do; cancelling one that has ended does nothing.

@@ -28,6 +28,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.simulation import Fault
+from ual.time_limit import time_limit
 from ual.types import (
     AltitudeReference,
     Frame,
@@ -61,8 +62,6 @@ RECONNECT_S = 1.0
 # No answer came: so whether it reached the UAV is not known.
 _GOES_ON = "if it reached the UAV it goes on: ask for the state"
 _IS_CANCELLED = "if it reached the UAV it is cancelled and the UAV holds its position: ask for the state"
-# Longer than anybody waits; gRPC cannot count to 2**63 ns after 1970.
-_LONGEST_S = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +84,6 @@ def deadline(call: Call[Any], timeout_s: float | None) -> float | None:
     """The time limit of a call, as the caller says, or its own."""
     limit_s = time_limit(timeout_s)
     return call.quick_s if limit_s is None else limit_s
-
-
-def time_limit(timeout_s: float | None) -> float | None:
-    """How long a caller would wait; None where he would wait for ever. `InvalidArgumentError` for what is no time."""
-    if timeout_s is None:
-        return None
-    try:
-        is_time = timeout_s >= 0.0
-    except TypeError:
-        is_time = False
-    if not is_time:
-        raise InvalidArgumentError(f"timeout_s: {timeout_s!r} is no time to wait", {"field": "timeout_s"})
-    return timeout_s if timeout_s <= _LONGEST_S else None
 
 
 def in_time(error: UalError, call: Call[Any], limit_s: float | None) -> UalError:

@@ -9,6 +9,7 @@ import grpc
 from ual import _calls, convert
 from ual._connection import Connection
 from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
+from ual.time_limit import time_limit
 from ual.types import TaskInfo, TaskKind
 
 # Waiting needs only the last message, which comes at once when the task ends.
@@ -46,7 +47,7 @@ class Task:
         return _calls.has_ended(self.info())
 
     def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        for info in self._watch(WAIT_RATE_HZ, _calls.time_limit(timeout_s)):
+        for info in self._watch(WAIT_RATE_HZ, time_limit(timeout_s)):
             self._info = info
         if self._info.error is not None:
             raise self._info.error

@@ -11,6 +11,7 @@ from ual import _calls, convert
 from ual._task import WAIT_RATE_HZ, has_not_ended
 from ual.aio._connection import Connection
 from ual.errors import InvalidArgumentError, WrongStateError
+from ual.time_limit import time_limit
 from ual.types import TaskInfo, TaskKind
 from ual.v1 import ual_pb2 as pb
 
@@ -41,7 +42,7 @@ class Task:
         return _calls.has_ended(await self.info())
 
     async def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        async for info in self._watch(WAIT_RATE_HZ, _calls.time_limit(timeout_s)):
+        async for info in self._watch(WAIT_RATE_HZ, time_limit(timeout_s)):
             self._info = info
         if self._info.error is not None:
             raise self._info.error

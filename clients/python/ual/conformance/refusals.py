@@ -23,7 +23,7 @@ Refused = tuple[Callable[[], object], str]
 
 @check(_FLYING, capabilities=(Capability.POSITION,))
 def bad_poses_are_refused(flight: Flight) -> None:
-    """Goals that cannot be meant never move it, in a waypoint, a path or a reference."""
+    """Goals, and times to wait, that cannot be meant never move it, in a waypoint, a path or a reference."""
     for pose, what in _bad_poses():
         path: list[PoseStamped | Pose] = [flight.start, pose]
         for action, where in (
@@ -32,6 +32,9 @@ def bad_poses_are_refused(flight: Flight) -> None:
             (partial(flight.uav.set_pose, pose), "a reference"),
         ):
             flight.refuses(InvalidArgumentError, action, f"{where} with {what}")
+    for timeout_s in (math.nan, -1.0):
+        action = partial(flight.uav.go_to_waypoint, flight.goal(HEIGHT_M, 0.0), timeout_s=timeout_s)
+        flight.refuses(InvalidArgumentError, action, f"a wait of {timeout_s} s")
     _require_unmoved(flight)
 
 
