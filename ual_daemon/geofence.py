@@ -6,9 +6,8 @@ Polygons are judged by shapely (GEOS), which is loaded only where a fence is con
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ual.errors import GeofenceError, WrongStateError
@@ -28,7 +27,9 @@ _MARGIN_M = 0.001
 _REACTION_S = 0.4
 """How long a UAV goes on before it begins to brake: the age of its data, the way of the setpoint, its time to tilt."""
 _PLACE_EVERY_S = 0.1
-"""How close places on a trajectory are looked at, near the edge."""
+"""How close places on a trajectory are looked at where it bends, near the edge, ..."""
+_MOST_PLACES = 200
+"""... unless the bend takes so long that these would be more. (Where it flies straight, its ends are enough.)"""
 _SPEED_MARGIN = 2.0
 """A trajectory is taken to be nowhere faster than this many times the limits, and its start."""
 _LEVEL = 1e-6
@@ -51,20 +52,28 @@ class Fence:
         """Whether a place lies inside, or on the edge."""
         return self._is_in_band(place) and self._is_over_polygon(place)
 
-    def place_of_leaving(self, way: Sequence[Vector3]) -> Vector3 | None:
+    def place_of_leaving(self, way: Iterable[Vector3]) -> Vector3 | None:
         """The end of the first part of a way, given as a polyline, that lies outside; None where all of it is allowed.
 
-        A way that begins outside (the safety pilot flew there) is allowed to come in, and then has to stay in.
+        A way that begins outside (the safety pilot flew there) is allowed to come in, and then has to stay in. What
+        lies behind the place that is told is not looked at.
         """
-        entry = next((index for index, place in enumerate(way) if self.is_inside(place)), None)
-        if entry is None:
-            return way[-1]
-        if entry > 0 and not self._comes_in_once(way[entry - 1], way[entry]):
-            return way[entry]
-        for a, b in itertools.pairwise(way[entry:]):
-            if not self.is_inside(b) or not self._is_segment_over_polygon(a, b):
-                return b
-        return None
+        before: Vector3 | None = None
+        has_come_in = False
+        for place in way:
+            is_inside = self.is_inside(place)
+            if has_come_in and before is not None:
+                is_allowed = is_inside and self._is_segment_over_polygon(before, place)
+            elif before is None:
+                is_allowed = True
+            elif is_inside:
+                is_allowed = self._comes_in_once(before, place)
+            else:
+                is_allowed = not self._touches(before, place)
+            if not is_allowed:
+                return place
+            before, has_come_in = place, is_inside
+        return None if has_come_in else before
 
     def distance_m(self, place: Vector3) -> float:
         """How far outside a place is; 0 inside."""
@@ -108,6 +117,22 @@ class Fence:
             return True
         part = self._polygon.intersection(LineString([(outside.x, outside.y), (inside.x, inside.y)]))
         return part.geom_type in ("LineString", "Point")
+
+    def _touches(self, a: Vector3, b: Vector3) -> bool:
+        """Whether a segment between two places outside goes through the inside."""
+        from shapely import LineString
+
+        begin, end = 0.0, 1.0  # the share of it that lies in the band
+        rise_m = b.z - a.z
+        if rise_m != 0.0:
+            crossings = sorted((level - a.z) / rise_m for level in (self._lowest_m, self._highest_m))
+            begin, end = max(begin, crossings[0]), min(end, crossings[1])
+        elif not self._is_in_band(a):
+            return False
+        if self._polygon is None or begin > end:
+            return begin <= end
+        c, d = a + (b - a) * begin, a + (b - a) * end
+        return self._polygon.intersects(LineString([(c.x, c.y), (d.x, d.y)]))
 
 
 def _polygon(corners: Sequence[tuple[float, float]]) -> Polygon:
@@ -180,14 +205,20 @@ class Geofence:
         """Raises `GeofenceError` where a motion that begins now would leave the fence."""
         measured = measured_motion(snapshot)
         if isinstance(motion, Trajectory):
-            way = _outline(motion, self.fence(snapshot), limits)
-            self.require_inside([measured.position, *way], what, snapshot)
+            self.require_goal(motion.end().position, what, snapshot)
+            way = _outline(motion, measured.position, self.fence(snapshot), limits)
+            self.require_inside(way, what, snapshot)
         elif isinstance(motion, Velocity):
             self.require_velocity(measured, motion.velocity(snapshot), limits, snapshot)
         elif (pose := motion.pose()) is not None:
             self.require_inside([measured.position, pose.position], what, snapshot)
 
-    def require_inside(self, way: Sequence[Vector3], what: str, snapshot: Snapshot) -> None:
+    def require_goal(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` where a place to end at lies outside."""
+        if not self.fence(snapshot).is_inside(goal):
+            raise GeofenceError(f"{what}: {self._text(goal)} lies outside the geofence")
+
+    def require_inside(self, way: Iterable[Vector3], what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` where a way (a polyline in the local frame) leaves the fence."""
         left = self.fence(snapshot).place_of_leaving(way)
         if left is not None:
@@ -214,19 +245,24 @@ class Geofence:
         return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {self._places.tree.odom}"
 
 
-def _outline(trajectory: Trajectory, fence: Fence, limits: Limits) -> list[Vector3]:
-    """A polyline along a trajectory that leaves the fence where that does: places on it, close ones near the edge, and
-    its end. From a place well inside, the next is as far as the trajectory could not get out before.
+def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:
+    """A polyline from a place along a trajectory that leaves the fence where that does: the ends of its straight parts,
+    and places on its bends, close ones near the edge. From a place well inside, the next is as far as the trajectory
+    could not get out before. So their number depends on its bends, and not on how long it is or takes.
     """
     vertical_m_s = max(limits.climb_speed_m_s, limits.descent_speed_m_s)
     fastest_m_s = max(math.hypot(limits.horizontal_speed_m_s, vertical_m_s), trajectory.at(0.0).velocity.norm())
     fastest_m_s *= _SPEED_MARGIN
-    way, time_s = [], 0.0
-    while time_s < trajectory.duration_s:
-        place = trajectory.at(time_s).position
-        way.append(place)
-        time_s += max(_PLACE_EVERY_S, fence.clearance_m(place) / fastest_m_s)
-    return [*way, trajectory.end().position]
+    yield start
+    for begin_s, end_s in trajectory.bends_s():
+        every_s = max(_PLACE_EVERY_S, (end_s - begin_s) / _MOST_PLACES)
+        time_s = begin_s
+        while time_s < end_s:
+            place = trajectory.at(time_s).position
+            yield place
+            time_s += max(every_s, fence.clearance_m(place) / fastest_m_s)
+        yield trajectory.at(end_s).position
+    yield trajectory.end().position
 
 
 def _braking(velocity: Vector3, limits: Limits) -> Vector3:

@@ -17,6 +17,8 @@ from ual_daemon.settings import FRAME_ID_PATTERN
 
 MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
+MIN_SPEED_M_S = 0.01
+"""No task is flown slower: it would take for ever, and nobody means it."""
 MAX_TURN_RATE_RAD_S = 1000.0
 MAX_ANGLE_RAD = 1e6
 MAX_STAMP_S = 253_402_300_799.0
@@ -77,17 +79,26 @@ def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:
 
 def max_speed(value: SupportsFloat | None) -> float | None:
     """A speed that is not to be exceeded in m/s, or None."""
-    return None if value is None else positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S)
+    if value is None:
+        return None
+    return _flown_speed(positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S), "max_speed_m_s")
 
 
 def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float | None]:
     """One speed that is not to be exceeded in m/s for each waypoint, None where it is 0 or nothing is given."""
-    speeds = [not_negative(each, f"leg_speeds_m_s[{i}]", at_most=MAX_SPEED_M_S) for i, each in enumerate(values)]
+    fields = [f"leg_speeds_m_s[{i}]" for i in range(len(values))]
+    speeds = [not_negative(each, field, at_most=MAX_SPEED_M_S) for each, field in zip(values, fields, strict=True)]
     if not speeds:
         return [None] * waypoint_count
     if len(speeds) != waypoint_count:
         raise refuse("leg_speeds_m_s", f"{len(speeds)} for {waypoint_count} waypoints; give one for each, or none")
-    return [speed or None for speed in speeds]
+    return [_flown_speed(speed, field) if speed else None for speed, field in zip(speeds, fields, strict=True)]
+
+
+def _flown_speed(speed_m_s: float, field: str) -> float:
+    if speed_m_s < MIN_SPEED_M_S:
+        raise refuse(field, f"{speed_m_s:g} is slower than can be meant (at least {MIN_SPEED_M_S:g})")
+    return speed_m_s
 
 
 def path_heading(value: PathHeading, *, has_point: bool) -> PathHeading:

@@ -12,6 +12,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
+from ual_daemon.geofence import Fence
 from ual_daemon.motions import Motions, Prepared
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
@@ -65,6 +66,48 @@ def test_what_would_leave_is_refused_dry_or_not_and_nothing_moves(
     flying.run(2.0)
     assert (flying.pose.position - before).norm() < 0.05
     assert flying.state is State.FLYING_AUTO
+
+
+def test_a_refusal_names_the_goal_that_lies_outside(flying: Stepped) -> None:
+    with pytest.raises(
+        GeofenceError, match=r"go_to_waypoint: 5\.0, 6\.0, 3\.0 in uav_1/odom lies outside the geofence"
+    ):
+        flying.vehicle.motions.go_to_waypoint(at(5.0, 6.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    "move",
+    [
+        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 3.0)),
+        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 9.9), max_speed_m_s=0.01),
+        lambda motions: motions.follow_path([at(5e6, 0.0, 9.9), at(5e6, 5e6, 9.9)], corner_radius_m=1e6),
+        lambda motions: motions.follow_path([at(5e6, 0.0, 20.0), at(5e6, 5e6, 9.9)]),
+        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 11.0)),
+    ],
+    ids=["far", "slow, at the edge", "far path at the edge", "far path outside", "far goal outside"],
+)
+def test_how_often_the_fence_is_looked_at_does_not_depend_on_how_far_or_slow_the_way_is(
+    move: Callable[[Motions], Prepared[object]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is looked at on the thread that answers everybody."""
+    looks: list[Vector3] = []
+    is_inside = Fence.is_inside
+
+    def count(fence: Fence, place: Vector3) -> bool:
+        looks.append(place)
+        return is_inside(fence, place)
+
+    with stepped(VehicleSettings(geofence=GeofenceSettings(max_height_m=10.0))) as uav:
+        uav.fly()
+        for velocity_m_s in (0.0, 1.0):  # from rest, and in motion
+            uav.vehicle.motions.set_velocity(velocity(0.0, velocity_m_s)).begin()
+            uav.run(0.4)
+            looks.clear()
+            monkeypatch.setattr(Fence, "is_inside", count)
+            with contextlib.suppress(GeofenceError):
+                move(uav.vehicle.motions)
+            monkeypatch.undo()
+            assert 0 < len(looks) < 1000
 
 
 def test_a_path_around_the_corner_is_flown(flying: Stepped) -> None:

@@ -78,6 +78,16 @@ def test_a_way_that_begins_outside_may_come_in_but_not_leave_again() -> None:
     assert fence.place_of_leaving([at(-3, 2), at(2, 2), at(2, 12)]) == at(2, 12)
     assert fence.place_of_leaving([at(-3, 2), at(-2, 2)]) == at(-2, 2)
     assert fence.place_of_leaving([at(12, 1), at(4, 9)]) == at(4, 9)  # in, out at the corner, and in again
+    assert fence.place_of_leaving([at(-3, 2), at(12, 2), at(9, 2)]) == at(12, 2)  # through it between two places
+    assert fence.place_of_leaving([at(2, 2, 0.0), at(2, 2, 25.0), at(2, 2, 5.0)]) == at(2, 2, 25.0)
+    assert fence.place_of_leaving([at(-3, -3), at(-3, 12), at(2, 9)]) is None  # around it
+    assert fence.place_of_leaving([at(-3, 2, 0.0), at(12, 2, 0.0), at(9, 2)]) is None  # below it
+
+
+def test_what_lies_behind_the_place_of_leaving_is_not_looked_at() -> None:
+    way = iter([at(2, 2), at(12, 2), at(13, 2), at(14, 2)])
+    assert Fence(L_SHAPE).place_of_leaving(way) == at(12, 2)
+    assert next(way) == at(13, 2)
 
 
 @given(st.floats(-1.0, 11.0), st.floats(-1.0, 11.0), st.floats(-1.0, 11.0), st.floats(-math.pi, math.pi))

@@ -354,7 +354,7 @@ def test_a_geographic_waypoint_and_a_path_are_flown_no_faster_than_asked(flying:
     assert 0.5 < fastest(flying) < 0.63
 
 
-@pytest.mark.parametrize("speed_m_s", [0.0, -1.0, math.nan, math.inf, 1001.0, "fast"])
+@pytest.mark.parametrize("speed_m_s", [0.0, 1e-9, -1.0, math.nan, math.inf, 1001.0, "fast"])
 def test_speeds_that_cannot_be_meant_are_refused(flying: Stepped, speed_m_s: float) -> None:
     motions = flying.vehicle.motions
     calls: list[Callable[[], object]] = [

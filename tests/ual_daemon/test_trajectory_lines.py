@@ -17,6 +17,7 @@ from tests.ual_daemon.trajectories import (
     STEP_S,
     assert_kept,
     assert_rests_at,
+    assert_straight_between_bends,
     died_out,
     distance_from_line,
     moments,
@@ -145,6 +146,20 @@ def test_a_line_from_any_motion_begins_with_it_keeps_the_limits_and_ends_at_rest
     assert (before.position - goal).norm() <= 1e-4
     assert before.velocity.norm() <= 1e-3
     assert_kept(sampled(line), limits, slack=BENT_SLACK)
+    assert_straight_between_bends(line)
+
+
+@given(vectors(30.0), st.floats(-1.0, 1.0), vectors(30.0), LIMIT_SETS)
+def test_a_line_from_a_motion_along_it_or_back_is_straight_behind_its_bend(
+    goal: Vector3, share: float, aside: Vector3, limits: Limits
+) -> None:
+    assume(goal.norm() > 0.01)
+    direction = goal / goal.norm()
+    velocity = direction * (share * speed_limit(direction, limits)) + aside * 1e-3
+    line = Line(Motion(Vector3(), 0.0, velocity), goal, 0.0, limits)
+    assert_straight_between_bends(line)
+    begin_s, end_s = next(iter(line.bends_s()))
+    assert end_s - begin_s <= line.duration_s
 
 
 @settings(max_examples=10)

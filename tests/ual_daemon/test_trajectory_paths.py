@@ -16,6 +16,7 @@ from tests.ual_daemon.trajectories import (
     LIMIT_SETS,
     assert_kept,
     assert_rests_at,
+    assert_straight_between_bends,
     distance_from_path,
     moments,
     sampled,
@@ -57,6 +58,7 @@ def test_a_path_from_rest_passes_its_waypoints_within_radius_and_limits(
     # An arc within the radius passes its corner within the radius.
     assert max(closest) <= radius_m + gap_m
     assert_kept(sampled(found), limits)
+    assert_straight_between_bends(found)
 
 
 @given(vectors(30.0), PATHS, st.sampled_from([0.0, 1.0, 20.0]))
@@ -87,6 +89,7 @@ def test_a_path_that_is_commanded_in_flight_begins_with_that_motion_and_keeps_th
     assert found.end().position == goals[-1].position
     assert found.end().velocity.norm() == 0.0
     assert_kept(sampled(found), limits, slack=1e-4)
+    assert_straight_between_bends(found)
 
 
 def test_a_path_that_is_commanded_in_flight_bends_to_its_first_leg_without_stopping() -> None:

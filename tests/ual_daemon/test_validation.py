@@ -236,12 +236,14 @@ def test_a_speed_of_its_own_for_each_leg_or_none() -> None:
     assert "1 for 2 waypoints" in refusal(lambda: validation.leg_speeds([1.0], 2), "leg_speeds_m_s")
     refusal(lambda: validation.leg_speeds([1.0, NAN], 2), "leg_speeds_m_s[1]")
     refusal(lambda: validation.leg_speeds([1001.0], 1), "leg_speeds_m_s[0]")
+    assert "at least 0.01" in refusal(lambda: validation.leg_speeds([1.0, 0.009], 2), "leg_speeds_m_s[1]")
 
 
-def test_a_speed_that_is_not_to_be_exceeded_is_none_or_more_than_zero() -> None:
+def test_a_speed_that_is_not_to_be_exceeded_is_none_or_one_that_can_be_meant() -> None:
     assert validation.max_speed(None) is None
+    assert validation.max_speed(0.01) == 0.01
     assert validation.max_speed(1000) == 1000.0
-    for value in (0.0, -1.0, NAN, INF, 1000.1):
+    for value in (0.0, 1e-9, 0.0099, -1.0, NAN, INF, 1000.1):
         refusal(lambda value=value: validation.max_speed(value), "max_speed_m_s")  # type: ignore[misc]
 
 

@@ -107,6 +107,18 @@ def distance_from_path(point: Vector3, points: Sequence[Vector3]) -> float:
     return min(distance_from_line(point, a, b) for a, b in itertools.pairwise(points))
 
 
+def assert_straight_between_bends(trajectory: Trajectory) -> None:
+    """Between what it says are its bends, it is on the line from the end of one to the beginning of the next."""
+    spans = [(0.0, 0.0), *trajectory.bends_s(), (trajectory.duration_s, trajectory.duration_s)]
+    times_s = [time_s for span in spans for time_s in span]
+    assert times_s == sorted(times_s)
+    for (_, begin_s), (end_s, _) in itertools.pairwise(spans):
+        begin, end = trajectory.at(begin_s).position, trajectory.at(end_s).position
+        for share in range(1, 20):
+            place = trajectory.at(begin_s + (end_s - begin_s) * share / 20).position
+            assert distance_from_line(place, begin, end) <= 1e-6 * (1.0 + (end - begin).norm())
+
+
 def waypoints(*places: tuple[float, float, float]) -> list[Waypoint]:
     """Waypoints without headings."""
     return [Waypoint(Vector3(*place)) for place in places]

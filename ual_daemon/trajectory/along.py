@@ -8,6 +8,7 @@ together keep them. So a goal that is told again, or moved a little, changes a f
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 
 import ruckig
@@ -22,6 +23,7 @@ from ual_daemon.trajectory.envelope import (
     speed_share,
 )
 from ual_daemon.trajectory.motion import Motion
+from ual_daemon.trajectory.pulse import change_m, change_s
 
 _LONGEST_S = 600.0
 """Ruckig's numbers fail for what lasts hours."""
@@ -38,6 +40,8 @@ class Along:
     def __init__(self, origin: Vector3, goal: Vector3, axes: Sequence[Vector3], trajectory: ruckig.Trajectory) -> None:
         self._origin, self._goal, self._axes, self._trajectory = origin, goal, axes, trajectory
         self.duration_s: float = trajectory.duration
+        self.bend_s = self.duration_s
+        """So long it may move across, or turn back; then it goes straight on."""
 
     @classmethod
     def plan(cls, start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float) -> Along | None:
@@ -74,6 +78,9 @@ class Along:
         if ruckig.Ruckig(len(axes)).calculate(given, trajectory) != ruckig.Result.Working:
             return None
         found = cls(start.position, goal, axes, trajectory)
+        turned_s = _turned_s(velocity[0], acceleration[0], length_m, accelerations[0])
+        # What moves across ends by itself, as the axes are not synchronized.
+        found.bend_s = min(found.duration_s, max(turned_s, *trajectory.independent_min_durations[1:], 0.0))
         return found if found.is_within(limits) else None
 
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
@@ -100,6 +107,17 @@ class Along:
             if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _SLACK:
                 return False
         return True
+
+
+def _turned_s(speed_m_s: float, acceleration_m_s2: float, length_m: float, limit_m_s2: float) -> float:
+    """How long it may take until a motion along a line goes only forward; infinity where it may pass the goal."""
+    left_m_s = speed_m_s + acceleration_m_s2 * RAMP_S / 2  # at least, where it slows down; at most, where it speeds up
+    stop_m = max(speed_m_s, left_m_s) * RAMP_S + change_m(max(speed_m_s, left_m_s), 0.0, limit_m_s2)
+    if stop_m > length_m:
+        return math.inf
+    if speed_m_s >= 0.0 and left_m_s >= 0.0:
+        return 0.0
+    return RAMP_S + change_s(max(abs(speed_m_s), abs(left_m_s)), limit_m_s2)
 
 
 def _axes(direction: Vector3) -> list[Vector3]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
@@ -44,6 +45,9 @@ class Line(Trajectory):
         self.duration_s = max(self._way.duration_s, self._turn.duration_s)
         self._end = Motion(goal, wrap_angle(goal_yaw_rad))
 
+    def bends_s(self) -> Iterable[tuple[float, float]]:
+        return ((0.0, self._way.bend_s),)
+
     def at(self, time_s: float) -> Motion:
         if time_s >= self.duration_s:
             return self._end
@@ -83,7 +87,7 @@ class _BentLine:
     ) -> None:
         self._bend, self._goal = bend, goal
         self._leg: Leg | None = None
-        self.duration_s = bend.duration_s
+        self.duration_s = self.bend_s = bend.duration_s
         if left_m > _SAME_PLACE_M:
             begin_m_s = bend.velocity.norm()
             fastest_m_s = min(max_speed_m_s, speed_limit(direction, limits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from ual.geometry import Vector3
@@ -39,6 +39,12 @@ class Trajectory(ABC):
     def end(self) -> Motion:
         """Where it ends."""
         return self.at(self.duration_s)
+
+    def bends_s(self) -> Iterable[tuple[float, float]]:
+        """From when to when, in order, it may bend, turn back, or (of no duration) stop for a corner. From one to the
+        next it flies straight on, so that the two places tell where it goes.
+        """
+        return ((0.0, self.duration_s),)
 
     def waypoint_at(self, time_s: float) -> int:
         """The number of the waypoint it is flying to at a time."""

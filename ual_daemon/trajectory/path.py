@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ual.errors import InvalidArgumentError
@@ -63,6 +63,12 @@ class Chain(Trajectory):
             return self._parts[-1][0].end()  # exactly, not by a difference of times
         index = self._index(time_s)
         return self._parts[index][0].at(time_s - self._starts[index])
+
+    def bends_s(self) -> Iterable[tuple[float, float]]:
+        for start_s, (part, _, _) in zip(self._starts, self._parts, strict=True):
+            yield start_s, start_s  # where it stood still
+            for begin_s, end_s in part.bends_s():
+                yield start_s + begin_s, start_s + end_s
 
     def waypoint_at(self, time_s: float) -> int:
         index = self._index(time_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ual.geometry import Vector3
@@ -161,6 +161,11 @@ class Run(Trajectory):
         position, velocity, acceleration = self.body(time_s)
         yaw, yaw_rate, yaw_acceleration = self._heading.at(time_s, position, velocity, acceleration)
         return Motion(position, yaw, velocity, acceleration, yaw_rate, yaw_acceleration)
+
+    def bends_s(self) -> Iterable[tuple[float, float]]:
+        yield 0.0, self.bend_s
+        for begin_s, leg in zip(self._times[:-1], self.legs[:-1], strict=True):
+            yield begin_s + leg.straight_s, begin_s + leg.duration_s
 
     def distance_m(self, point: Vector3) -> float:
         """At least so far, horizontally, its legs and corners pass a point."""

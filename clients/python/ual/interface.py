@@ -219,8 +219,8 @@ class Uav(Protocol):
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> Task:
-        """Flies straight to a pose, at most at `max_speed_m_s` (more than 0) in any direction, and within the limits of
-        the UAV; None: only these.
+        """Flies straight to a pose, at most at `max_speed_m_s` (0.01 or more) in any direction, and within the limits
+        of the UAV; None: only these.
         """
         ...
 

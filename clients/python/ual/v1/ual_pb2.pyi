@@ -1265,7 +1265,7 @@ class GoToWaypointRequest(google.protobuf.message.Message):
     DRY_RUN_FIELD_NUMBER: builtins.int
     non_blocking: builtins.bool
     max_speed_m_s: builtins.float
-    """At most so fast, in any direction, where the UAV's limits are not smaller anyway; 0: only these."""
+    """At most so fast, in any direction, where the UAV's limits are not smaller anyway; 0: only these. Not below 0.01."""
     dry_run: builtins.bool
     """Only says what would happen."""
     @property
@@ -1433,7 +1433,9 @@ class FollowPathRequest(google.protobuf.message.Message):
 
     @property
     def leg_speeds_m_s(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.float]:
-        """None, or one for each waypoint: at most so fast on the leg that ends there; 0: as max_speed_m_s says."""
+        """None, or one for each waypoint: at most so fast on the leg that ends there, not below 0.01; 0: as max_speed_m_s
+        says.
+        """
 
     @property
     def point_of_interest(self) -> Global___PointStamped:
