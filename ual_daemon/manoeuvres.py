@@ -333,7 +333,7 @@ class TakeOff(Manoeuvre):
             return failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
         if self._climbing_since_s is None:
             if not self._has_begun(snapshot):
-                if self._is_taken_before(snapshot):
+                if self._is_taken_before(snapshot, estimate):
                     return failed(_taken(snapshot, self.name))
                 failure = self._command.failure(snapshot)
                 if failure is not None:
@@ -342,13 +342,14 @@ class TakeOff(Manoeuvre):
             self._climbing_since_s = snapshot.time_s
         return self._climb_on(snapshot, estimate, self._climbing_since_s)
 
-    def _is_taken_before(self, snapshot: Snapshot) -> bool:
-        """Whether the mode was right and is no more, before it was told to climb for sure. An autopilot that climbs by
-        itself may do so in other modes, too (ArduPilot in LOITER): it must not be told again.
+    def _is_taken_before(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+        """Whether somebody else flies it, or the mode was right and is no more, before it was told to climb for sure.
+        It must not be told again: an OFFBOARD that is repeated would take it from the safety pilot, and an autopilot
+        that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
         assert snapshot.mode is not None
         is_ours = snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)
-        is_taken = self._was_ours and not is_ours and not self._on_setpoints
+        is_taken = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
         self._was_ours = is_ours
         return is_taken
 

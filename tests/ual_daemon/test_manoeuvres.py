@@ -235,10 +235,11 @@ def test_where_the_acknowledgement_is_lost_the_mode_alone_must_do(autopilot: Aut
     assert error.metadata["by"] == "safety pilot"
 
 
+@pytest.mark.parametrize("on_setpoints", [False, True])
 def test_a_pilot_who_leaves_the_mode_before_the_climb_is_answered_is_not_lifted_off(
-    autopilot: Autopilot, ack: Future[None]
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
 ) -> None:
-    climb = take_off(autopilot, ack, on_setpoints=False)
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
     assert not autopilot.step(climb).has_ended  # not in its mode yet
     autopilot.control = Control.REFERENCES
     assert not autopilot.step(climb).has_ended
@@ -248,6 +249,22 @@ def test_a_pilot_who_leaves_the_mode_before_the_climb_is_answered_is_not_lifted_
     assert error.metadata["by"] == "safety pilot"
     climb.end(error)
     assert ack.cancelled()  # it is not sent again
+
+
+@pytest.mark.parametrize("on_setpoints", [False, True])
+def test_a_pilot_who_lifts_it_off_before_the_mode_is_there_has_it(
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    for _ in range(5):  # in his mode, on the ground
+        assert not autopilot.step(climb).has_ended
+    autopilot.landed, autopilot.z = LandedState.IN_AIR, 0.5
+    step = autopilot.step(climb)
+    assert step.setpoint is None
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.error.metadata["by"] == "safety pilot"
+    climb.end(step.error)
+    assert ack.cancelled()
 
 
 @pytest.mark.parametrize(
