@@ -375,8 +375,7 @@ class TakeOff(Manoeuvre):
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
-        # One that climbs by itself is not up before it says so.
-        if not is_up or (not self._on_setpoints and estimate.state is State.TAKING_OFF):
+        if not is_up or not self._has_lifted_off(estimate):
             self._up_since_s = None
         elif self._up_since_s is None:
             self._up_since_s = snapshot.time_s
@@ -389,6 +388,16 @@ class TakeOff(Manoeuvre):
                 )
             )
         return Step(setpoint)
+
+    def _has_lifted_off(self, estimate: Estimate) -> bool:
+        """Whether the climb is over: a low one is within its tolerance while it still stands on the ground. One that
+        climbs by itself is not up before it says so.
+        """
+        if estimate.state is State.LANDED_ARMED:
+            return False
+        if self._on_setpoints:
+            return self._climb is not None and self._climb.is_finished
+        return estimate.state is not State.TAKING_OFF
 
     def _is_led(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Whether it gets references. One that climbs by itself takes none before it says that it has done so. Then it

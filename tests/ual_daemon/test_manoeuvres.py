@@ -224,6 +224,24 @@ def test_setpoints_hold_the_ground_until_the_mode_is_there_then_climb(autopilot:
     assert heights[-1] > 2.0
 
 
+def test_a_low_climb_is_not_up_while_it_stands_on_the_ground(autopilot: Autopilot, ack: Future[None]) -> None:
+    climb = TakeOff(
+        autopilot.task(TaskKind.TAKE_OFF),
+        sent(ack, autopilot),
+        autopilot.snapshot(),
+        0.1,
+        Limits(),
+        ToleranceSettings(),
+        on_setpoints=False,
+    )
+    ack.set_result(None)
+    autopilot.control = Control.REFERENCES
+    for _ in range(30):
+        assert not autopilot.step(climb).has_ended
+    autopilot.landed = LandedState.IN_AIR
+    assert autopilot.until_end(climb, 1.0) is None
+
+
 def test_where_the_acknowledgement_is_lost_the_mode_alone_must_do(autopilot: Autopilot, ack: Future[None]) -> None:
     climb = take_off(autopilot, ack, on_setpoints=False)
     autopilot.control = Control.TAKE_OFF

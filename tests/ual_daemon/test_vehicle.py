@@ -93,6 +93,15 @@ def test_take_off_ends_within_5_percent_of_its_height_and_slow(uav: Stepped, hei
     assert task.info().progress == 1.0
 
 
+@pytest.mark.parametrize("height_m", [0.05, 0.1, 0.2])
+def test_a_low_take_off_ends_in_the_air(uav: Stepped, height_m: float) -> None:
+    """The ground it stands on is within its tolerance."""
+    uav.arm()
+    uav.end(uav.vehicle.motions.take_off(height_m).begin().future)
+    assert uav.state is State.FLYING_AUTO
+    assert uav.pose.position.z == pytest.approx(height_m, abs=0.03)
+
+
 def test_take_off_height_is_above_where_it_stands() -> None:
     with stepped(light={"start": [5.0, -2.0, 0.0]}) as uav:
         uav.fly(2.0)
