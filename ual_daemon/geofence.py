@@ -17,7 +17,7 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.places import Places
 from ual_daemon.references import Reference, Velocity, measured_motion
 from ual_daemon.settings import ConfigError, GeofenceSettings
-from ual_daemon.trajectory import Brake, Motion, Trajectory
+from ual_daemon.trajectory import Brake, Motion, Trajectory, acceleration_limit
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -33,6 +33,7 @@ _MOST_PLACES = 200
 _SPEED_MARGIN = 2.0
 """A trajectory is taken to be nowhere faster than this many times the limits, and its start."""
 _LEVEL = 1e-6
+_SAME_PLACE_M = 1e-6
 
 
 class Fence:
@@ -95,6 +96,10 @@ class Fence:
         from shapely import Point
 
         return min(vertical, self._polygon.boundary.distance(Point(place.x, place.y)))
+
+    def outside_m(self, place: Vector3) -> float:
+        """How far outside a place is; inside, how far from the edge, below 0."""
+        return self.distance_m(place) - self.clearance_m(place)
 
     def _is_in_band(self, place: Vector3) -> bool:
         return self._lowest_m <= place.z <= self._highest_m
@@ -225,20 +230,34 @@ class Geofence:
             raise GeofenceError(f"{what}: {self._text(left)} lies outside the geofence, or the way there does")
 
     def require_velocity(self, motion: Motion, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` where a UAV that is told a velocity could then no more stop inside the fence.
+        """Raises `GeofenceError` where a UAV that is told a velocity could then no more stop inside the fence: from
+        that velocity, from its own, or from one on the way between them.
 
-        Outside, what brings it nearer is allowed.
+        Outside, what brings it nearer is allowed; anywhere, what stops it as well as it can be stopped.
         """
         speed = velocity.norm()
         if speed == 0.0:
             return
         fence = self.fence(snapshot)
+        here = motion.position
         direction = velocity / speed
         fastest = direction * max(speed, motion.velocity.dot(direction))
-        stop = motion.position + fastest * _REACTION_S + _braking(fastest, limits)
-        is_coming_back = fence.distance_m(stop) < fence.distance_m(motion.position)
-        if not is_coming_back and fence.place_of_leaving([motion.position, stop]) is not None:
-            raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(stop)}")
+        stop = here + fastest * _REACTION_S + _braking(fastest, limits)
+        if fence.distance_m(stop) < fence.distance_m(here):  # it comes back
+            return
+        goes_on = here + motion.velocity * _REACTION_S
+        soon, changed_stop = _change(motion, velocity, limits)
+        ways = (
+            [here, stop],
+            [here, goes_on, goes_on + _braking(motion.velocity, limits)],
+            [here, soon, changed_stop],
+        )
+        left = next((place for way in ways if (place := fence.place_of_leaving(way)) is not None), None)
+        if left is None:
+            return
+        _, soonest_stop = _change(motion, Vector3(), limits)
+        if fence.outside_m(changed_stop) > fence.outside_m(soonest_stop) + _SAME_PLACE_M:
+            raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(left)}")
 
     def _text(self, local: Vector3) -> str:
         p = self._places.frame_to_local(self._places.tree.odom).inverse().apply(local)
@@ -263,6 +282,16 @@ def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limit
             time_s += max(every_s, fence.clearance_m(place) / fastest_m_s)
         yield trajectory.at(end_s).position
     yield trajectory.end().position
+
+
+def _change(motion: Motion, velocity: Vector3, limits: Limits) -> tuple[Vector3, Vector3]:
+    """Where a UAV that is told a velocity gets to until it can be told to brake, and where it comes to rest then."""
+    change = velocity - motion.velocity
+    size = change.norm()
+    most_m_s = acceleration_limit(change / size, limits) * _REACTION_S if size > 0.0 else 0.0
+    changed = motion.velocity + change * (most_m_s / size) if size > most_m_s else velocity
+    soon = motion.position + (motion.velocity + changed) * (_REACTION_S / 2)
+    return soon, soon + _braking(changed, limits)
 
 
 def _braking(velocity: Vector3, limits: Limits) -> Vector3:

@@ -149,6 +149,24 @@ def test_a_velocity_that_nobody_renews_is_stopped_at_the_edge_too(flying: Steppe
     assert lowest >= -10.0
 
 
+@pytest.mark.parametrize("across", [(0.0, 1.0), (-0.2, 1.0), (0.2, -1.0)])
+def test_a_velocity_across_does_not_carry_it_outside_by_its_momentum(across: tuple[float, float]) -> None:
+    fence = GeofenceSettings(polygon=((-60.0, -200.0), (60.0, -200.0), (60.0, 200.0), (-60.0, 200.0)))
+    light = {"horizontal_speed_m_s": 10.0, "horizontal_acceleration_m_s2": 3.0}
+    with stepped(VehicleSettings(geofence=fence), light=light) as uav:
+        uav.fly()
+        told, furthest, was_refused = velocity(10.0), 0.0, False
+        for _ in range(round(20.0 / STEP_S)):
+            try:
+                uav.vehicle.motions.set_velocity(told).begin()
+            except GeofenceError:
+                told, was_refused = velocity(10.0 * across[0], 10.0 * across[1]), True
+            uav.run(STEP_S)
+            furthest = max(furthest, uav.pose.position.x)
+        assert was_refused
+        assert furthest <= 60.1
+
+
 def test_climbing_and_descending_stop_at_the_heights(flying: Stepped) -> None:
     for z, limit in ((1.2, 10.0), (-1.2, 1.0)):
         for _ in range(round(12.0 / STEP_S)):

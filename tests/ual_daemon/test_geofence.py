@@ -177,6 +177,32 @@ def test_what_is_allowed_to_go_on_can_stop_inside(speed: float, heading: float) 
     assert is_in_l(stop.x, stop.y)
 
 
+@given(st.floats(0.1, 8.0), st.floats(-math.pi, math.pi), st.floats(0.1, 8.0), st.floats(-math.pi, math.pi))
+def test_what_may_change_its_velocity_can_stop_inside_or_stops_as_well_as_it_can(
+    speed: float, heading: float, told: float, told_heading: float
+) -> None:
+    velocity = Vector3(speed * math.cos(heading), speed * math.sin(heading), 0.0)
+    snapshot, motion = standing_at(at(2.5, 2.5), velocity)
+    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), places()), Limits()
+    change = Vector3(told * math.cos(told_heading), told * math.sin(told_heading), 0.0)
+    try:
+        geofence.require_velocity(motion, change, limits, snapshot)
+    except GeofenceError:
+        return
+    stop = Brake(motion, limits).end().position
+    assert is_in_l(stop.x, stop.y) or (change - velocity).dot(velocity) < 0.0
+
+
+def test_what_flies_at_the_edge_may_slow_down_or_turn_back_but_not_aside() -> None:
+    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), places()), Limits()
+    snapshot, motion = standing_at(at(8.0, 2.0), Vector3(3.0, 0.0, 0.0))  # too fast for what is left
+    for allowed in (Vector3(), Vector3(0.5, 0.0, 0.0), Vector3(-1.0, 0.0, 0.0), Vector3(-3.0, 0.0, 0.0)):
+        geofence.require_velocity(motion, allowed, limits, snapshot)
+    for refused in (Vector3(0.0, 1.0, 0.0), Vector3(0.0, -0.1, 1.0), Vector3(3.0, 0.0, 0.0), Vector3(-0.1, 2.0, 0.0)):
+        with pytest.raises(GeofenceError, match="would leave the geofence"):
+            geofence.require_velocity(motion, refused, limits, snapshot)
+
+
 def test_what_stands_at_the_edge_may_go_along_it_and_back_but_not_on() -> None:
     snapshot, motion = standing_at(at(9.99, 2.0))
     geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), places()), Limits()
