@@ -14,7 +14,7 @@ from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from typing import NamedTuple
 
-from ual.errors import TaskAbortedError, UalError, WrongStateError
+from ual.errors import GeofenceError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
 from ual.types import Limits, State, TaskInfo
 from ual_daemon import logs
@@ -24,8 +24,17 @@ from ual_daemon.estimator import Estimate, estimate
 from ual_daemon.fitting import fitted
 from ual_daemon.geofence import Geofence
 from ual_daemon.manoeuvres import Command, Manoeuvre, Step
-from ual_daemon.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity, brake, measured_motion
-from ual_daemon.trajectory import Motion
+from ual_daemon.references import (
+    VELOCITY_TIMEOUT_S,
+    Follow,
+    Hold,
+    Reference,
+    StopAlong,
+    Velocity,
+    brake,
+    measured_motion,
+)
+from ual_daemon.trajectory import Motion, Trajectory
 
 _log = logging.getLogger(__name__)
 
@@ -103,20 +112,33 @@ class Flight:
         """Where a trajectory begins: at the reference that is flown, so that it does not jump, unless that is far from
         where the UAV is.
         """
-        measured = measured_motion(snapshot)
-        reference = self._flown()
-        if reference is None:
-            return measured
-        motion = reference.motion(snapshot)
-        near_m = _NEAR_REFERENCE_M + _NEAR_REFERENCE_S * motion.velocity.norm()  # it may lag behind a fast reference
-        return motion if (motion.position - measured.position).norm() <= near_m else measured
+        return _near(self._flown(), snapshot) or measured_motion(snapshot)
 
     def brake(self, snapshot: Snapshot) -> Reference:
         """What comes to rest from the motion that is flown. From that of the UAV where it was only given a pose: it may
-        be anywhere on its way there.
+        be anywhere on its way there. Along the trajectory that is flown where straight ahead it would leave the fence.
         """
-        start = measured_motion(snapshot) if isinstance(self._flown(), Hold) else self.start(snapshot)
+        flown = self._flown()
+        start = None if isinstance(flown, Hold) else _near(flown, snapshot)
+        if start is not None and isinstance(flown, Follow) and self._inner_brake(start, snapshot) is None:
+            return StopAlong(flown, self._inner_brake)
         return brake(snapshot, self._limits(), start)
+
+    def _inner_brake(self, start: Motion, snapshot: Snapshot) -> Follow | None:
+        """What comes to rest from a motion straight ahead; None where it would leave the fence."""
+        stop = brake(snapshot, self._limits(), start)
+        return None if self._leaves(stop.trajectory, snapshot) else stop
+
+    def _leaves(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
+        """Whether a trajectory leaves the fence, as far as it is known where that lies."""
+        if self._geofence is not None:
+            try:
+                self._geofence.admit("stop", trajectory, self._limits(), snapshot)
+            except GeofenceError:
+                return True
+            except UalError:
+                pass
+        return False
 
     def _flown(self) -> Reference | None:
         manoeuvre = self._manoeuvre
@@ -369,6 +391,15 @@ class Flight:
         else:
             logs.event(_log, logging.WARNING, "task_ended", **fields, reason=error.reason, why=str(error))
         manoeuvre.end(error)
+
+
+def _near(reference: Reference | None, snapshot: Snapshot) -> Motion | None:
+    """The motion of a reference, unless there is none or it is far from where the UAV is."""
+    if reference is None:
+        return None
+    motion = reference.motion(snapshot)
+    near_m = _NEAR_REFERENCE_M + _NEAR_REFERENCE_S * motion.velocity.norm()  # it may lag behind a fast reference
+    return motion if (motion.position - measured_motion(snapshot).position).norm() <= near_m else None
 
 
 def _may_refer(snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
@@ -93,6 +94,8 @@ class Follow(Reference):
         self._stopped_since_s: float | None = None
         self._updated_s = now_s
         self._pace = Pace(trajectory)
+        self.is_stopping = False
+        """Whether it comes to rest where it is on the trajectory, as soon as the limits allow."""
 
     @property
     def time_s(self) -> float:
@@ -133,7 +136,7 @@ class Follow(Reference):
 
     def _wanted_pace(self, snapshot: Snapshot) -> float:
         """1 while the UAV is close behind, 0 where it is too far off, in between on the way."""
-        if snapshot.pose is None:
+        if snapshot.pose is None or self.is_stopping:
             return 0.0
         motion = self._pace.motion
         lag_m = (motion.position - snapshot.pose.value.position).norm()
@@ -145,6 +148,36 @@ class Follow(Reference):
 
     def pose(self) -> Pose | None:
         return Pose(self._pace.motion.position, Quaternion.from_yaw(self._pace.motion.yaw_rad))
+
+
+class StopAlong(Reference):
+    """Comes to rest on the trajectory that is followed already, while straight ahead there is no room to brake."""
+
+    def __init__(self, follow: Follow, straight: Callable[[Motion, Snapshot], Follow | None]) -> None:
+        """`straight` brakes from a motion straight ahead; None where it may not."""
+        self._follow = follow
+        self._straight = straight
+        self._brake: Follow | None = None
+        self._is_begun = False
+
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        if self._brake is None and self._is_begun:
+            self._follow.is_stopping = True
+            setpoint = self._follow.setpoint(snapshot)
+            self._brake = self._straight(self._follow.motion(snapshot), snapshot)
+            return setpoint
+        if self._brake is not None:
+            return self._brake.setpoint(snapshot)
+        # The first time another thread may ask, while the update thread still follows: that alone lets time pass.
+        self._is_begun = True
+        m = self._follow.motion(snapshot)
+        return PositionSetpoint(m.position, m.yaw_rad, m.velocity, m.acceleration, m.yaw_rate_rad_s)
+
+    def motion(self, snapshot: Snapshot) -> Motion:
+        return (self._brake or self._follow).motion(snapshot)
+
+    def pose(self) -> Pose | None:
+        return (self._brake or self._follow).pose()
 
 
 def measured_motion(snapshot: Snapshot) -> Motion:

@@ -167,6 +167,30 @@ def test_a_velocity_across_does_not_carry_it_outside_by_its_momentum(across: tup
         assert furthest <= 60.1
 
 
+@pytest.mark.parametrize("flown_m", [44.0, 50.0, 56.0])
+def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown_m: float) -> None:
+    """A corner of 30 degrees at 10 m/s: straight ahead, it would brake outside."""
+    slope = math.tan(math.radians(30.0))
+    edge = tuple((x, max(0.0, (x - 60.0) * slope) - 0.5) for x in (-10.0, 60.0, 200.0))
+    fence = GeofenceSettings(polygon=(*edge, (200.0, 200.0), (-10.0, 200.0)))
+    light = {"horizontal_speed_m_s": 10.0, "horizontal_acceleration_m_s2": 3.0}
+    with stepped(VehicleSettings(geofence=fence), light=light) as uav:
+        uav.fly()
+        path = [at(60.0, 0.0, 3.0), at(100.0, 40.0 * slope, 3.0)]
+        uav.vehicle.motions.follow_path(path, corner_radius_m=30.0).begin()
+        uav.until(lambda: uav.pose.position.x >= flown_m)
+        uav.vehicle.abort()
+        for _ in range(round(8.0 / STEP_S)):
+            uav.run(STEP_S)
+            reference = uav.vehicle.telemetry().reference_pose
+            assert reference is not None
+            for place in (reference.position, uav.pose.position):
+                assert place.y >= max(0.0, (place.x - 60.0) * slope) - 0.55
+        assert uav.speed < 0.05
+        assert uav.pose.position.x < 90.0  # before the end of the path
+        uav.end(uav.vehicle.motions.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
+
+
 def test_climbing_and_descending_stop_at_the_heights(flying: Stepped) -> None:
     for z, limit in ((1.2, 10.0), (-1.2, 1.0)):
         for _ in range(round(12.0 / STEP_S)):
