@@ -46,9 +46,19 @@ class Chase(Reference):
     while it is not known where the goal is.
     """
 
-    def __init__(self, goal: Goal, start: Motion, now_s: float, limits: Limits, admit: Admit | None = None) -> None:
+    def __init__(
+        self,
+        goal: Goal,
+        start: Motion,
+        now_s: float,
+        limits: Limits,
+        admit: Admit | None = None,
+        max_speed_m_s: float = math.inf,
+    ) -> None:
+        """`max_speed_m_s` is never exceeded in any direction: a diagonal may be faster than its parts' limits."""
         self._goal = goal
         self._limits = limits
+        self._max_speed_m_s = max_speed_m_s
         self._admit = admit
         self._motion = start
         self._looked_s = -math.inf
@@ -80,7 +90,7 @@ class Chase(Reference):
         """A new way to where the goal is now, from the motion that is sent now."""
         start, was = self._motion, (self._plan, self._planned_s, self._is_relative)
         try:
-            self._anchor = goal = _bounded(self._goal(snapshot.time_s), self._limits)
+            self._anchor = goal = _bounded(self._goal(snapshot.time_s), self._limits, self._max_speed_m_s)
             self._plan, self._planned_s, self._is_relative = self._way_to(start, goal), snapshot.time_s, True
             self._require_admitted(start, goal, snapshot)
         except UalError as error:
@@ -103,7 +113,8 @@ class Chase(Reference):
             yaw_rad=wrap_angle(start.yaw_rad - goal.yaw_rad),
             yaw_rate_rad_s=start.yaw_rate_rad_s - goal.yaw_rate_rad_s,
         )
-        return Line(relative, Vector3(), 0.0, _relative_limits(goal, self._limits))
+        left_m_s = _left(self._max_speed_m_s, goal.velocity.norm())
+        return Line(relative, Vector3(), 0.0, _relative_limits(goal, self._limits), left_m_s)
 
     def _require_admitted(self, start: Motion, goal: Motion, snapshot: Snapshot) -> None:
         """Raises why the plan must not be flown until the next one, if so: then it could no more stop inside.
@@ -146,11 +157,12 @@ def _lags(reference: Motion, snapshot: Snapshot) -> bool:
     return lag_m > _FREE_LAG_M + _FREE_LAG_S * reference.velocity.norm()
 
 
-def _bounded(goal: Motion, limits: Limits) -> Motion:
+def _bounded(goal: Motion, limits: Limits, max_speed_m_s: float) -> Motion:
     """A goal, no faster than can be followed."""
     v = goal.velocity
     vertical = limits.climb_speed_m_s if v.z > 0 else limits.descent_speed_m_s
-    excess = max(v.horizontal_norm() / limits.horizontal_speed_m_s, abs(v.z) / vertical) / _MOST_OF_LIMITS
+    share = max(v.horizontal_norm() / limits.horizontal_speed_m_s, abs(v.z) / vertical, v.norm() / max_speed_m_s)
+    excess = share / _MOST_OF_LIMITS
     most_rad_s = _MOST_OF_LIMITS * limits.yaw_rate_rad_s
     turn = max(-most_rad_s, min(most_rad_s, goal.yaw_rate_rad_s))
     return replace(goal, velocity=v / max(1.0, excess), acceleration=Vector3(), yaw_rate_rad_s=turn)
@@ -158,17 +170,17 @@ def _bounded(goal: Motion, limits: Limits) -> Motion:
 
 def _relative_limits(goal: Motion, limits: Limits) -> Limits:
     """What a goal's velocity leaves of the limits."""
-
-    def left(limit: float, used: float) -> float:
-        return max(_SHARED * limit, limit - used)
-
     return replace(
         limits,
-        horizontal_speed_m_s=left(limits.horizontal_speed_m_s, goal.velocity.horizontal_norm()),
-        climb_speed_m_s=left(limits.climb_speed_m_s, goal.velocity.z),
-        descent_speed_m_s=left(limits.descent_speed_m_s, -goal.velocity.z),
-        yaw_rate_rad_s=left(limits.yaw_rate_rad_s, abs(goal.yaw_rate_rad_s)),
+        horizontal_speed_m_s=_left(limits.horizontal_speed_m_s, goal.velocity.horizontal_norm()),
+        climb_speed_m_s=_left(limits.climb_speed_m_s, goal.velocity.z),
+        descent_speed_m_s=_left(limits.descent_speed_m_s, -goal.velocity.z),
+        yaw_rate_rad_s=_left(limits.yaw_rate_rad_s, abs(goal.yaw_rate_rad_s)),
     )
+
+
+def _left(limit: float, used: float) -> float:
+    return max(_SHARED * limit, limit - used)
 
 
 class CatchUp(Manoeuvre):
@@ -177,6 +189,7 @@ class CatchUp(Manoeuvre):
     def __init__(
         self, name: str, task: VehicleTask, chase: Chase, limits: Limits, tolerance: ToleranceSettings
     ) -> None:
+        """`limits` are those that the chase keeps: they tell how long it may take."""
         super().__init__(name, task)
         self._task = task
         self._chase = chase
@@ -199,7 +212,9 @@ class CatchUp(Manoeuvre):
         left_m = (goal.position - measured.position).norm()
         if self._started_s is None:
             self._started_s, self._begin_m = snapshot.time_s, left_m
-            self._longest_s += _TIMEOUT_FACTOR * left_m / self._limits.horizontal_speed_m_s
+            limits = self._limits
+            slowest_m_s = min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
+            self._longest_s += _TIMEOUT_FACTOR * left_m / slowest_m_s
         setpoint = self._chase.setpoint(snapshot)
         if self._chase.stopped is not None:
             return failed(self._chase.stopped)

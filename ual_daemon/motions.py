@@ -6,6 +6,7 @@ begins it. Nothing has happened until then.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -130,7 +131,8 @@ class Motions:
             snapshot = self._checks.require_state("go_to_waypoint", State.FLYING_AUTO)
             what = f"go to {_text(goal)}"
             if self._places.is_moving(goal):
-                return self._catch_up(TaskKind.GO_TO_WAYPOINT, what, self._chase(goal, bounds, snapshot), snapshot)
+                chase = self._chase(goal, bounds, snapshot, max_speed_m_s)
+                return self._catch_up(TaskKind.GO_TO_WAYPOINT, what, chase, bounds, snapshot)
             local = replace(self._places.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
             turn = self._flight.turn
             trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
@@ -240,7 +242,7 @@ class Motions:
                 "command this again"
             )
 
-    def _chase(self, goal: Goal, bounds: Limits, snapshot: Snapshot) -> Chase:
+    def _chase(self, goal: Goal, bounds: Limits, snapshot: Snapshot, max_speed_m_s: float | None = None) -> Chase:
         """What follows a goal in a frame that moves."""
         start, geofence = self._flight.start(snapshot), self._geofence
 
@@ -251,9 +253,11 @@ class Motions:
         def where(now_s: float) -> Motion:
             return self._places.moving_to_local(goal, now_s, start.yaw_rad)
 
-        return Chase(where, start, snapshot.time_s, bounds, admit)
+        return Chase(where, start, snapshot.time_s, bounds, admit, max_speed_m_s or math.inf)
 
-    def _catch_up(self, kind: TaskKind, what: str, chase: Chase, snapshot: Snapshot) -> Prepared[VehicleTask]:
+    def _catch_up(
+        self, kind: TaskKind, what: str, chase: Chase, bounds: Limits, snapshot: Snapshot
+    ) -> Prepared[VehicleTask]:
         name = kind.name.lower()
         self._admit(name, chase, snapshot)
         goal = chase.goal(snapshot.time_s)
@@ -261,7 +265,7 @@ class Motions:
         def begin() -> VehicleTask:
             with self._checks.refusing(name):
                 task = self._new_task(kind, what)
-                self._flight.begin(CatchUp(name, task, chase, self._limits(), self._tolerance))
+                self._flight.begin(CatchUp(name, task, chase, bounds, self._tolerance))
                 accepted(name, task_id=task.id, what=what, speed_m_s=round(goal.velocity.norm(), 2))
                 return task
 

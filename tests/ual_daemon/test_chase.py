@@ -73,6 +73,23 @@ def over_the_car(z: float = 4.0, x: float = 0.0) -> PoseStamped:
     return at(x, 0.0, z, 0.0, CAR)
 
 
+@pytest.mark.parametrize("car_m_s", [0.0, 0.2])
+def test_a_speed_that_is_not_to_be_exceeded_is_kept_on_a_diagonal_too(uav: Stepped, car_m_s: float) -> None:
+    car = Followed(uav, steady(car_m_s))
+    car.run(1.0)
+    task = uav.vehicle.motions.go_to_waypoint(over_the_car(8.0), max_speed_m_s=0.5).begin()
+    uav.samples.clear()
+    car.until_done(task)
+    assert max(sample.velocity.linear.norm() for sample in uav.samples if sample.velocity) <= 0.52
+
+
+def test_a_slow_way_to_a_car_has_the_time_that_it_takes(uav: Stepped) -> None:
+    car = Followed(uav, steady(0.0))
+    car.run(1.0)
+    task = uav.vehicle.motions.go_to_waypoint(over_the_car(), max_speed_m_s=0.05).begin()
+    car.until_done(task, 150.0)
+
+
 @pytest.mark.parametrize("speed_m_s", [0.0, 2.0, 5.0])
 def test_a_car_at_a_steady_speed_is_met_and_followed_without_lag(uav: Stepped, speed_m_s: float) -> None:
     car = Followed(uav, steady(speed_m_s))
