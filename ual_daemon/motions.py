@@ -125,6 +125,7 @@ class Motions:
         """Flies straight to a pose in any frame."""
         with self._checks.refusing("go_to_waypoint"):
             self._checks.require_capability(Capability.POSITION, "go_to_waypoint")
+            turn = self._flight.turn
             goal = self._places.goal(waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(max_speed_m_s)
             bounds = limits.at_most(self._limits(), max_speed_m_s)
@@ -134,7 +135,6 @@ class Motions:
                 chase = self._chase(goal, bounds, snapshot, max_speed_m_s)
                 return self._catch_up(TaskKind.GO_TO_WAYPOINT, what, chase, bounds, snapshot)
             local = replace(self._places.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            turn = self._flight.turn
             trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
             return self._follow(TaskKind.GO_TO_WAYPOINT, what, trajectory, snapshot, turn)
 
@@ -151,6 +151,7 @@ class Motions:
         """Flies straight to a geographic position."""
         with self._checks.refusing("go_to_waypoint_geo"):
             self._checks.require_capability(Capability.GEO, "go_to_waypoint_geo")
+            turn = self._flight.turn
             goal = validation.geo_waypoint(
                 GeoWaypoint(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
             )
@@ -158,7 +159,6 @@ class Motions:
             bounds = limits.at_most(self._limits(), max_speed_m_s)
             snapshot = self._checks.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
             local = replace(self._places.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            turn = self._flight.turn
             trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
             return self._follow(TaskKind.GO_TO_WAYPOINT_GEO, f"go to {_text(goal)}", trajectory, snapshot, turn)
 
@@ -176,6 +176,7 @@ class Motions:
         """Flies through waypoints, unless another command has begun since a turn (default: since this call)."""
         with self._checks.refusing("follow_path"):
             self._checks.require_capability(Capability.POSITION, "follow_path")
+            turn = turn or self._flight.turn  # first: reading many waypoints takes long, too
             if not waypoints:
                 raise validation.refuse("waypoints", "there are none; a path needs at least one")
             if len(waypoints) > _MAX_WAYPOINTS:
@@ -193,7 +194,6 @@ class Motions:
                 for waypoint, speed_m_s in zip(self._places.all_to_local(goals, snapshot), speeds_m_s, strict=True)
             ]
             target = None if interest is None else self._places.to_local(interest, snapshot).position
-            turn = turn or self._flight.turn
             trajectory = path(self._flight.start(snapshot), local, radius_m, bounds, heading, target)
             what = f"follow {len(waypoints)} waypoints to {_text(goals[-1])}"
             return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, turn)

@@ -24,6 +24,7 @@ from ual.geometry import PointStamped, Pose, PoseStamped, Quaternion, Transform,
 from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskStatus
 from ual_daemon import limits
 from ual_daemon.motions import Prepared
+from ual_daemon.places import Goal, Places
 
 
 @pytest.fixture
@@ -496,3 +497,19 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
 def test_a_stamp_that_is_no_time_is_refused(uav: Stepped, stamp_s: float) -> None:
     with pytest.raises(InvalidArgumentError, match=r"transform\.header\.stamp"):
         uav.vehicle.add_frame(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
+
+
+def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
+    flying: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = Places.goal
+
+    def read_meanwhile(places: Places, goal: PoseStamped, field: str) -> Goal:
+        if field == "waypoints[1]":
+            flying.vehicle.abort()
+        return read(places, goal, field)
+
+    monkeypatch.setattr(Places, "goal", read_meanwhile)
+    path = flying.vehicle.motions.follow_path([at(1.0, 0.0, 3.0), at(2.0, 0.0, 3.0)])
+    with pytest.raises(TaskAbortedError, match="replaced by abort"):
+        path.begin()
