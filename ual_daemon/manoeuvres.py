@@ -239,12 +239,12 @@ class FollowTrajectory(Manoeuvre):
         """`planned_s` is when the UAV was told the motion that the trajectory begins with; None: as it begins."""
         super().__init__(name, task)
         self._tracker = tracker
-        self._planned_s = planned_s
         self._task = task
         end = trajectory.end()
         self._trajectory = trajectory
         self._tolerance = tolerance
-        self._follow: Follow | Pursuit | None = None
+        # Known before the first step: what is commanded before that goes on from it.
+        self._follow = None if planned_s is None else tracker(trajectory, planned_s, tolerance)
         self._then = Hold(end.position, end.yaw_rad)
         self._arrival = _Arrival(end.position, end.yaw_rad, tolerance)
         stops_s = len(trajectory.stops_s) * LONGEST_STOP_S
@@ -255,10 +255,10 @@ class FollowTrajectory(Manoeuvre):
         lost = why_not_ours(snapshot, estimate, self.name)
         if lost is not None:
             return failed(lost)
-        if self._follow is None or self._started_s is None:
-            planned_s = snapshot.time_s if self._planned_s is None else self._planned_s
-            self._follow = self._tracker(self._trajectory, planned_s, self._tolerance)
+        if self._started_s is None:
             self._started_s = snapshot.time_s
+        if self._follow is None:
+            self._follow = self._tracker(self._trajectory, snapshot.time_s, self._tolerance)
         follow = self._follow
         setpoint = follow.setpoint(snapshot)
         self._task.report(partial(self._progress, snapshot, follow.motion(snapshot), follow.time_s))

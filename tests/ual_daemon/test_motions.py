@@ -513,3 +513,18 @@ def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
     path = flying.vehicle.motions.follow_path([at(1.0, 0.0, 3.0), at(2.0, 0.0, 3.0)])
     with pytest.raises(TaskAbortedError, match="replaced by abort"):
         path.begin()
+
+
+def test_a_go_to_that_replaces_one_at_once_goes_on_from_its_reference() -> None:
+    with stepped(light={"response_s": 1.0}) as uav:  # it lags
+        uav.fly()
+        uav.vehicle.motions.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
+        uav.run(0.7)
+        before = uav.vehicle.telemetry().reference_pose
+        for _ in range(3):
+            uav.vehicle.motions.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
+        uav.run(STEP_S)
+        after = uav.vehicle.telemetry().reference_pose
+        assert before is not None
+        assert after is not None
+        assert after.position.x - before.position.x == pytest.approx(1.02 * STEP_S, abs=0.002)
