@@ -6,6 +6,7 @@ send and, once, with how it ended. It never blocks and sends nothing itself.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
@@ -213,10 +214,12 @@ class _Arrival:
         )
 
     def _mean(self) -> tuple[Vector3, float, Vector3]:
-        place, turn, velocity, count = Vector3(), 0.0, Vector3(), len(self._seen)
+        place, velocity, count = Vector3(), Vector3(), len(self._seen)
+        sine = cosine = 0.0  # half a turn off, one way or the other, is no turn on the mean of the angles
         for _, offset, turned, speed in self._seen:
-            place, turn, velocity = place + offset, turn + turned, velocity + speed
-        return place / count, turn / count, velocity / count
+            place, velocity = place + offset, velocity + speed
+            sine, cosine = sine + math.sin(turned), cosine + math.cos(turned)
+        return place / count, math.atan2(sine, cosine), velocity / count
 
     def gap(self) -> str:
         """How far it is off, for people."""

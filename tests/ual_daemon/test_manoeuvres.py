@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Future
 from dataclasses import dataclass
 
@@ -21,10 +22,11 @@ from ual_daemon.backends.values import (
     Snapshot,
 )
 from ual_daemon.estimator import estimate
-from ual_daemon.manoeuvres import COMMAND_PATIENCE_S, Command, Land, Manoeuvre, Recover, Step, TakeOff
+from ual_daemon.manoeuvres import COMMAND_PATIENCE_S, Command, FollowTrajectory, Land, Manoeuvre, Recover, Step, TakeOff
 from ual_daemon.references import Hold
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tasks import VehicleTask
+from ual_daemon.trajectory import Line, Motion
 
 STEP_S = 0.1
 HEIGHT_M = 4.0
@@ -41,6 +43,7 @@ class Autopilot:
     control: Control = Control.OTHER
     landed: LandedState = LandedState.ON_GROUND
     silent_s: float = 0.0
+    yaw_rad: float = 0.5
     status_text: str = ""
 
     def now_s(self) -> float:
@@ -55,7 +58,7 @@ class Autopilot:
             landed=Sample(self.landed, heard_s),
             mode=Sample(Mode(self.control.name, self.control), heard_s),
             estimator=Sample(Estimator(True), heard_s),
-            pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(0.5)), heard_s),
+            pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
             velocity=Sample(Twist(Vector3(0.0, 0.0, self.climb_m_s)), heard_s),
             status_text=self.status_text,
         )
@@ -323,6 +326,21 @@ def test_a_take_off_whose_refusal_comes_late_fails_by_it_while_it_still_stands(
     refusal = RejectedByAutopilotError("refused to take off")
     ack.set_exception(refusal)
     assert autopilot.step(climb).error is refusal
+
+
+# --- Go-to ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_heading_that_is_half_a_turn_off_has_not_arrived(flying: Autopilot) -> None:
+    """Its estimate is noisy: the mean of angles that are half a turn off this way and that is no turn at all."""
+    here = Vector3(1.0, 2.0, flying.z)
+    line = Line(Motion(here, math.pi), here, math.pi, Limits())
+    go_to = FollowTrajectory("go_to", flying.task(TaskKind.GO_TO_WAYPOINT), line, ToleranceSettings())
+    for update in range(150):
+        flying.yaw_rad = 0.02 if update % 2 else -0.02
+        assert not flying.step(go_to).has_ended
+    flying.yaw_rad = math.pi - 0.02
+    assert flying.until_end(go_to, 2.0) is None
 
 
 # --- Landing ----------------------------------------------------------------------------------------------------------

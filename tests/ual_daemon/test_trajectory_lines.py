@@ -334,3 +334,18 @@ def test_a_turn_that_is_beyond_its_limit_is_slowed_without_a_step() -> None:
     start = Motion(Vector3(), 0.0, yaw_rate_rad_s=1.0, yaw_acceleration_rad_s2=-0.5)
     for trajectory in (Brake(start, limits), Line(start, Vector3(5.0, 0.0, 0.0), 2.0, limits)):
         assert_kept(sampled(trajectory), limits)
+
+
+def test_a_turn_that_cannot_be_drawn_out_is_made_as_fast_as_it_can() -> None:
+    """Ruckig finds none that takes a minute from this motion, which a go-to that was replaced near its end had."""
+    now = Motion(
+        Vector3(2.9998791739818564, 0.0, 0.0),
+        0.31783158392293936,
+        Vector3(0.006899767897103004, 0.0, 0.0),
+        Vector3(-0.2626740926909821, 0.0, 0.0),
+        0.011039628635364916,
+        -0.42027854830557165,
+    )
+    line = Line(now, Vector3(96.0, 0.0, 0.0), 0.3180249055519686, LIMITS)
+    assert_rests_at(line.end(), Vector3(96.0, 0.0, 0.0), 0.3180249055519686)
+    assert_kept(sampled(line), LIMITS, slack=BENT_SLACK)

@@ -6,6 +6,8 @@ Trajectory Generation with Arbitrary Target States", RSS 2021).
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import ruckig
 
 from ual.errors import UalError
@@ -47,7 +49,8 @@ class Turn:
         self._trajectory = _calculate(given)
         if within_s > self._trajectory.duration * _LONGER:
             given.minimum_duration = min(within_s, _LONGEST_S)
-            self._trajectory = _calculate(given)
+            with suppress(UalError):  # Ruckig finds none for some motions: then it turns as fast as it can
+                self._trajectory = _calculate(given)
         self.duration_s = self._trajectory.duration
 
     def at(self, time_s: float) -> tuple[float, float, float]:
