@@ -20,10 +20,11 @@ LEAST_LOOK_AHEAD_M = 0.5
 """... but at least so far."""
 _LOOK_STEP_S = 0.05
 _LONGEST_LOOK_S = 3.0
+_LONGEST_STEP_S = 0.2
 
 
 class Pursuit(Reference):
-    """Chases a point ahead on a trajectory, whose speeds it heeds only as the distance to look ahead.
+    """Chases a point ahead on a trajectory, which goes on at most as fast as that.
 
     `time_s` is the time on the trajectory of its place that is nearest to the UAV: it goes forward only, and not beyond
     a stop before the UAV stands there (within `tolerance`).
@@ -36,6 +37,8 @@ class Pursuit(Reference):
         self._at_stop_since_s: float | None = None
         self.time_s = 0.0
         self._ahead = trajectory.at(0.0)
+        self._ahead_s = 0.0
+        self._updated_s = now_s
 
     @property
     def is_finished(self) -> bool:
@@ -46,7 +49,9 @@ class Pursuit(Reference):
         measured = measured_motion(snapshot)
         self._advance(measured.position)
         self._pass_stop(measured, snapshot.time_s)
-        self._ahead = self._look_ahead()
+        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
+        self._updated_s = snapshot.time_s
+        self._ahead = self._look_ahead(passed_s)
         return PositionSetpoint(self._ahead.position, self._ahead.yaw_rad)
 
     def _advance(self, position: Vector3) -> None:
@@ -76,15 +81,18 @@ class Pursuit(Reference):
             self.time_s = self._stops_s.pop(0)
             self._at_stop_since_s = None
 
-    def _look_ahead(self) -> Motion:
-        """The motion of the trajectory at the end of the look-ahead."""
+    def _look_ahead(self, passed_s: float) -> Motion:
+        """The motion of the trajectory at the end of the look-ahead, which goes on no faster than the trajectory: the
+        UAV flies as fast as what it chases.
+        """
         here = self.trajectory.at(self.time_s)
-        limit_s = self._stops_s[0]
+        limit_s = min(self._stops_s[0], max(self.time_s, self._ahead_s + passed_s))
         far_m = max(LEAST_LOOK_AHEAD_M, here.velocity.norm() * LOOK_AHEAD_S)
         time_s, ahead = self.time_s, here
         while time_s < limit_s and (ahead.position - here.position).norm() < far_m:
             time_s = min(limit_s, time_s + _LOOK_STEP_S)
             ahead = self.trajectory.at(time_s)
+        self._ahead_s = time_s
         return ahead
 
     def motion(self, snapshot: Snapshot) -> Motion:

@@ -60,6 +60,22 @@ def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_it_looks_ahead(flyi
             assert min((p - corner).norm() for p in flown) < widest
 
 
+@pytest.mark.parametrize("max_speed_m_s", [0.2, 1.0])
+def test_a_speed_that_is_not_to_be_exceeded_is_kept(flying: Stepped, max_speed_m_s: float) -> None:
+    flying.vehicle.motions.go_to_waypoint(at(5.0, 0.0, 3.0), max_speed_m_s=max_speed_m_s).begin()
+    flying.run(8.0)
+    speeds = [sample.velocity.linear.norm() for sample in flying.samples if sample.velocity]
+    assert 0.75 * max_speed_m_s <= max(speeds) <= 1.1 * max_speed_m_s
+
+
+def test_each_leg_keeps_its_own_speed_limit(flying: Stepped) -> None:
+    path = [at(4.0, 0.0, 3.0), at(4.0, 4.0, 3.0)]
+    flying.end(flying.vehicle.motions.follow_path(path, leg_speeds_m_s=[0.8, 0.3]).begin().future)
+    moved = [(s.pose.position, s.velocity.linear.norm()) for s in flying.samples if s.pose and s.velocity]
+    assert 0.6 <= max(speed for place, speed in moved if place.x < 3.0) <= 0.88
+    assert 0.25 <= max(speed for place, speed in moved if place.y > 1.0) <= 0.33
+
+
 def test_what_is_pushed_off_comes_back_to_the_line(flying: Stepped) -> None:
     task = flying.vehicle.motions.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.until(lambda: flying.pose.position.x > 5.0)
