@@ -129,6 +129,10 @@ class FrameTree:
         """Whether a frame is built in or configured, and no body: it stays where it is."""
         return name in self._fixed and name != self.body
 
+    def is_below_odom(self, name: str) -> bool:
+        """Whether a frame is ``<ns>/odom``, or hangs on it."""
+        return self.odom in _chain(name, self._links)
+
     def is_moving(self, name: str) -> bool:
         """Whether a client has moved a frame, or one that it hangs on: it may move on. Not what hangs on the body."""
         links = self._links

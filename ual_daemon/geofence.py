@@ -172,6 +172,9 @@ class Geofence:
             raise ConfigError("is not above min_height_m", "geofence.max_height_m")
         if not places.tree.is_fixed(self._frame_id):
             raise ConfigError(f"{self._frame_id} is no fixed frame of the configuration", "geofence.frame_id")
+        # In odom it moves with `set_home`, as it is told to. Elsewhere it stays: else any client could walk it away.
+        is_carried = places.is_moved_by_set_home(self._frame_id) and not places.tree.is_below_odom(self._frame_id)
+        self._stays_at = places.frame_to_local(self._frame_id) if is_carried else None
         Fence(corners)  # refuses a polygon that crosses itself now, not in the air
         self._made: tuple[object, Fence] | None = None
 
@@ -185,7 +188,7 @@ class Geofence:
         """The fence in the local frame. Raises `WrongStateError` while it is not known where it lies there."""
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
-        to_local = self._places.frame_to_local(self._frame_id)
+        to_local = self._stays_at or self._places.frame_to_local(self._frame_id)
         key = (to_local.translation, to_local.rotation, snapshot.projection if self._settings.polygon_geo else None)
         made = self._made
         if made is None or made[0] != key:

@@ -136,6 +136,10 @@ class Places:
         to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
         return Transform(to_odom.translation + self._origin, to_odom.rotation, "", frame_id)
 
+    def is_moved_by_set_home(self, frame_id: str) -> bool:
+        """Whether `set_home` moves a fixed frame: all but ``map`` and what hangs on that, where these lie on Earth."""
+        return self._map_origin is None or self.tree.is_below_odom(frame_id)
+
     def velocity(self, velocity: TwistStamped, field: str) -> tuple[Twist, str]:
         """Checks a velocity; with the frame that it is in."""
         if not isinstance(velocity, TwistStamped):

@@ -152,6 +152,31 @@ def test_a_fence_in_odom_moves_with_set_home() -> None:
     assert not leaves(geofence, [at(21.0, 1.0)], snapshot)
 
 
+@pytest.mark.parametrize("frame_id", ["map", "field"])
+@pytest.mark.parametrize("map_origin_geo", [None, (37.0, -6.0, 10.0)])
+def test_a_fence_in_map_stays_where_it_was(frame_id: str, map_origin_geo: tuple[float, float, float] | None) -> None:
+    """Else any client could walk it away, set_home by set_home."""
+    where = places(frames=(FrameSettings(frame_id="field"),), map_origin_geo=map_origin_geo)
+    geofence = Geofence(GeofenceSettings(frame_id=frame_id, polygon=tuple(L_SHAPE), max_height_m=5.0), where)
+    snapshot = Snapshot(0.0, projection=EllipsoidProjection(37.0, -6.0, 10.0))
+    where.update(snapshot)
+    for hop in range(1, 4):
+        where.set_home(at(9.0 * hop, 4.0, 1.0), snapshot, set_z=True)
+        assert leaves(geofence, [at(11.0, 1.0)], snapshot)
+        assert leaves(geofence, [at(9.0, 4.0, 5.1)], snapshot)
+        assert not leaves(geofence, [at(0.1, 9.9, 4.9)], snapshot)
+
+
+def test_a_fence_in_a_frame_that_hangs_on_odom_moves_with_it() -> None:
+    field = FrameSettings(frame_id="field", parent_frame_id="uav_1/odom", translation=(100.0, 0.0, 0.0))
+    where = places(frames=(field,))
+    geofence = Geofence(GeofenceSettings(frame_id="field", polygon=tuple(L_SHAPE)), where)
+    snapshot, _ = standing_at(Vector3())
+    where.set_home(Vector3(20.0, 0.0, 0.0), snapshot, set_z=False)
+    assert not leaves(geofence, [at(121.0, 1.0)], snapshot)
+    assert leaves(geofence, [at(101.0, 1.0)], snapshot)
+
+
 def test_a_geographic_polygon_lies_where_the_autopilot_projects_it() -> None:
     projection = EllipsoidProjection(37.0, -6.0, 10.0)
     corners = [projection.to_geo(Vector3(x, y, 0.0)) for x, y in L_SHAPE]
