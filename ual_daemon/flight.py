@@ -14,7 +14,7 @@ from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from typing import NamedTuple
 
-from ual.errors import GeofenceError, TaskAbortedError, UalError, WrongStateError
+from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
 from ual.types import Limits, State, TaskInfo
 from ual_daemon import logs
@@ -131,14 +131,10 @@ class Flight:
 
     def _leaves(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
         """Whether a trajectory leaves the fence, as far as it is known where that lies."""
-        if self._geofence is not None:
-            try:
-                self._geofence.admit("stop", trajectory, self._limits(), snapshot)
-            except GeofenceError:
-                return True
-            except UalError:
-                pass
-        return False
+        try:
+            return self._geofence is not None and self._geofence.is_left_by(trajectory, self._limits(), snapshot)
+        except WrongStateError:
+            return False
 
     def _flown(self) -> Reference | None:
         manoeuvre = self._manoeuvre

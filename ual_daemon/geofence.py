@@ -221,6 +221,12 @@ class Geofence:
         elif (pose := motion.pose()) is not None:
             self.require_inside([measured.position, pose.position], what, snapshot)
 
+    def is_left_by(self, trajectory: Trajectory, limits: Limits, snapshot: Snapshot) -> bool:
+        """Whether a trajectory that begins inside leaves the fence. Raises as `fence`."""
+        fence, start = self.fence(snapshot), trajectory.at(0.0).position
+        way = _outline(trajectory, start, fence, limits)
+        return fence.is_inside(start) and fence.place_of_leaving(way) is not None
+
     def require_goal(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` where a place to end at lies outside."""
         if not self.fence(snapshot).is_inside(goal):

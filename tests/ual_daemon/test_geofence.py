@@ -246,6 +246,14 @@ def test_what_was_flown_outside_may_come_back_only() -> None:
         geofence.require_velocity(motion, Vector3(1.0, 0.0, 0.0), limits, snapshot)
 
 
+def test_only_what_begins_inside_leaves() -> None:
+    """What was flown outside brakes where it is."""
+    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), places()), Limits()
+    for x, leaves_it in ((5.0, False), (9.9, True), (12.0, False), (-3.0, False)):
+        snapshot, motion = standing_at(at(x, 2.0), Vector3(1.0, 0.0, 0.0))
+        assert geofence.is_left_by(Brake(motion, limits), limits, snapshot) == leaves_it
+
+
 @pytest.mark.parametrize(
     ("settings", "key"),
     [
