@@ -323,6 +323,8 @@ class TakeOff(Manoeuvre):
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
         self._tolerance_m = max(_TAKE_OFF_LEAST_TOLERANCE_M, _TAKE_OFF_TOLERANCE * height_m)
         self._climb: Follow | None = None
+        # One that is in OFFBOARD already may leave it by itself first, as no setpoints came until now.
+        self._is_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
         self._climbing_since_s: float | None = None
         self._up_since_s: float | None = None
@@ -350,15 +352,14 @@ class TakeOff(Manoeuvre):
         It must not be told again: an OFFBOARD that is repeated would take it from the safety pilot, and an autopilot
         that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
-        assert snapshot.mode is not None
-        is_ours = snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)
+        is_ours = _is_ours(snapshot)
         is_taken = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
-        self._was_ours = is_ours
+        self._is_left_over = self._is_left_over and is_ours
+        self._was_ours = is_ours and not self._is_left_over
         return is_taken
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
-        assert snapshot.mode is not None
-        if snapshot.mode.value.control not in (Control.REFERENCES, Control.TAKE_OFF):
+        if not _is_ours(snapshot):
             return False
         # In the right mode; where the acknowledgement got lost, the mode alone must do.
         is_answer_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
@@ -419,6 +420,11 @@ class TakeOff(Manoeuvre):
 
     def pose_reference(self) -> Reference | None:
         return self._climb or self._ground
+
+
+def _is_ours(snapshot: Snapshot) -> bool:
+    """Whether it is in a mode in which a take-off of ours climbs."""
+    return snapshot.mode is not None and snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)
 
 
 class Land(Manoeuvre):

@@ -272,6 +272,21 @@ def test_a_pilot_who_leaves_the_mode_before_the_climb_is_answered_is_not_lifted_
     assert ack.cancelled()  # it is not sent again
 
 
+def test_an_offboard_that_was_left_over_may_end_before_it_is_taken_anew(
+    autopilot: Autopilot, ack: Future[None]
+) -> None:
+    """PX4 leaves it by itself, for want of setpoints, just as they begin."""
+    autopilot.control = Control.REFERENCES
+    climb = take_off(autopilot, ack, on_setpoints=True)
+    assert not autopilot.step(climb).has_ended
+    autopilot.control = Control.OTHER
+    assert not autopilot.step(climb).has_ended
+    autopilot.control = Control.REFERENCES
+    assert not autopilot.step(climb).has_ended
+    autopilot.control = Control.OTHER  # but now it is the pilot
+    assert isinstance(autopilot.step(climb).error, TaskAbortedError)
+
+
 @pytest.mark.parametrize("on_setpoints", [False, True])
 def test_a_pilot_who_lifts_it_off_before_the_mode_is_there_has_it(
     autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
