@@ -126,15 +126,16 @@ class ArduCopter(Dialect):
         return [
             set_interval(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 10.0),
             set_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0),
+            # Pushed when it arms as well, but not to a link on which nobody asked for anything yet. Before the pose: on
+            # a bad link each takes its time, and a UAV that is ready must be able to take off.
+            set_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
+            set_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
             set_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
             set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
             set_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
             set_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
             set_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
             set_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
-            # Pushed when it arms as well, but not to a link on which nobody asked for anything yet.
-            set_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
         ]
 
     def version(self, message: Message) -> str:
