@@ -14,10 +14,10 @@ from dataclasses import replace
 from ual.errors import UalError, UalTimeoutError
 from ual.geometry import Pose, Quaternion, Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot
+from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.estimator import Estimate
 from ual_daemon.manoeuvres import Manoeuvre, Step, failed, why_not_ours
-from ual_daemon.references import Reference, measured_motion
+from ual_daemon.references import Reference, measured_motion, setpoint_of
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tasks import Progress, VehicleTask
 from ual_daemon.trajectory import Brake, Line, Motion, Trajectory
@@ -83,8 +83,7 @@ class Chase(Reference):
             self._looked_s = now_s
             self._replan(snapshot)
         self._motion = self._at(now_s)
-        m = self._motion
-        return PositionSetpoint(m.position, m.yaw_rad, m.velocity, m.acceleration, m.yaw_rate_rad_s)
+        return setpoint_of(self._motion)
 
     def _replan(self, snapshot: Snapshot) -> None:
         """A new way to where the goal is now, from the motion that is sent now."""

@@ -379,7 +379,7 @@ class TakeOff(Manoeuvre):
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
-        if not is_up or not self._has_lifted_off(estimate):
+        if not is_up or not self._has_climbed(estimate):
             self._up_since_s = None
         elif self._up_since_s is None:
             self._up_since_s = snapshot.time_s
@@ -393,7 +393,7 @@ class TakeOff(Manoeuvre):
             )
         return Step(setpoint)
 
-    def _has_lifted_off(self, estimate: Estimate) -> bool:
+    def _has_climbed(self, estimate: Estimate) -> bool:
         """Whether the climb is over: a low one is within its tolerance while it still stands on the ground. One that
         climbs by itself is not up before it says so.
         """

@@ -22,7 +22,9 @@ from ual.discovery import Registration
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
 _LOOK_S = 0.005
+"""Between two tries to take a lock at which clients look, ..."""
 _LOOKS_LIMIT_S = 1.0
+"""... and for how long. (To wait for a lock has no limit, and a client that is stopped while it looks holds it on.)"""
 
 
 class NamespaceError(Exception):

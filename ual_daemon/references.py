@@ -111,10 +111,7 @@ class Follow(Reference):
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
         self._updated_s = snapshot.time_s
         self._go_on(passed_s, snapshot)
-        motion = self._pace.motion
-        return PositionSetpoint(
-            motion.position, motion.yaw_rad, motion.velocity, motion.acceleration, motion.yaw_rate_rad_s
-        )
+        return setpoint_of(self._pace.motion)
 
     def _go_on(self, passed_s: float, snapshot: Snapshot) -> None:
         """The trajectory's time passes, but not beyond a stop before the UAV has made it."""
@@ -161,23 +158,29 @@ class StopAlong(Reference):
         self._is_begun = False
 
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
-        if self._brake is None and self._is_begun:
-            self._follow.is_stopping = True
-            setpoint = self._follow.setpoint(snapshot)
-            self._brake = self._straight(self._follow.motion(snapshot), snapshot)
-            return setpoint
         if self._brake is not None:
             return self._brake.setpoint(snapshot)
-        # The first time another thread may ask, while the update thread still follows: that alone lets time pass.
-        self._is_begun = True
-        m = self._follow.motion(snapshot)
-        return PositionSetpoint(m.position, m.yaw_rad, m.velocity, m.acceleration, m.yaw_rate_rad_s)
+        if not self._is_begun:
+            # This time another thread may ask, while the update thread still follows: that alone lets time pass.
+            self._is_begun = True
+            return setpoint_of(self._follow.motion(snapshot))
+        self._follow.is_stopping = True
+        setpoint = self._follow.setpoint(snapshot)
+        self._brake = self._straight(self._follow.motion(snapshot), snapshot)
+        return setpoint
 
     def motion(self, snapshot: Snapshot) -> Motion:
         return (self._brake or self._follow).motion(snapshot)
 
     def pose(self) -> Pose | None:
         return (self._brake or self._follow).pose()
+
+
+def setpoint_of(motion: Motion) -> PositionSetpoint:
+    """What tells the autopilot to be in a motion now."""
+    return PositionSetpoint(
+        motion.position, motion.yaw_rad, motion.velocity, motion.acceleration, motion.yaw_rate_rad_s
+    )
 
 
 def measured_motion(snapshot: Snapshot) -> Motion:

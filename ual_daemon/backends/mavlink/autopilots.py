@@ -11,10 +11,8 @@ from ual_daemon.backends.mavlink.px4 import Px4
 def dialect_of(heartbeat: Message) -> Dialect:
     """The dialect of who sends such a heartbeat."""
     autopilot, kind = heartbeat.autopilot, heartbeat.type
-    if kind not in MULTIROTORS:
-        return Unknown(autopilot, kind)
-    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+    if kind in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return Px4()
-    if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+    if kind in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return ArduCopter()
     return Unknown(autopilot, kind)

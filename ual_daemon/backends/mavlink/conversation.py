@@ -67,7 +67,7 @@ class Conversation:
         self._undecodable_count = 0
         self._next_call_s: float | None = None
         self._others: set[int] = set()
-        self._warnings: set[str] = set()
+        self._told: set[str] = set()
 
     @property
     def corrupt_count(self) -> int:
@@ -124,7 +124,8 @@ class Conversation:
                     self._undecodable_count += 1
                     _log.debug("dropped a frame: %s", error)
                 except Exception:  # noqa: BLE001 - what the others say is to be heard all the same
-                    self._report_defect(frame)
+                    defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
+                    self._tell_once(defect, logging.ERROR, has_traceback=True)
 
     def _take(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a frame of an autopilot, ours or another."""
@@ -155,7 +156,7 @@ class Conversation:
         """Whether its signature is right, where one is needed."""
         if self._signer is None:
             if frame.is_signed:
-                self._warn_once(
+                self._tell_once(
                     f"system {frame.system_id} signs its messages and may not listen to ours: "
                     f"set {SECTION}.signing_key_file"
                 )
@@ -168,7 +169,7 @@ class Conversation:
             # Its clock is behind ours. It goes by the newest timestamp that it hears, so it must hear us.
             self._link.answer_to(address)
         if verdict is not Verdict.REPEATED:  # that is what a message that comes twice, or late, looks like
-            self._warn_once(f"messages of system {frame.system_id} are dropped: {verdict.value}")
+            self._tell_once(f"messages of system {frame.system_id} are dropped: {verdict.value}")
         return False
 
     def _note_other(self, frame: Frame) -> None:
@@ -188,16 +189,10 @@ class Conversation:
                 SECTION,
             )
 
-    def _report_defect(self, frame: Frame) -> None:
-        text = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
-        if text not in self._warnings:
-            self._warnings.add(text)
-            _log.exception("%s", text)
-
-    def _warn_once(self, text: str) -> None:
-        if text not in self._warnings:
-            self._warnings.add(text)
-            _log.warning("%s", text)
+    def _tell_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
+        if text not in self._told:
+            self._told.add(text)
+            _log.log(level, "%s", text, exc_info=has_traceback)
 
     def _meet(self, frame: Frame, address: Address | None) -> MavlinkVehicle | None:
         """The first autopilot whose heartbeat comes, if it is the one wanted, is ours from now on."""

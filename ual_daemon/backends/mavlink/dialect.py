@@ -147,7 +147,7 @@ class Dialect(ABC):
 
 
 class Unknown(Dialect):
-    """An autopilot that we do not know: heard by the common messages, never flown."""
+    """An autopilot that we do not know, or on another vehicle: heard by the common messages, never flown."""
 
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
 

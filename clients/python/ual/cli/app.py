@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from ual.cli.output import to_json
+from ual.cli.output import error_text, to_json
 from ual.cli.values import Number
 from ual.errors import UalError
 
 if TYPE_CHECKING:
     from ual.client import Uav
+    from ual.discovery import Registration
 
 REFUSED = 1
 INTERRUPTED = 130
@@ -41,6 +42,12 @@ class Session:
 
         return Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
 
+    def connect_to(self, daemon: Registration) -> Uav:
+        """The UAV of a daemon of this computer."""
+        from ual.client import Uav
+
+        return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca)
+
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object, or the text for people and pipes."""
         if self.as_json:
@@ -50,8 +57,7 @@ class Session:
 
     def fail(self, error: UalError) -> None:
         """Prints why it was refused or failed, in one line."""
-        message = " ".join(error.message.split())
-        click.echo(f"ual: {error.reason}: {message}", err=True)
+        click.echo(f"ual: {error_text(error)}", err=True)
         if self.as_json:
             click.echo(json.dumps({"error": to_json(error)}, allow_nan=False))
 

@@ -12,6 +12,11 @@ from ual.geometry import Pose, PoseStamped, Vector3
 from ual.types import Plan, TaskInfo
 
 
+def error_text(error: UalError) -> str:
+    """Why something was refused or failed, in one line."""
+    return f"{error.reason}: {' '.join(error.message.split())}"
+
+
 def to_json(value: object) -> object:
     """A value as JSON knows them: names for enums, null for what is not known."""
     if isinstance(value, Enum):

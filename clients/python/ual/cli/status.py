@@ -4,32 +4,25 @@ from __future__ import annotations
 
 import math
 import sys
-from functools import partial
 
 import click
 
 from ual import discovery
 from ual.cli.app import REFUSED, Session, command, pass_session
+from ual.cli.everyone import ask_all
 from ual.cli.tables import print_table
 from ual.cli.watch import watch
-from ual.discovery import Registration
-from ual.errors import UalError
 from ual.types import State, Telemetry
-
-_PARALLEL = 16
 
 
 @command("list")
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
-    from concurrent.futures import ThreadPoolExecutor  # with logging: a tenth of what any other command imports
-
     daemons = discovery.list_daemons()
-    with ThreadPoolExecutor(_PARALLEL) as pool:
-        states = list(pool.map(partial(_state, session), daemons))
     rows = []
-    for daemon, (state, reason) in zip(daemons, states, strict=True):
+    for daemon, found in zip(daemons, list(ask_all(session, daemons)), strict=True):
+        state, reason = (found.state, found.state_reason) if isinstance(found, Telemetry) else (None, found.reason)
         session.emit(
             {
                 "ns": daemon.ns,
@@ -48,17 +41,6 @@ def list_uavs(session: Session) -> None:
         print_table(("uav", "state", "backend", "address", "pid"), rows)
         if not rows and sys.stdout.isatty():
             click.echo("no daemon runs on this computer: start one with `ual-daemon`")
-
-
-def _state(session: Session, daemon: Registration) -> tuple[State | None, str]:
-    from ual.client import Uav
-
-    try:
-        with Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca) as uav:
-            telemetry = uav.telemetry()
-    except UalError as error:
-        return None, error.reason
-    return telemetry.state, telemetry.state_reason
 
 
 @command("info")

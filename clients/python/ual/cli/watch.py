@@ -16,7 +16,8 @@ import click
 
 from ual import discovery
 from ual.cli.app import REFUSED, Session, command, note, pass_session
-from ual.cli.output import pose_text, vector_text
+from ual.cli.everyone import ask_all
+from ual.cli.output import error_text, pose_text, vector_text
 from ual.cli.values import Number
 from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
@@ -25,9 +26,7 @@ from ual.types import State, Telemetry
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ual.client import Uav
 
-_PARALLEL = 16
 _RETRY_S = 1.0
 _CLOSE_S = 2.0
 _REFRESH_S = 1.0
@@ -75,12 +74,6 @@ def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
         board = _Board([uav.ns], rate_hz)
         with uav.subscribe(partial(board.put, uav.ns), rate_hz):
             _follow(session, board)
-
-
-def _connect(session: Session, daemon: Registration) -> Uav:
-    from ual.client import Uav
-
-    return Uav(daemon.ns, address=daemon.address, tls_ca=session.tls_ca)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +133,12 @@ def _all_subscribed(session: Session, daemons: Sequence[Registration], rate_hz: 
         is_told = False
         while not is_closing.is_set():
             try:
-                with _connect(session, daemon) as uav, uav.subscribe(partial(board.put, daemon.ns), rate_hz):
+                with session.connect_to(daemon) as uav, uav.subscribe(partial(board.put, daemon.ns), rate_hz):
                     is_closing.wait()
             except UalError as error:
                 board.put_error(daemon.ns, error)
                 if not (is_told or _is_screen(session)):
-                    note(f"ual: {_failure(daemon.ns, error)}")
+                    note(f"ual: {daemon.ns}: {error_text(error)}")
                 is_told = True
                 is_closing.wait(_RETRY_S)
 
@@ -163,30 +156,16 @@ def _all_subscribed(session: Session, daemons: Sequence[Registration], rate_hz: 
 
 def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
     """One sample of each, or why there is none."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    def ask(daemon: Registration) -> Telemetry | UalError:
-        try:
-            with _connect(session, daemon) as uav:
-                return uav.telemetry()
-        except UalError as error:
-            return error
-
     has_failed = False
-    with ThreadPoolExecutor(_PARALLEL) as pool:
-        for daemon, found in zip(daemons, pool.map(ask, daemons), strict=True):
-            if isinstance(found, Telemetry):
-                _print(session, daemon.ns, found)
-                continue
-            has_failed = True
-            session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
-            note(f"ual: {_failure(daemon.ns, found)}")
+    for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
+        if isinstance(found, Telemetry):
+            _print(session, daemon.ns, found)
+            continue
+        has_failed = True
+        session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
+        note(f"ual: {daemon.ns}: {error_text(found)}")
     if has_failed:
         raise click.exceptions.Exit(REFUSED)
-
-
-def _failure(ns: str, error: UalError) -> str:
-    return f"{ns}: {error.reason}: {' '.join(error.message.split())}"
 
 
 def _is_screen(session: Session) -> bool:

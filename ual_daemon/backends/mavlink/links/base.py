@@ -24,7 +24,7 @@ class LinkError(Exception):
 
 
 class Link(ABC):
-    """A way to an autopilot that can be opened again after it broke. Never blocks, except to look up a host's name.
+    """A way to an autopilot that can be opened again after it broke. Never blocks.
 
     `send` is for any thread, everything else for the one that receives; what may raise a `LinkError` may raise an
     `OSError`, too, where there is no more to say than the system says. `is_stream`: bytes come in any pieces, not in
