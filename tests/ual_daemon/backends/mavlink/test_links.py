@@ -199,6 +199,17 @@ def test_a_slow_name_service_holds_nothing_up(monkeypatch: pytest.MonkeyPatch, s
         run.until(lambda: run.sessions_count == 1, passed_s=0.5)
 
 
+def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.MonkeyPatch, server: socket.socket) -> None:
+    def times_out(*_: Any, **__: Any) -> Any:
+        raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+
+    with running(f"tcp://{HERE}:{server.getsockname()[1]}") as run:
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "getaddrinfo", times_out)
+            run.until(lambda: "Connection timed out; trying again" in run.connection.trouble, passed_s=0.5)
+        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+
+
 @pytest.mark.parametrize("scheme", ["tcp", "udpin"])
 def test_a_system_that_has_no_socket_left_is_told_and_tried_again(
     scheme: str, monkeypatch: pytest.MonkeyPatch, server: socket.socket

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import socket
 import threading
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NotYetError
 from typing import cast
 
 from ual_daemon.backends.mavlink.links.base import Address, LinkError
@@ -28,16 +28,15 @@ class Host:
         if self._found is None:
             self._found = Future()
             threading.Thread(target=self._look_up, args=(self._found,), name="host name", daemon=True).start()
+        done, _ = concurrent.futures.wait([self._found], timeout=_PATIENCE_S)
+        if not done:  # not by the error of a wait that is over: a name service that times out raises the same
+            raise LinkError(f"looking for the host {self._name}")
+        found, self._found = self._found, None
         try:
-            found = self._found.result(_PATIENCE_S)
-        except NotYetError:
-            raise LinkError(f"looking for the host {self._name}") from None
+            return found.result()
         except (OSError, UnicodeError) as error:
-            self._found = None
             why = error.strerror if isinstance(error, OSError) else "that is no host name"
             raise LinkError(f"cannot find the host {self._name}: {why}; trying again") from None
-        self._found = None
-        return found
 
     def _look_up(self, found: Future[tuple[socket.AddressFamily, Address]]) -> None:
         try:
