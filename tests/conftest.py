@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,19 @@ class DaemonProcess:
 
     def signal(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
+
+    @contextmanager
+    def frozen(self) -> Iterator[None]:
+        """It does nothing until the end of the block."""
+        self.signal(signal.SIGSTOP)
+        # A signal is sent at once, but on a busy machine the daemon could still answer a call before it stops.
+        change = os.waitid(os.P_PID, self.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+        assert change is not None
+        assert change.si_code == os.CLD_STOPPED
+        try:
+            yield
+        finally:
+            self.signal(signal.SIGCONT)
 
     def wait(self) -> int:
         """Its exit status, once it has ended."""

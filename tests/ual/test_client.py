@@ -233,10 +233,8 @@ def test_a_call_that_a_closed_client_ends_says_so(daemon: DaemonProcess) -> None
 def test_a_stuck_daemon_ends_in_a_timeout_not_in_a_hang(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         assert uav.is_ready()
-        daemon.signal(signal.SIGSTOP)
-        with pytest.raises(errors.UalTimeoutError, match=r"Arm did not end within 0\.2 s"):
+        with daemon.frozen(), pytest.raises(errors.UalTimeoutError, match=r"Arm did not end within 0\.2 s"):
             uav.arm(timeout_s=0.2)
-        daemon.signal(signal.SIGCONT)
         assert uav.is_ready()
 
 
@@ -295,10 +293,9 @@ def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -
 def test_a_command_that_got_no_answer_is_not_said_to_go_on(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         assert uav.is_ready()
-        daemon.signal(signal.SIGSTOP)
-        with pytest.raises(errors.UalTimeoutError, match="if it reached the UAV it goes on: ask for the state"):
+        words = "if it reached the UAV it goes on: ask for the state"
+        with daemon.frozen(), pytest.raises(errors.UalTimeoutError, match=words):
             uav.land(timeout_s=0.2)
-        daemon.signal(signal.SIGCONT)
 
 
 @pytest.mark.parametrize("timeout_s", [-1.0, float("nan"), "3"])
@@ -381,7 +378,6 @@ def keep_flying(uav: ual.Uav) -> None:
 def test_setpoints_do_not_pile_up_before_a_daemon_that_does_not_read(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         take_off(uav)
-        daemon.signal(signal.SIGSTOP)
         waiting = [_calls.velocity_setpoint(Twist(Vector3(0.01 * number, 0.0, 0.0))) for number in range(200)]
         sent: list[float] = []
 
@@ -390,10 +386,10 @@ def test_setpoints_do_not_pile_up_before_a_daemon_that_does_not_read(daemon: Dae
                 sent.append(setpoint.velocity.twist.linear.x)
                 yield setpoint
 
-        stream = uav._connection.stream_setpoints(setpoints())
-        time.sleep(1.0)  # nothing tells that no more can be sent
-        assert len(sent) < 50
-        daemon.signal(signal.SIGCONT)
+        with daemon.frozen():
+            stream = uav._connection.stream_setpoints(setpoints())
+            time.sleep(1.0)  # nothing tells that no more can be sent
+            assert len(sent) < 50
         assert stream.result(LIMIT_S).accepted_count == 200
 
 
