@@ -18,7 +18,7 @@ import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from ual import convert, discovery
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
@@ -157,7 +157,7 @@ def test_a_caller_that_gives_up_ends_its_go_to(gateway: str, fleet: DaemonProces
     with ual.Uav("uav_1", address=gateway) as uav:
         up(uav)
         with pytest.raises(UalError):
-            uav.go_to_waypoint(PoseStamped(Pose.at(1000.0, 0.0, 2.0)), timeout_s=0.5)
+            uav.go_to_waypoint(PoseStamped(Pose.at(1000.0, 0.0, 2.0)), timeout_s=TIME_TO_BEGIN_S)
         fleet.wait_for("caller_gone", ns="uav_1", cancelled=True)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
 from ual import TaskStatus, _calls, _connection, errors
 from ual._target import CHANNEL_OPTIONS
@@ -257,7 +257,7 @@ def test_when_the_time_is_over_the_task_is_cancelled(daemon: DaemonProcess) -> N
     with ual.Uav("uav_1") as uav:
         take_off(uav)
         with pytest.raises(errors.UalTimeoutError, match="if it reached the UAV it is cancelled and the UAV holds"):
-            uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=0.3)
+            uav.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0), timeout_s=TIME_TO_BEGIN_S)
         wait_until(uav, lambda sample: sample.task is None)
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
 
