@@ -39,7 +39,7 @@ from ual_daemon.trajectory import Motion, Trajectory
 _log = logging.getLogger(__name__)
 
 _SEND_PERIOD_S = 0.018
-"""Setpoints go out at most so often (50 Hz with a margin for the updates' own jitter)."""
+"""Updates send a setpoint where none has left for so long (50 Hz with a margin for their own jitter)."""
 _NEAR_REFERENCE_M = 1.0
 _NEAR_REFERENCE_S = 0.5
 _HOLD_PATIENCE_S = 5.0
@@ -353,11 +353,11 @@ class Flight:
 
     def _send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
-            self._sent_s = snapshot.time_s
             self._tell(setpoint, snapshot)
 
     def _tell(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint as the autopilot takes it."""
+        self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
             setpoint = fitted(setpoint, self._backend.info().takes, snapshot, self._limits())
         self._backend.send(setpoint)

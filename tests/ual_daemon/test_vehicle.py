@@ -33,7 +33,7 @@ from ual.simulation import (
     PositionLost,
 )
 from ual.types import AltitudeReference, State, TaskKind, TaskStatus
-from ual_daemon.backends.values import PositionSetpoint, Snapshot
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.references import Hold
 from ual_daemon.settings import FrameSettings, LimitSettings, VehicleSettings
 from ual_daemon.tasks import VehicleTask
@@ -316,6 +316,20 @@ def test_a_velocity_beyond_the_limits_is_scaled_and_keeps_its_direction(flying: 
     assert v is not None
     assert v.linear.horizontal_norm() == pytest.approx(1.6, abs=0.03)
     assert math.atan2(v.linear.y, v.linear.x) == pytest.approx(math.atan2(4, 3), abs=0.01)
+
+
+def test_what_a_caller_streams_is_not_sent_twice(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[Setpoint] = []
+    backend, snapshot = flying.vehicle.backend, flying.vehicle.backend.snapshot
+    monkeypatch.setattr(backend, "send", sent.append)
+    # His come in the middle between two updates.
+    monkeypatch.setattr(backend, "snapshot", lambda: snapshot().at(backend.clock.now_s() + STEP_S / 2))
+    for _ in range(20):
+        flying.vehicle.motions.set_velocity(velocity(1.0)).begin()
+        flying.run(STEP_S)
+    assert len(sent) == 20
+    flying.run(10 * STEP_S)  # without a new one the updates send it
+    assert len(sent) == 30
 
 
 def test_a_velocity_in_the_body_turns_with_it(flying: Stepped) -> None:
