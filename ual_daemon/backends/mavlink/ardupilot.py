@@ -192,14 +192,13 @@ class ArduCopter(Dialect):
         return arm_or_disarm(is_arming=False)
 
     def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
-        pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
-        if pose is None or origin is None or home_m is None:
-            raise WrongStateError("take_off: ArduPilot has not told where its home and its origin are")
         # It wants a height above home. Home is where it was armed, by an estimate of height that wanders since.
-        above_home_m = origin.altitude_amsl_m + pose.value.position.z - home_m + height_m
+        standing_m = _above_home_m(snapshot)
+        if standing_m is None:
+            raise WrongStateError("take_off: ArduPilot has not told yet where its home is")
         climb = Command(
             mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0,) * 6 + (above_home_m,),
+            (0.0,) * 6 + (standing_m + height_m,),
             "take off",
             group="mode",
             shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),
@@ -215,6 +214,16 @@ class ArduCopter(Dialect):
     def hold(self) -> Command:
         # LOITER would hold as well, but by the throttle stick: at its bottom, or without a transmitter, it descends.
         return _set_mode(_BRAKE, "hold")
+
+
+def _above_home_m(snapshot: Snapshot) -> float | None:
+    """How high it is above home. It tells that itself, too, which may be from before it was armed, when home moved; but
+    on a bad link that is known sooner than where home and origin are. What it is off by is flown at the end of a climb.
+    """
+    pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
+    if pose is not None and origin is not None and home_m is not None:
+        return origin.altitude_amsl_m + pose.value.position.z - home_m
+    return None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
 
 
 def _set_mode(number: int, what: str) -> Command:

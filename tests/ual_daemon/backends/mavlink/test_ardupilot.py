@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, position
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
-from ual.types import Capability, Limits
+from ual.types import Capability, GeoPoint, Limits
 from ual_daemon.backends.mavlink.ardupilot import LONGEST_LEAD_S, ArduCopter, velocity_lead
 from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.vehicle import SILENCE_S
@@ -155,6 +155,16 @@ def test_the_height_of_a_take_off_is_above_where_it_stands_not_above_home(
 def test_it_does_not_take_off_before_home_is_known() -> None:
     with pytest.raises(WrongStateError, match="home"):
         COPTER.take_off(3.0, Snapshot(0.0))
+
+
+@pytest.mark.parametrize(
+    "snapshot", [standing(487.0)._replace(projection=None), standing(487.0)._replace(home_altitude_amsl_m=None)]
+)
+def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts(snapshot: Snapshot) -> None:
+    place = GeoPoint(47.4, 8.5, altitude_amsl_m=488.2, altitude_home_m=0.3)
+    climb = COPTER.take_off(3.0, snapshot._replace(position_geo=place)).then
+    assert climb is not None
+    assert climb.params[6] == pytest.approx(3.3)
 
 
 def test_a_take_off_begins_in_guided() -> None:

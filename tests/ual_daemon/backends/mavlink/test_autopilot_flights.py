@@ -92,8 +92,6 @@ class Flight:
 
     def take_off(self) -> None:
         self.wait_for_state(State.LANDED_DISARMED)
-        self.wait_for(lambda: self.backend.snapshot().home_altitude_amsl_m is not None, "its home")
-        self.wait_for(lambda: self.backend.snapshot().projection is not None, "its origin")
         assert self.autopilot.pilot_arm()
         self.wait_for_state(State.LANDED_ARMED)
         self.uav.take_off(HEIGHT_M)
