@@ -115,8 +115,8 @@ def path_heading(value: PathHeading, *, has_point: bool) -> PathHeading:
 
 def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
     """A vector of finite components, its length not beyond a magnitude."""
-    if type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most:
-        return value  # the usual case, fast: no comparison with NaN is true
+    if _is_clean(value, at_most):
+        return value
     try:
         x, y, z = value
     except (TypeError, ValueError):
@@ -129,6 +129,13 @@ def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
     if result.norm() > at_most:
         raise refuse(field, f"its length {result.norm():g} is beyond what can be meant (at most {at_most:g})")
     return result
+
+
+def _is_clean(value: Vector3, at_most: float) -> bool:
+    """Whether nothing is wrong: the usual case, fast, as every setpoint asks. No comparison with NaN is true."""
+    return (
+        type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most
+    )
 
 
 def position(value: Vector3, field: str) -> Vector3:
@@ -164,10 +171,12 @@ def orientation(value: Quaternion, field: str) -> Quaternion | None:
 def twist(value: Twist, field: str) -> Twist:
     """A velocity; of its turn, only the part about z is flown."""
     require_type(value, Twist, field)
-    linear = vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S)
-    angular = vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S)
-    is_clean = linear is value.linear and angular is value.angular
-    return value if is_clean else Twist(linear, angular)
+    if _is_clean(value.linear, MAX_SPEED_M_S) and _is_clean(value.angular, MAX_TURN_RATE_RAD_S):
+        return value
+    return Twist(
+        vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S),
+        vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S),
+    )
 
 
 def latitude(value: SupportsFloat, field: str = "latitude_deg") -> float:

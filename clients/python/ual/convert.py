@@ -170,13 +170,13 @@ def pose_stamped_to_proto(pose: PoseStamped) -> pb.PoseStamped:
 
 
 def pose_stamped_from_proto(message: pb.PoseStamped, field: str = "pose") -> PoseStamped:
-    """A pose to fly to; an orientation that is not set keeps the heading."""
+    """A pose to fly to, whose stamp is ignored; an orientation that is not set keeps the heading."""
     if not message.HasField("pose"):
         raise _not_set(f"{field}.pose")
     pose = message.pose
     if not pose.HasField("position"):
         raise _not_set(f"{field}.pose.position")
-    position, orientation, header = pose.position, pose.orientation, message.header
+    position, orientation = pose.position, pose.orientation
     return PoseStamped(
         Pose(
             Vector3(position.x, position.y, position.z),
@@ -184,8 +184,7 @@ def pose_stamped_from_proto(message: pb.PoseStamped, field: str = "pose") -> Pos
             if pose.HasField("orientation")
             else KEEP_HEADING,
         ),
-        header.frame_id,
-        stamp_from_proto(header.stamp),
+        message.header.frame_id,
     )
 
 
@@ -199,11 +198,10 @@ def twist_stamped_to_proto(velocity: TwistStamped) -> pb.TwistStamped:
 
 
 def twist_stamped_from_proto(message: pb.TwistStamped, field: str = "velocity") -> TwistStamped:
-    """A velocity to fly; parts of the twist that are not set are zero."""
+    """A velocity to fly, whose stamp is ignored; parts of the twist that are not set are zero."""
     if not message.HasField("twist"):
         raise _not_set(f"{field}.twist")
-    header = message.header
-    return TwistStamped(_read_twist(message.twist), header.frame_id, stamp_from_proto(header.stamp))
+    return TwistStamped(_read_twist(message.twist), message.header.frame_id)
 
 
 def transform_to_proto(transform: Transform) -> pb.Transform:
@@ -269,14 +267,13 @@ def path_heading_from_proto(request: pb.FollowPathRequest) -> PathHeading:
 
 
 def point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped | None:
-    """The point that the nose points at in FollowPath, if there is one."""
+    """The point that the nose points at in FollowPath, if there is one; its stamp is ignored."""
     if not request.HasField("point_of_interest"):
         return None
     message = request.point_of_interest
     if not message.HasField("point"):
         raise _not_set("point_of_interest.point")
-    header = message.header
-    return PointStamped(vector3_from_proto(message.point), header.frame_id, stamp_from_proto(header.stamp))
+    return PointStamped(vector3_from_proto(message.point), message.header.frame_id)
 
 
 def point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
