@@ -21,7 +21,7 @@ def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
     daemons = discovery.list_daemons()
     rows = []
-    for daemon, found in zip(daemons, list(ask_all(session, daemons)), strict=True):
+    for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
         state, reason = (found.state, found.state_reason) if isinstance(found, Telemetry) else (None, found.reason)
         session.emit(
             {
