@@ -77,6 +77,8 @@ _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only a simulator has, or an ArduPilot that simulates on its own board (which tells a board)."""
 
+_NEAR_HOME_M = 1.0
+"""As high above home, or as deep below, as its estimate of height wanders; see `_above_home_m`."""
 ACCELERATION_SHARE = 0.5
 """How much of ArduPilot's own acceleration limits our references may ask for. It follows them within the same limits:
 with nothing left to catch up by it overshoots, by 0.7 m at a goal and by 1.5 m where it is stopped on the way. At the
@@ -217,13 +219,17 @@ class ArduCopter(Dialect):
 
 
 def _above_home_m(snapshot: Snapshot) -> float | None:
-    """How high it is above home. It tells that itself, too, which may be from before it was armed, when home moved; but
-    on a bad link that is known sooner than where home and origin are. What it is off by is flown at the end of a climb.
+    """How high it is above home; None where that is not known surely enough to climb by it.
+
+    On a bad link its own word for it comes sooner than where home and origin are, but may be from before it was armed,
+    when home moved to where it stands. So that counts only where it makes little difference, which is flown at the end
+    of the climb: else a climb from a home down in the valley would go as much too high.
     """
     pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
     if pose is not None and origin is not None and home_m is not None:
         return origin.altitude_amsl_m + pose.value.position.z - home_m
-    return None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
+    told_m = None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
+    return None if told_m is None or abs(told_m) > _NEAR_HOME_M else told_m
 
 
 def _set_mode(number: int, what: str) -> Command:

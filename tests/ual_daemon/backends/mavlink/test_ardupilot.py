@@ -167,6 +167,13 @@ def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts
     assert climb.params[6] == pytest.approx(3.3)
 
 
+@pytest.mark.parametrize("altitude_home_m", [30.0, -30.0, None])
+def test_its_own_height_may_be_above_the_home_before_it_was_armed(altitude_home_m: float | None) -> None:
+    place = GeoPoint(47.4, 8.5, altitude_home_m=altitude_home_m)
+    with pytest.raises(WrongStateError, match="home"):
+        COPTER.take_off(3.0, Snapshot(0.0, position_geo=place))
+
+
 def test_a_take_off_begins_in_guided() -> None:
     talk = met(armed=True)
     done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
