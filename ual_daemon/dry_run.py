@@ -16,7 +16,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.types import AltitudeReference, GeoWaypoint, PathHeading, Plan, Waypoints
-from ual_daemon.motions import Motions
+from ual_daemon.vehicle.commands import Motions
 
 
 class DryRun:

@@ -44,9 +44,9 @@ from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
 from ual_daemon.dry_run import DryRun, stamped_waypoints
+from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.tasks import VehicleTask
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
 

@@ -17,9 +17,9 @@ from ual.types import Limits, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
+from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import Tracker, VehicleSettings
-from ual_daemon.tasks import VehicleTask
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 STEP_S = 0.02
 HEIGHT_M = 5.0

@@ -8,8 +8,8 @@ import time
 from collections.abc import Sequence
 
 from tests.sitl.transmitter import PATIENCE_S, Transmitter
-from ual_daemon.backends.mavlink.frames import Frame, FrameReader
-from ual_daemon.backends.mavlink.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 GROUND_STATION_ID = 254
 FIRST_PORT, FIRST_STICKS_PORT = 5762, 5501

@@ -6,8 +6,8 @@ import socket
 from collections.abc import Sequence
 
 from tests.sitl.transmitter import Transmitter
-from ual_daemon.backends.mavlink.frames import Frame, split
-from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.wire.frames import Frame, split
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 GROUND_STATION_ID = 255
 _POSCTL = 3

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.autopilots.faults import GOOD, Faults
+from tests.simulators.faults import GOOD, Faults
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Transmitter

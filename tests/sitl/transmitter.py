@@ -9,8 +9,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ual_daemon.backends.mavlink.frames import Frame
-from ual_daemon.backends.mavlink.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 PATIENCE_S = 90.0
 SEND_AGAIN_S = 1.5

@@ -12,9 +12,9 @@ import time
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
-from tests.autopilots.faults import GOOD, Way
-from ual_daemon.backends.mavlink.frames import FrameReader
-from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from tests.simulators.faults import GOOD, Way
+from ual_daemon.backends.mavlink.wire.frames import FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
 _ASKING = {
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,

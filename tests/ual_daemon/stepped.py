@@ -12,7 +12,7 @@ from ual.types import State, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 STEP_S = 0.02
 

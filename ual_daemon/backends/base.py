@@ -2,7 +2,7 @@
 
 A backend does only what its autopilot alone knows: it turns the autopilot's data into snapshots, and sends setpoints
 and commands (`ual_daemon.backends.values`). States, validation, tasks and tracking live above it
-(`ual_daemon.vehicle`), the same for all. Units and axes are converted at this edge and nowhere else.
+(`ual_daemon.vehicle.vehicle`), the same for all. Units and axes are converted at this edge and nowhere else.
 """
 
 from __future__ import annotations

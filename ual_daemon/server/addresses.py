@@ -14,7 +14,7 @@ from pathlib import Path
 
 import grpc
 
-from ual_daemon.server.core import CoreServer
+from ual_daemon.server.transport.core import CoreServer
 from ual_daemon.settings import ConfigError
 
 _LONGEST_UNIX_PATH = 107

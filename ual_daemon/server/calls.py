@@ -10,8 +10,8 @@ import grpc
 
 from ual.errors import InvalidArgumentError
 from ual_daemon import logs
-from ual_daemon.server.answers import SHUTTING_DOWN, Answer, Handler, Method, StatusError
-from ual_daemon.server.core import Call
+from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
+from ual_daemon.server.transport.core import Call
 
 NAMESPACE_KEY = "ual-ns"
 

@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Iterable
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
-from ual_daemon.server.answers import StatusError
+from ual_daemon.server.dispatch import StatusError
 
 _Status = health_pb2.HealthCheckResponse
 

@@ -16,13 +16,13 @@ from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.core import Core, CoreServer
 from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.simulation_service import SimulationServicer
+from ual_daemon.server.transport.core import Core, CoreServer
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Hops, Updates
 from ual_daemon.server.waiting import completion
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
 _SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["SimulationService"].full_name

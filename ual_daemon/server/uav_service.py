@@ -15,12 +15,12 @@ from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
-from ual_daemon.flight import Turn
-from ual_daemon.server.core import Call
+from ual_daemon.flight.flight import Turn
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.server.transport.core import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
-from ual_daemon.tasks import VehicleTask
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 R = TypeVar("R")
 _Maybe: TypeAlias = R | Awaitable[R]

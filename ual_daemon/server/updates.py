@@ -20,7 +20,7 @@ from typing import TypeAlias
 from ual import convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 _OWN_THREAD_COUNT = 4
 """To so many readers the vehicle's thread sends by itself: 0.1 ms each."""

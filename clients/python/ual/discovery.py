@@ -153,7 +153,7 @@ def _is_locked(file: Path) -> bool | None:
     """Whether a daemon holds this lock; None where that cannot be seen.
 
     It is tried for a moment, shared, so that clients do not see each other; a daemon that starts at that moment tries
-    again (`ual_daemon.namespace`).
+    again (`ual_daemon.program.namespace`).
     """
     import fcntl  # not everywhere where a client that was given an address works
 

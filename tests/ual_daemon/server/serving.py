@@ -10,7 +10,7 @@ from typing import cast
 import grpc
 
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.core import Core, CoreServer
+from ual_daemon.server.transport.core import Core, CoreServer
 from ual_daemon.server.waiting import completion
 
 

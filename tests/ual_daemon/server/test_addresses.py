@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ual_daemon.server.addresses import Address, ListenError, bind, parse
-from ual_daemon.server.core import Core, CoreServer
+from ual_daemon.server.transport.core import Core, CoreServer
 from ual_daemon.settings import ConfigError
 
 

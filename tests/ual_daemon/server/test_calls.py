@@ -20,11 +20,11 @@ from ual.types import State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
+from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
-from ual_daemon.tasks import VehicleTask
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 LIMIT_S = 30.0
 

@@ -11,7 +11,7 @@ from ual import convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.updates import Hops, Reader, Sample, Updates
-from ual_daemon.vehicle import Vehicle
+from ual_daemon.vehicle.vehicle import Vehicle
 
 
 class FakeVehicle:

@@ -15,17 +15,17 @@ from ual.errors import LinkLostError, UalError
 from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
-from ual_daemon.backends.mavlink.commands import Command
-from ual_daemon.backends.mavlink.conversation import Conversation
-from ual_daemon.backends.mavlink.dialect import Dialect
-from ual_daemon.backends.mavlink.endpoints import SerialEndpoint, parse_url
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
+from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.safety_pilot import SimulatedPilot
-from ual_daemon.backends.mavlink.setpoints import SetpointStream
+from ual_daemon.backends.mavlink.session.commands import Command
+from ual_daemon.backends.mavlink.session.conversation import Conversation
+from ual_daemon.backends.mavlink.session.setpoint_stream import SetpointStream
+from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.session.vehicle import MavlinkVehicle
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
-from ual_daemon.backends.mavlink.signing import Signer, read_key
-from ual_daemon.backends.mavlink.supervision import LinkStatistics, Supervision
-from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
+from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.values import Sample, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 

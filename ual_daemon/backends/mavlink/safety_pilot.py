@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 
 from ual.errors import PermissionDeniedError, UalTimeoutError
-from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
+from ual_daemon.backends.mavlink.session.vehicle import MavlinkVehicle
 
 ARMING_LIMIT_S = 5.0
 

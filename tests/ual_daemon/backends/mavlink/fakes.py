@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ual_daemon.backends.mavlink.conversation import Conversation
-from ual_daemon.backends.mavlink.frames import split
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.session.conversation import Conversation
+from ual_daemon.backends.mavlink.session.supervision import Supervision
+from ual_daemon.backends.mavlink.session.vehicle import MavlinkVehicle
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.signing import Signer
-from ual_daemon.backends.mavlink.supervision import Supervision
-from ual_daemon.backends.mavlink.vehicle import MavlinkVehicle
+from ual_daemon.backends.mavlink.wire.frames import split
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.signing import Signer
 
 UTC_S = 1.8e9
 """UTC when the fake clock is at 0."""

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import ual
-from tests.autopilots.lockstep import LockstepArduPilot, LockstepPx4
 from tests.conftest import LIMIT_S, DaemonProcess
+from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import conformance, discovery
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
@@ -45,7 +45,7 @@ def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
     limit = f"limits.horizontal_speed_m_s={LIMIT_M_S}"
     flags = ("--backend", f"lockstep_{kind}", "--listen", "127.0.0.1:0", "--set", limit)
     environment = {discovery.RUNTIME_DIR_VARIABLE: str(directory)}
-    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.autopilots.daemon")
+    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
     stack.callback(daemon.close)
     return stack.enter_context(ual.Uav(address=daemon.address))
 

@@ -13,12 +13,12 @@ import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
-from tests.autopilots import ArduPilot, Autopilot, BadLink, Faults, Px4, TcpPort, UdpPort, flying
-from tests.autopilots.px4 import LOITER
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, Px4, TcpPort, UdpPort, flying
+from tests.simulators.px4 import LOITER
 from ual.geometry import Pose
 from ual.types import State
-from ual_daemon.backends.mavlink.messages import mavlink
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 ASKING = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
 SERVING, NOT_SERVING = health_pb2.HealthCheckResponse.SERVING, health_pb2.HealthCheckResponse.NOT_SERVING

@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests.autopilots import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
-from tests.autopilots.lockstep import LockstepBackend
-from tests.autopilots.px4 import LOITER, OFFBOARD, RTL
 from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
+from tests.simulators.lockstep import LockstepBackend
+from tests.simulators.px4 import LOITER, OFFBOARD, RTL
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.mavlink.messages import mavlink
-from ual_daemon.backends.mavlink.supervision import LinkState
+from ual_daemon.backends.mavlink.session.supervision import LinkState
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 SPEED = 12.0
 HEIGHT_M = 3.0

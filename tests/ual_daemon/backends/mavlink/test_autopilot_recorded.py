@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from tests.autopilots import ArduPilot, Autopilot, MemoryPort, Px4
-from tests.autopilots.autopilot import STEP_S
-from tests.autopilots.px4 import ALTCTL, LAND, OFFBOARD, POSCTL, RTL, TAKEOFF, Mode
+from tests.simulators import ArduPilot, Autopilot, MemoryPort, Px4
+from tests.simulators.autopilot import STEP_S
+from tests.simulators.px4 import ALTCTL, LAND, OFFBOARD, POSCTL, RTL, TAKEOFF, Mode
 from tests.ual_daemon.backends.mavlink.traces import load
-from ual_daemon.backends.mavlink.frames import split
-from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.frames import split
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
 COMPANION = 191
 PX4_ID, ARDUPILOT_ID = 7, 1

@@ -19,11 +19,11 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.conversation import Conversation
-from ual_daemon.backends.mavlink.frames import split
-from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.session.conversation import Conversation
+from ual_daemon.backends.mavlink.wire.frames import split
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
-from ual_daemon.estimator import estimate
+from ual_daemon.flight.state import estimate
 
 T = TypeVar("T")
 Pair = tuple[MavlinkBackend, "Autopilot"]

@@ -14,9 +14,9 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, packer, position
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.frames import FrameReader
-from ual_daemon.backends.mavlink.messages import Codec, Message, mavlink
-from ual_daemon.backends.mavlink.supervision import LinkState
+from ual_daemon.backends.mavlink.session.supervision import LinkState
+from ual_daemon.backends.mavlink.wire.frames import FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
 T = TypeVar("T")
 PATIENCE_S = 20.0

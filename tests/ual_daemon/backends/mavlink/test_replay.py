@@ -8,7 +8,7 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Talk
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import Limits, State
-from ual_daemon.estimator import estimate
+from ual_daemon.flight.state import estimate
 from ual_daemon.geodesy import FlatProjection, SphereProjection
 
 TICK_S = 0.02

@@ -7,8 +7,8 @@ from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError, UalTimeoutError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.messages import mavlink
 from ual_daemon.backends.mavlink.safety_pilot import SimulatedPilot
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 SIMULATOR_UID = int.from_bytes(b"ONIDLATI", "little")  # of system 1
 OFFBOARD, LOITER = 6 << 16, 4 << 16 | 3 << 24

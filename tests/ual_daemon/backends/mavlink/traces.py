@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from ual_daemon.backends.mavlink.frames import split
+from ual_daemon.backends.mavlink.wire.frames import split
 
 DATA = Path(__file__).parents[3] / "data"
 

@@ -1,8 +1,8 @@
 """Links to autopilots: UDP, TCP and serial lines behind one interface, and what keeps one of them open."""
 
-from ual_daemon.backends.mavlink.endpoints import Endpoint, SerialEndpoint, TcpEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
 from ual_daemon.backends.mavlink.links.connection import Connection
+from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, TcpEndpoint
 from ual_daemon.backends.mavlink.links.serial import SerialLink
 from ual_daemon.backends.mavlink.links.tcp import TcpClientLink, TcpServerLink
 from ual_daemon.backends.mavlink.links.udp import UdpLink

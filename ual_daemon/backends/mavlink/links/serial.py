@@ -9,8 +9,8 @@ import termios
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ual_daemon.backends.mavlink.endpoints import KEY, SerialEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.endpoints import KEY, SerialEndpoint
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:

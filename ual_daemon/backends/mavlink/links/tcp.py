@@ -10,8 +10,8 @@ import select
 import socket
 from collections.abc import Mapping
 
-from ual_daemon.backends.mavlink.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)

@@ -7,8 +7,8 @@ import select
 import socket
 from collections.abc import Mapping
 
-from ual_daemon.backends.mavlink.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)

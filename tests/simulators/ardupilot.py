@@ -1,0 +1,517 @@
+"""A simulated ArduCopter, as ArduCopter 4.6.3 in its simulator was measured and recorded."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+
+from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sender, Sticks
+from tests.simulators.channel import Channel
+from tests.simulators.physics import Agility, Target, Vector
+from tests.simulators.ports import Port
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.geodesy import FlatProjection
+
+STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE = 0, 2, 3, 4, 5, 6, 9, 16, 17
+MODES = {
+    STABILIZE: "STABILIZE",
+    ALT_HOLD: "ALT_HOLD",
+    AUTO: "AUTO",
+    GUIDED: "GUIDED",
+    LOITER: "LOITER",
+    RTL: "RTL",
+    LAND: "LAND",
+    POSHOLD: "POSHOLD",
+    BRAKE: "BRAKE",
+}
+_BY_STICKS = frozenset({STABILIZE, ALT_HOLD, LOITER, POSHOLD})
+_NEEDS_POSITION = frozenset({GUIDED, LOITER, RTL, POSHOLD, BRAKE})
+_NOT_ARMABLE = frozenset({AUTO, RTL, LAND, BRAKE})
+_SWITCH_LIMITS = (1231, 1361, 1491, 1621, 1750)
+_SWITCH_S = 0.2
+_RADIO_LOST_S = 1.0
+
+_TAKEOFF_SHOWN_S, _TAKEOFF_LIFTS_S = 1.0, 1.25
+"""How long after the command a take-off shows, and it leaves the ground."""
+_TAKEOFF_REACHED_M = 0.1
+_TAKEOFF_M_S, _TAKEOFF_M_S2, _TAKEOFF_GAIN = 1.4, 2.0, 1.45
+_LANDED_S, _LANDED_DISARM_S = 1.9, 0.5
+_GPS_FLAGS_S, _GPS_FAILSAFE_S = 3.0, 4.0
+"""How long after the loss of GPS the estimator's flags tell, and the failsafe comes. Not measured."""
+_GOOD_FLAGS = 831
+_NO_POSITION_FLAGS = (
+    mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS | mavlink.EKF_CONST_POS_MODE
+)
+_FRAMES = {
+    mavlink.MAV_FRAME_LOCAL_NED: (False, False),
+    mavlink.MAV_FRAME_LOCAL_OFFSET_NED: (False, True),
+    mavlink.MAV_FRAME_BODY_NED: (True, True),
+    mavlink.MAV_FRAME_BODY_OFFSET_NED: (True, True),
+}
+"""Whether the axes of a frame are the body's, and positions in it count from where the vehicle is."""
+_POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 << 6, 1 << 10, 1 << 11
+
+
+class ArduPilot(Autopilot):
+    """An ArduCopter with any number of equal links, and, where `radio` is one, the pilot's transmitter there.
+
+    It starts on the ground `start` from its origin, in STABILIZE, `boot_s` after it has booted; `settle_s` is how long
+    after booting its estimator is good (40 s for the real one).
+    """
+
+    autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    flight_sw_version = 0x040603FF
+    gps_fix = mavlink.GPS_FIX_TYPE_RTK_FIXED
+    vtol_state = mavlink.MAV_VTOL_STATE_MC
+
+    def __init__(
+        self,
+        links: Port | Iterable[Port],
+        radio: Port | None = None,
+        *,
+        system_id: int = 1,
+        start: Vector = (0.0, 0.0, 0.02),
+        boot_s: float = 42.0,
+        settle_s: float = 40.0,
+        seed: int = 0,
+        wander_m: float = 0.0,
+    ) -> None:
+        self._radio = radio
+        self.settle_s = settle_s
+        rates_hz = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0, mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
+        super().__init__(
+            [Channel(port, rates_hz) for port in ([links] if isinstance(links, Port) else links)],
+            FlatProjection(47.3977420, 8.5455940, 488.100),
+            system_id=system_id,
+            start=start,
+            boot_s=boot_s,
+            seed=seed,
+            wander_m=wander_m,
+        )
+
+    def default_parameters(self) -> dict[str, float]:
+        return {
+            "WPNAV_SPEED": 1000.0,
+            "WPNAV_SPEED_UP": 250.0,
+            "WPNAV_SPEED_DN": 150.0,
+            "WPNAV_ACCEL": 250.0,
+            "WPNAV_ACCEL_Z": 100.0,
+            "PSC_JERK_XY": 5.0,
+            "PSC_JERK_Z": 5.0,
+            "ATC_SLEW_YAW": 6000.0,
+            "LAND_SPEED": 50.0,
+            "GUID_TIMEOUT": 3.0,
+            "DISARM_DELAY": 10.0,
+            "SIM_SPEEDUP": 1.0,
+            "FLTMODE1": LOITER,
+            "FLTMODE2": LOITER,
+            "FLTMODE3": STABILIZE,
+            "FLTMODE4": GUIDED,  # where nobody takes over
+            "FLTMODE5": LOITER,
+            "FLTMODE6": STABILIZE,
+        }
+
+    def _boot(self, boot_s: float) -> None:
+        super()._boot(boot_s)
+        self.mode = STABILIZE
+        self._target = Target()
+        self._setpoint_s = -math.inf
+        self._is_timed = False
+        self._takeoff: tuple[float, float] | None = None
+        self._is_landed = True
+        self._landed_s = -math.inf
+        self._touched_s: float | None = None
+        self._has_radio = False
+        self._switch: int | None = None
+        self._switch_seen: tuple[int, float] | None = None
+        self.home = (self.body.position[0], self.body.position[1], 0.0)  # at the origin's height, until it is armed
+
+    def close(self) -> None:
+        super().close()
+        if self._radio is not None:
+            self._radio.close()
+
+    # State
+
+    @property
+    def has_position(self) -> bool:
+        """Whether its estimator is good."""
+        return self.now_s >= self.settle_s and self.now_s - self.gps_lost_s < _GPS_FLAGS_S
+
+    @property
+    def is_ready_to_arm(self) -> bool:
+        return self.has_position and not self.arm_refusal
+
+    @property
+    def is_taking_off(self) -> bool:
+        """Whether NAV_TAKEOFF is under way."""
+        return self.mode == GUIDED and self._takeoff is not None
+
+    @property
+    def landed_state(self) -> int:
+        if self.is_taking_off and self._takeoff is not None and self.now_s - self._takeoff[1] >= _TAKEOFF_SHOWN_S:
+            return int(mavlink.MAV_LANDED_STATE_TAKEOFF)
+        if self._is_landed:
+            return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
+        if self.mode == LAND or (self.mode == RTL and self._is_over_home()):
+            return int(mavlink.MAV_LANDED_STATE_LANDING)
+        return int(mavlink.MAV_LANDED_STATE_IN_AIR)
+
+    # Modes and arming
+
+    def set_mode(self, mode: int) -> bool:
+        """Anybody asks for a mode; whether it was taken. Taken, it is told at once."""
+        why = ""
+        if mode not in MODES:
+            return False
+        if mode == AUTO and self.is_armed:  # there is no mission
+            why = "init failed"
+        elif mode in _NEEDS_POSITION and not self.has_position:
+            why = "requires position"
+        if why:
+            self.say(f"Mode change to {MODES[mode]} failed: {why}", mavlink.MAV_SEVERITY_WARNING)
+            return False
+        if mode != self.mode:
+            self.mode = mode
+            self._stop()
+            self._push(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        return True
+
+    def cancel_takeoff(self) -> None:
+        """What any setpoint before the end of a take-off does."""
+        self._takeoff = None
+
+    def _stop(self) -> None:
+        """Brakes, and holds where it comes to rest."""
+        limit = self.parameters["WPNAV_ACCEL"] / 100.0
+        x, y, z = (p + v * abs(v) / (2.0 * limit) for p, v in zip(self.position, self.velocity, strict=True))
+        self._target = Target((x, y, z), yaw_rad=self.body.yaw_rad)
+        self._takeoff = None
+        self._is_timed = False
+
+    def arm(self, *, is_forced: bool) -> int:
+        if self.is_armed:
+            return ACCEPTED
+        if not is_forced:
+            if self.mode in _NOT_ARMABLE:
+                self.say(f"Arm: {MODES[self.mode]} mode not armable")
+                return FAILED
+            if self.arm_refusal:
+                self.say(f"Arm: {self.arm_refusal}")
+                return FAILED
+            if not self.has_position:
+                self.say("PreArm: Need Position Estimate")
+                return FAILED
+        self.is_armed = True
+        self.armed_s = self.now_s
+        self._is_landed, self._touched_s = True, None
+        self.home = self.position
+        self._stop()
+        self.at(0.0, self._tell_armed)
+        return ACCEPTED
+
+    def _tell_armed(self) -> None:
+        for channel in self.channels:
+            if channel.is_active:
+                for message_id in (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, mavlink.MAVLINK_MSG_ID_HOME_POSITION):
+                    message = self.builders[message_id]()
+                    if message is not None:
+                        channel.send(message, self.elapsed_s)
+        self.say("Arming motors", mavlink.MAV_SEVERITY_INFO)
+
+    def disarm(self, *, is_forced: bool) -> int:
+        if self.is_armed and not is_forced and not self._is_landed:
+            return FAILED
+        if self.is_armed:
+            self._stop_motors()
+        return ACCEPTED
+
+    def _stop_motors(self) -> None:
+        self.is_armed = False
+        self._is_landed = True
+        self._takeoff = None
+        self.say("Disarming motors", mavlink.MAV_SEVERITY_INFO)
+
+    def pilot_readies(self) -> None:
+        with self.lock:
+            if not self.is_armed and self.mode in _NOT_ARMABLE:
+                self.set_mode(GUIDED)
+
+    def pilot_take_over(self) -> None:
+        with self.lock:
+            self.pilot_moves(Sticks())
+            self.at(_SWITCH_S, partial(self._flip, LOITER))
+
+    def pilot_give_back(self) -> None:
+        """The safety pilot flips his switch to GUIDED."""
+        with self.lock:
+            self.at(_SWITCH_S, partial(self._flip, GUIDED))
+
+    def _flip(self, mode: int) -> None:
+        self.set_mode(mode)
+
+    def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
+        if command == mavlink.MAV_CMD_DO_SET_MODE:
+            return ACCEPTED if self.set_mode(int(params[1])) else FAILED
+        if command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            if self.mode != GUIDED or not self.is_armed or not self._is_landed or self.home is None or params[6] <= 0.0:
+                return FAILED
+            x, y, _ = self.position
+            self._takeoff = (self.home[2] - params[6], self.now_s)
+            self._target = Target((x, y, self._takeoff[0]), yaw_rad=self.body.yaw_rad)
+            self._is_timed = False
+            return ACCEPTED
+        if command in (mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH):
+            return ACCEPTED if self.set_mode(LAND if command == mavlink.MAV_CMD_NAV_LAND else RTL) else FAILED
+        return UNSUPPORTED
+
+    # Setpoints
+
+    def _on_local_target(self, message: Message, sender: Sender) -> None:
+        self.setpoints_s.append(self.elapsed_s)
+        if self.mode != GUIDED or not self.is_armed or message.coordinate_frame not in _FRAMES:
+            return
+        mask = message.type_mask
+        has_position, has_velocity, has_acceleration = (
+            not mask & group for group in (_POSITION, _VELOCITY, _ACCELERATION)
+        )
+        is_valid = (has_position and (has_velocity or not has_acceleration)) or (
+            not has_position and (has_velocity or has_acceleration)
+        )
+        self.cancel_takeoff()
+        if not is_valid:
+            self._stop()
+            return
+        self._setpoint_s = self.now_s
+        self._is_timed = has_velocity or has_acceleration
+        is_body, is_offset = _FRAMES[message.coordinate_frame]
+        position = self._turned((message.x, message.y, message.z), is_body=is_body)
+        if is_offset:
+            x, y, z = (p + here for p, here in zip(position, self.position, strict=True))
+            position = (x, y, z)
+        zero = (0.0, 0.0, 0.0)
+        velocity = self._turned((message.vx, message.vy, message.vz), is_body=is_body) if has_velocity else zero
+        yaw_rad, yaw_rate_rad_s = self._yaw_of(message, velocity, is_body=is_body)
+        self._target = Target(
+            position if has_position else (None, None, None),
+            velocity,
+            self._turned((message.afx, message.afy, message.afz), is_body=is_body) if has_acceleration else zero,
+            yaw_rad,
+            yaw_rate_rad_s,
+        )
+
+    def _yaw_of(self, message: Message, velocity: Vector, *, is_body: bool) -> tuple[float | None, float]:
+        """Heading and yaw rate that a setpoint asks for: with neither, the nose turns to where it flies."""
+        has_yaw, has_rate = not message.type_mask & _YAW, not message.type_mask & _YAW_RATE
+        rate_rad_s = message.yaw_rate if has_rate else 0.0
+        if has_yaw:
+            return message.yaw + (self.body.yaw_rad if is_body else 0.0), rate_rad_s
+        if has_rate:
+            return None, rate_rad_s
+        if math.hypot(*velocity[:2]) > 0.5:
+            return math.atan2(velocity[1], velocity[0]), 0.0
+        return self.body.yaw_rad, 0.0
+
+    def _turned(self, vector: Vector, *, is_body: bool) -> Vector:
+        if not is_body:
+            return vector
+        cos, sin = math.cos(self.body.yaw_rad), math.sin(self.body.yaw_rad)
+        return (vector[0] * cos - vector[1] * sin, vector[0] * sin + vector[1] * cos, vector[2])
+
+    # Flight
+
+    def _fly(self) -> None:
+        self._hear_radio()
+        body = self.body
+        if not self.is_armed:
+            body.fall(STEP_S)
+            return
+        self._watch()
+        if not self.is_armed:
+            return
+        target = self._wanted()
+        if not body.is_on_ground:
+            self._follow(target, self._agility())
+            if body.is_on_ground:
+                self._touched_s = self.now_s
+                self._takeoff = None
+            elif self._takeoff is not None and abs(self.position[2] - self._takeoff[0]) < _TAKEOFF_REACHED_M:
+                self._takeoff = None
+        elif self._lifts():
+            self._is_landed, self._touched_s = False, None
+            self._follow(target, self._agility())
+        elif self._touched_s is not None and not self._is_landed and self.now_s - self._touched_s >= _LANDED_S:
+            self._is_landed = True
+            self._landed_s = self.now_s
+
+    def _lifts(self) -> bool:
+        """Whether it leaves the ground: by a take-off, or by the pilot's throttle. Velocity alone never does it."""
+        if self.is_taking_off and self._takeoff is not None:
+            return self.now_s - self._takeoff[1] >= _TAKEOFF_LIFTS_S
+        return self.mode in _BY_STICKS and self.has_sticks and self.sticks.up > 0.2
+
+    def _watch(self) -> None:
+        """Failsafes, and disarming by itself."""
+        if self.now_s - self.gps_lost_s >= _GPS_FAILSAFE_S and self.mode in _NEEDS_POSITION:
+            self.say("EKF Failsafe: changed to LAND Mode")
+            self.set_mode(LAND)
+        if self._has_radio and self.now_s - self.sticks_s > _RADIO_LOST_S and self.mode not in (LAND, RTL):
+            self.say("Radio Failsafe - RTL")
+            self.set_mode(RTL)
+        if self._is_landed and self._takeoff is None:
+            since_s = self.now_s - max(self.armed_s, self._landed_s)
+            is_down = self.mode in (LAND, RTL) and self._landed_s > self.armed_s and since_s >= _LANDED_DISARM_S
+            if is_down or since_s >= self.parameters["DISARM_DELAY"]:
+                self._stop_motors()
+
+    def _wanted(self) -> Target:
+        if self.mode == GUIDED:
+            return self._guided()
+        if self.mode in _BY_STICKS:
+            return self._by_sticks()
+        if self.mode == RTL and not self._is_over_home() and self.home is not None:
+            return replace(self._target, position=(self.home[0], self.home[1], self._target.position[2]))
+        if self.mode in (LAND, RTL):
+            north, east, _ = self._target.position
+            if not self.has_position:
+                north = east = None
+            return Target(
+                (north, east, None), (0.0, 0.0, self.parameters["LAND_SPEED"] / 100.0), yaw_rad=self._target.yaw_rad
+            )
+        return self._target
+
+    def _guided(self) -> Target:
+        target = self._target
+        if not self._is_timed:
+            return target
+        if self.now_s - self._setpoint_s > self.parameters["GUID_TIMEOUT"]:
+            if any(target.velocity) or any(target.acceleration) or target.yaw_rate_rad_s:
+                self._target = replace(
+                    target, velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0
+                )
+            return self._target
+        north, east, down = target.position
+        if north is not None and east is not None and down is not None:  # goes on with its velocity
+            vx, vy, vz = target.velocity
+            self._target = replace(target, position=(north + vx * STEP_S, east + vy * STEP_S, down + vz * STEP_S))
+        return target
+
+    def _by_sticks(self) -> Target:
+        sticks = self.sticks if self.has_sticks else Sticks()
+        velocity = self._stick_velocity(5.0, self.parameters["WPNAV_SPEED_UP"] / 100.0)
+        is_held = math.hypot(sticks.forward, sticks.right) < 0.05 and self.mode in (LOITER, POSHOLD)
+        if sticks != Sticks():
+            self._stop()
+        north, east, down = self._target.position
+        return Target(
+            (north if is_held else None, east if is_held else None, down if abs(sticks.up) < 0.05 else None),
+            velocity,
+            yaw_rad=None if abs(sticks.turn_right) >= 0.05 else self._target.yaw_rad,
+            yaw_rate_rad_s=sticks.turn_right * 1.5,
+        )
+
+    def _is_over_home(self) -> bool:
+        return self.home is None or math.dist(self.position[:2], self.home[:2]) < 1.0
+
+    def _agility(self) -> Agility:
+        p = self.parameters
+        return Agility(
+            position_gain=1.0,
+            height_gain=_TAKEOFF_GAIN if self.is_taking_off else 1.0,
+            # as the real one shapes its velocity: with a lag of the acceleration limit by the jerk limit
+            velocity_gain=p["PSC_JERK_XY"] / (p["WPNAV_ACCEL"] / 100.0),
+            vertical_gain=4.0,
+            speed_m_s=p["WPNAV_SPEED"] / 100.0,
+            climb_m_s=min(_TAKEOFF_M_S if self.is_taking_off else math.inf, p["WPNAV_SPEED_UP"] / 100.0),
+            descent_m_s=p["WPNAV_SPEED_DN"] / 100.0,
+            acceleration_m_s2=p["WPNAV_ACCEL"] / 100.0,
+            vertical_acceleration_m_s2=_TAKEOFF_M_S2 if self.is_taking_off else 2.5,
+            jerk_m_s3=20.0,
+            yaw_gain=4.5,
+            yaw_rate_rad_s=math.radians(p["ATC_SLEW_YAW"] / 100.0),
+        )
+
+    # The pilot's transmitter
+
+    def _hear_radio(self) -> None:
+        if self._radio is None:
+            return
+        for data in self._radio.receive(self.elapsed_s):
+            if len(data) == 16:
+                roll, pitch, throttle, yaw, switch, *_ = struct.unpack("<8H", data)
+                self.sticks = Sticks(
+                    (1500 - pitch) / 500.0, (roll - 1500) / 500.0, (throttle - 1500) / 500.0, (yaw - 1500) / 500.0
+                )
+                self.sticks_s = self.now_s
+                self._has_radio = True
+                self._hear_switch(sum(switch >= limit for limit in _SWITCH_LIMITS))
+
+    def _hear_switch(self, position: int) -> None:
+        """A position of the switch counts when it has been there for a while, and only when it is another."""
+        if self._switch_seen is None or self._switch_seen[0] != position:
+            self._switch_seen = (position, self.now_s)
+        if self.now_s - self._switch_seen[1] >= _SWITCH_S and position != self._switch:
+            self._switch = position
+            self.set_mode(int(self.parameters[f"FLTMODE{position + 1}"]))
+
+    # Messages
+
+    def _push(self, message_id: int) -> None:
+        if self.is_booting:
+            return
+        for channel in self.channels:
+            self._stream(channel, message_id)
+
+    def _may_stream(self, message_id: int) -> int:
+        return ACCEPTED if message_id in self.builders else UNSUPPORTED
+
+    def _builders(self) -> dict[int, Callable[[], Message | None]]:
+        return {
+            **super()._builders(),
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status_report,
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
+        }
+
+    def heartbeat(self) -> Message:
+        base_mode = 81 if self.mode == STABILIZE else 89
+        if self.is_armed:
+            base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        status = mavlink.MAV_STATE_STANDBY
+        if self.is_armed and (not self._is_landed or self.is_taking_off):
+            status = mavlink.MAV_STATE_ACTIVE
+        return mavlink.MAVLink_heartbeat_message(self.kind, self.autopilot, base_mode, self.mode, status, 3)
+
+    def _local_position(self) -> Message | None:
+        return super()._local_position() if self.now_s >= self.settle_s else None
+
+    def _origin(self) -> Message | None:
+        return super()._origin() if self.now_s >= self.settle_s else None
+
+    def _ekf_status_report(self) -> Message:
+        flags = _GOOD_FLAGS if self.has_position else _NO_POSITION_FLAGS
+        return mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.1)
+
+    def _position_target(self) -> Message:
+        """What it flies to, in every mode."""
+        position = tuple(
+            here if goal is None else goal for goal, here in zip(self._target.position, self.position, strict=True)
+        )
+        return mavlink.MAVLink_position_target_local_ned_message(
+            self.time_ms,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            0,
+            *position,
+            *self._target.velocity,
+            *self._target.acceleration,
+            self._target.yaw_rad or 0.0,
+            self._target.yaw_rate_rad_s,
+        )
+
+    def _to_wire(self, value: int) -> float:
+        return float(value)
+
+    def _from_wire(self, value: float) -> int:
+        return round(value)

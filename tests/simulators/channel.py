@@ -1,0 +1,96 @@
+"""One link of an autopilot: what is streamed on it and how often, and who listens there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from tests.simulators.ports import Port
+from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+
+_GROUND_STATION_S = 5.0
+
+
+class Channel:
+    """`rates_hz` are the messages sent unasked, by id. `forwards`: what others say on it goes on to the other links."""
+
+    def __init__(self, port: Port, rates_hz: Mapping[int, float], *, forwards: bool = False) -> None:
+        self.port = port
+        self.forwards = forwards
+        self._rates_hz = dict(rates_hz)
+        self._session = port.sessions_count
+        self.boot(1, 0.0)
+
+    def boot(self, system_id: int, now_s: float) -> None:
+        """As after the autopilot has booted."""
+        self._codec = Codec(mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._codec.join(system_id)
+        self._reader = FrameReader()
+        self._ground_station_s = -math.inf
+        self.intervals_s = {message_id: 1.0 / rate_hz for message_id, rate_hz in self._rates_hz.items()}
+        self._due_s = dict.fromkeys(self.intervals_s, now_s)
+        self.is_active = False
+        """Whether anybody asked for anything here."""
+
+    def receive(self, now_s: float) -> list[tuple[Frame, Message]]:
+        """The messages that have come, by anybody."""
+        found = []
+        for data in self.port.receive(now_s):
+            if self.port.sessions_count != self._session:
+                self._session = self.port.sessions_count
+                self._reader = FrameReader()
+            frames = self._reader.feed(data) if self.port.is_stream else self._reader.read(data)
+            for frame in frames:
+                try:
+                    message = self._codec.decode(frame)
+                except CorruptFrameError:
+                    continue
+                if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and message.type == mavlink.MAV_TYPE_GCS:
+                    self._ground_station_s = now_s
+                found.append((frame, message))
+        return found
+
+    def has_ground_station(self, now_s: float) -> bool:
+        """Whether a ground station's heartbeat comes on this link."""
+        return now_s - self._ground_station_s <= _GROUND_STATION_S
+
+    def send(self, message: Message, now_s: float) -> None:
+        """Sends a message of the autopilot."""
+        self.port.send(self._codec.encode(message), now_s)
+
+    def send_raw(self, message_id: int, payload: bytes, crc_extra: int, now_s: float) -> None:
+        """Sends a message that pymavlink does not know."""
+        self.port.send(self._codec.encode(_Raw(message_id, payload, crc_extra)), now_s)
+
+    def stream(self, message_id: int, interval_s: float | None, now_s: float) -> None:
+        """From now on a message comes at this interval; None: not any more; 0: as unasked."""
+        self.is_active = True
+        if interval_s == 0.0:
+            interval_s = 1.0 / self._rates_hz[message_id] if message_id in self._rates_hz else None
+        if interval_s is None:
+            self.intervals_s.pop(message_id, None)
+            self._due_s.pop(message_id, None)
+        else:
+            self.intervals_s[message_id] = interval_s
+            self._due_s[message_id] = now_s
+
+    def due(self, now_s: float) -> list[int]:
+        """The ids of the messages that it is time for."""
+        found = [message_id for message_id, due_s in self._due_s.items() if now_s >= due_s - 1e-9]
+        for message_id in found:
+            interval_s = self.intervals_s[message_id]
+            self._due_s[message_id] = max(self._due_s[message_id] + interval_s, now_s - interval_s)
+        return found
+
+
+class _Raw(mavlink.MAVLink_message):  # type: ignore[misc]
+    """A message by its bytes."""
+
+    def __init__(self, message_id: int, payload: bytes, crc_extra: int) -> None:
+        super().__init__(message_id, f"RAW_{message_id}")
+        self._bytes, self._crc_extra = payload, crc_extra
+
+    def pack(self, mav: object, force_mavlink1: bool = False) -> bytes:
+        packed: bytes = self._pack(mav, self._crc_extra, self._bytes, force_mavlink1=force_mavlink1)
+        return packed

@@ -1,0 +1,99 @@
+"""Bad links: what is sent is lost, late, doubled, out of order, damaged; or nothing passes at all. Seeded."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from tests.simulators.ports import Port
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What a link does to what it carries, one way. `loss`, `duplication` and `corruption` are parts of 1.
+
+    A datagram takes `delay_s`, and up to `jitter_s` more, so that a later one can overtake it; bytes of a stream never
+    overtake each other. `is_silent`: nothing passes.
+    """
+
+    loss: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    duplication: float = 0.0
+    corruption: float = 0.0
+    is_silent: bool = False
+
+
+GOOD = Faults()
+
+
+class Way:
+    """One direction."""
+
+    def __init__(self, noise: random.Random, *, keeps_order: bool) -> None:
+        self._noise = noise
+        self._keeps_order = keeps_order
+        self._newest_s = 0.0
+        self._count = itertools.count()
+        self._queue: list[tuple[float, int, bytes]] = []
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is under way."""
+        return not self._queue
+
+    def put(self, data: bytes, now_s: float, faults: Faults) -> None:
+        noise = self._noise
+        if faults.is_silent or noise.random() < faults.loss:
+            return
+        if noise.random() < faults.corruption:
+            damaged = bytearray(data)
+            damaged[noise.randrange(len(data))] ^= noise.randrange(1, 256)
+            data = bytes(damaged)
+        for _ in range(2 if noise.random() < faults.duplication else 1):
+            time_s = now_s + faults.delay_s + noise.uniform(0.0, faults.jitter_s)
+            if self._keeps_order:
+                time_s = self._newest_s = max(time_s, self._newest_s)
+            heapq.heappush(self._queue, (time_s, next(self._count), data))
+
+    def take(self, now_s: float) -> Iterator[bytes]:
+        while self._queue and self._queue[0][0] <= now_s:
+            yield heapq.heappop(self._queue)[2]
+
+
+class BadLink(Port):
+    """A link through which what is sent and received passes with faults, which may be changed at any time."""
+
+    def __init__(self, port: Port, seed: int, down: Faults = GOOD, up: Faults = GOOD) -> None:
+        self.down = down
+        """From the autopilot."""
+        self.up = up
+        """To the autopilot."""
+        self._port = port
+        self._down = Way(random.Random(seed), keeps_order=port.is_stream)
+        self._up = Way(random.Random(seed + 1), keeps_order=port.is_stream)
+        self.is_stream = port.is_stream
+
+    def receive(self, now_s: float) -> list[bytes]:
+        for data in self._port.receive(now_s):
+            self._up.put(data, now_s, self.up)
+        for data in self._down.take(now_s):
+            self._port.send(data, now_s)
+        if self._port.sessions_count != self.sessions_count:
+            self.sessions_count = self._port.sessions_count
+        return list(self._up.take(now_s))
+
+    def send(self, data: bytes, now_s: float) -> None:
+        self._down.put(data, now_s, self.down)
+
+    def descriptors(self) -> list[int]:
+        return self._port.descriptors()
+
+    def restart(self) -> None:
+        self._port.restart()
+
+    def close(self) -> None:
+        self._port.close()

@@ -1,0 +1,137 @@
+"""The MAVLink backend and a simulated autopilot on one clock: faster than real time, and slower on a busy computer.
+
+All of the backend but its sockets is the real one. Its thread steps the autopilot where it would wait for a link, so
+that neither can be late: what is flown does not depend on how fast the computer is.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+
+from tests.simulators.ardupilot import ArduPilot
+from tests.simulators.autopilot import STEP_S, Autopilot
+from tests.simulators.ports import MemoryPort
+from tests.simulators.px4 import Px4
+from tests.simulators.simulation import PilotSimulation
+from ual.interface import Simulation
+from ual_daemon.backends.base import BackendOptions, UpdateCallback
+from ual_daemon.backends.mavlink.backend import MavlinkBackend, MonotonicClock
+from ual_daemon.backends.mavlink.links import Address, Connection
+from ual_daemon.backends.mavlink.links.base import Chunk, Link
+from ual_daemon.backends.mavlink.session.conversation import Conversation
+
+SPEED = 6.0
+_ADDRESS = ("127.0.0.1", 14580)
+_BEGIN_UTC_S = 1.8e9
+_LATE_S = 0.05
+
+
+class LockstepBackend(MavlinkBackend):
+    """Flies a simulated autopilot, whose only link `port` is, and offers its safety pilot."""
+
+    def __init__(self, options: BackendOptions, autopilot: Autopilot, port: MemoryPort, speed: float = SPEED) -> None:
+        super().__init__(BackendOptions(options.ns, "udpout://127.0.0.1:1", options.settings))  # nothing is sent there
+        self.autopilot = autopilot
+        # Fast time is short for callers: it would disarm before they have thought about the take-off.
+        for name in ("COM_DISARM_PRFLT", "DISARM_DELAY"):
+            if name in autopilot.parameters:
+                autopilot.parameters[name] = 60.0
+        self.clock = _Clock(autopilot)
+        self._port = port
+        self._speed = speed
+
+    def open(self, on_update: UpdateCallback) -> None:
+        connection = self._connection = _Connection(self.autopilot, self._port, self._speed)
+        conversation = self._conversation = Conversation(
+            self._settings, connection, self._stream.duration_s, self._supervision, self._signer
+        )
+        self._thread = threading.Thread(
+            target=self._run, args=(connection, conversation, on_update), name="lockstep", daemon=True
+        )
+        self._thread.start()
+
+    def simulation(self) -> Simulation:
+        return PilotSimulation(self.autopilot)
+
+
+class LockstepPx4(LockstepBackend):
+    """With a PX4."""
+
+    def __init__(self, options: BackendOptions) -> None:
+        port = MemoryPort()
+        super().__init__(options, Px4(port), port)
+
+
+class LockstepArduPilot(LockstepBackend):
+    """With an ArduCopter."""
+
+    def __init__(self, options: BackendOptions) -> None:
+        port = MemoryPort()
+        super().__init__(options, ArduPilot(port), port)
+
+
+class _Clock(MonotonicClock):
+    """The autopilot's."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+
+    def now_s(self) -> float:
+        return self._autopilot.elapsed_s
+
+    def utc_s(self) -> float:
+        return _BEGIN_UTC_S + self._autopilot.elapsed_s
+
+
+class _Connection(Connection):
+    """Lets the autopilot's time pass instead of waiting, at most `speed` times as fast as real."""
+
+    def __init__(self, autopilot: Autopilot, port: MemoryPort, speed: float) -> None:
+        super().__init__(_Link(port), "a simulated autopilot")
+        self._autopilot = autopilot
+        self._port = port
+        self._speed = speed
+        self._due_s = time.monotonic()
+
+    def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
+        self._due_s += STEP_S / self._speed
+        wait_s = self._due_s - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+        elif wait_s < -_LATE_S:
+            self._due_s -= wait_s
+        self._autopilot.step()
+        chunks: list[Chunk] = [(data, _ADDRESS) for _, data in self._port.sent]
+        self._port.sent.clear()
+        return chunks
+
+
+class _Link(Link):
+    """The way up, in memory."""
+
+    is_stream = False
+
+    def __init__(self, port: MemoryPort) -> None:
+        self._port = port
+
+    def open(self) -> None:
+        """It is always open."""
+
+    def close(self) -> None:
+        """It is never closed."""
+
+    def descriptors(self) -> Mapping[int, int]:
+        return {}
+
+    def receive(self, now_s: float) -> list[Chunk]:
+        return []
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        self._port.arriving.append(data)
+        return True
+
+    @property
+    def peer(self) -> Address | None:
+        return _ADDRESS

@@ -1,0 +1,346 @@
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, position
+from ual.errors import RejectedByAutopilotError, WrongStateError
+from ual.geometry import Pose, Vector3
+from ual.types import Capability, GeoPoint, Limits
+from ual_daemon.backends.mavlink.autopilots.ardupilot import LONGEST_LEAD_S, ArduCopter, velocity_lead
+from ual_daemon.backends.mavlink.session.vehicle import SILENCE_S
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
+from ual_daemon.geodesy import FlatProjection
+
+COPTER = ArduCopter()
+GUIDED, LOITER, RTL, LAND, BRAKE = 4, 5, 6, 9, 17
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+SET_MODE, TAKE_OFF = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_TAKEOFF
+ACCEPTED, FAILED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_FAILED
+
+
+def beat(mode: int = LOITER, *, armed: bool = False, kind: int = mavlink.MAV_TYPE_QUADROTOR) -> Any:
+    return heartbeat(mode, armed=armed, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, kind=kind)
+
+
+def met(mode: int = LOITER, *, armed: bool = False) -> Talk:
+    """A conversation with an ArduCopter that has answered no question yet."""
+    talk = Talk()
+    talk.hear(beat(mode, armed=armed))
+    return talk
+
+
+def standing(home_amsl_m: float) -> Snapshot:
+    """On the ground 0.2 m above the origin, which is at 488 m."""
+    return Snapshot(
+        0.0,
+        pose=Sample(Pose.at(0.0, 0.0, 0.2), 0.0),
+        projection=FlatProjection(47.4, 8.5, 488.0),
+        home_altitude_amsl_m=home_amsl_m,
+    )
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "control"),
+    [
+        (0, "STABILIZE", Control.OTHER),
+        (3, "AUTO", Control.OTHER),
+        (4, "GUIDED", Control.REFERENCES),
+        (5, "LOITER", Control.OTHER),
+        (6, "RTL", Control.OTHER),
+        (9, "LAND", Control.LAND),
+        (17, "BRAKE", Control.OTHER),
+        (20, "GUIDED_NOGPS", Control.OTHER),
+        (99, "MODE99", Control.OTHER),
+    ],
+)
+def test_modes(number: int, name: str, control: Control) -> None:
+    mode = COPTER.mode(number)
+    assert (mode.name, mode.control) == (name, control)
+
+
+def test_a_multirotor_is_flown() -> None:
+    info = met().vehicle.info()
+    assert info.autopilot == "ArduPilot"
+    assert info.capabilities == frozenset(Capability)
+    assert info.flies_takeoff_on_setpoints is False
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(mavlink.MAV_TYPE_FIXED_WING, "fixed wing"), (mavlink.MAV_TYPE_GROUND_ROVER, "ground rover")],
+)
+def test_what_is_no_multirotor_is_only_watched(kind: int, name: str) -> None:
+    talk = Talk()
+    talk.hear(beat(kind=kind))
+    info = talk.vehicle.info()
+    assert info.autopilot == f"unknown (ardupilotmega, {name})"
+    assert info.capabilities == frozenset()
+
+
+def test_a_velocity_setpoint_has_velocity_and_yaw_rate_only() -> None:
+    sent = COPTER.setpoint(VelocitySetpoint(Vector3(1, 2, 3)), 3, 0)
+    assert (sent.target_system, sent.coordinate_frame) == (3, mavlink.MAV_FRAME_LOCAL_NED)
+    assert sent.type_mask == 0b010111000111  # the yaw rate counts: without it the nose turns into the way it flies
+    assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, 0)
+
+
+def test_a_position_setpoint_has_all_but_the_acceleration_which_would_go_on_when_setpoints_end() -> None:
+    sent = COPTER.setpoint(PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), 0.5), 1, 0)
+    assert sent.type_mask == 0b000111000000
+    assert (sent.x, sent.y, sent.z, sent.vx, sent.vy, sent.vz) == (2, 1, -3, 5, 4, -6)
+    assert (sent.yaw, sent.yaw_rate) == pytest.approx((math.pi / 2, -0.5))
+
+
+SHAPING = {
+    "WPNAV_SPEED": 1000.0,
+    "WPNAV_SPEED_UP": 250.0,
+    "WPNAV_SPEED_DN": 150.0,
+    "WPNAV_ACCEL": 250.0,
+    "WPNAV_ACCEL_Z": 100.0,
+    "PSC_JERK_XY": 5.0,
+    "PSC_JERK_Z": 5.0,
+}
+numbers = st.floats(-20.0, 20.0)
+
+
+def lead(velocity: Vector3, acceleration: Vector3, parameters: Mapping[str, float] = SHAPING) -> Vector3:
+    return velocity_lead(PositionSetpoint(Vector3(), 0.0, velocity, acceleration), parameters)
+
+
+def test_the_velocity_leads_by_what_its_shaping_takes_for_the_acceleration() -> None:
+    led = lead(Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
+    assert led == pytest.approx(Vector3(3.5, -0.5, 1.1))
+    sent = COPTER.setpoint(PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), 1, 0, SHAPING)
+    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.5, 3.5, -1.1))
+
+
+def test_at_rest_nothing_leads() -> None:
+    assert lead(Vector3(), Vector3()) == Vector3()
+
+
+@given(st.builds(Vector3, numbers, numbers, numbers), st.builds(Vector3, numbers, numbers, numbers))
+def test_the_lead_never_exceeds_its_speed_limits_unless_the_reference_does(v: Vector3, a: Vector3) -> None:
+    led = lead(v, a)
+    assert led.horizontal_norm() <= max(10.0, v.horizontal_norm()) + 1e-9
+    assert min(-1.5, v.z) - 1e-9 <= led.z <= max(2.5, v.z) + 1e-9
+
+
+@given(st.builds(Vector3, numbers, numbers, numbers), st.builds(Vector3, numbers, numbers, numbers))
+def test_the_lead_is_bounded_where_its_jerk_limit_is_low(v: Vector3, a: Vector3) -> None:
+    led = lead(v, a, SHAPING | {"PSC_JERK_XY": 0.5, "PSC_JERK_Z": 0.5, "WPNAV_SPEED": 1e6})
+    assert (led - v).horizontal_norm() <= LONGEST_LEAD_S * a.horizontal_norm() + 1e-9
+
+
+@pytest.mark.parametrize("missing", ["WPNAV_ACCEL", "PSC_JERK_XY"])
+def test_what_is_not_known_leads_by_nothing(missing: str) -> None:
+    known = {name: value for name, value in SHAPING.items() if name != missing}
+    assert lead(Vector3(3.0, 0.0, 0.0), Vector3(1.0, 0.0, 0.0), known) == Vector3(3.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("home_amsl_m", "above_home_m"), [(488.0, 3.2), (488.2, 3.0), (487.5, 3.7)])
+def test_the_height_of_a_take_off_is_above_where_it_stands_not_above_home(
+    home_amsl_m: float, above_home_m: float
+) -> None:
+    climb = COPTER.take_off(3.0, standing(home_amsl_m)).then
+    assert climb is not None
+    assert climb.id == TAKE_OFF
+    assert climb.params[6] == pytest.approx(above_home_m)
+
+
+def test_it_does_not_take_off_before_home_is_known() -> None:
+    with pytest.raises(WrongStateError, match="home"):
+        COPTER.take_off(3.0, Snapshot(0.0))
+
+
+@pytest.mark.parametrize(
+    "snapshot", [standing(487.0)._replace(projection=None), standing(487.0)._replace(home_altitude_amsl_m=None)]
+)
+def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts(snapshot: Snapshot) -> None:
+    place = GeoPoint(47.4, 8.5, altitude_amsl_m=488.2, altitude_home_m=0.3)
+    climb = COPTER.take_off(3.0, snapshot._replace(position_geo=place)).then
+    assert climb is not None
+    assert climb.params[6] == pytest.approx(3.3)
+
+
+@pytest.mark.parametrize("altitude_home_m", [30.0, -30.0, None])
+def test_its_own_height_may_be_above_the_home_before_it_was_armed(altitude_home_m: float | None) -> None:
+    place = GeoPoint(47.4, 8.5, altitude_home_m=altitude_home_m)
+    with pytest.raises(WrongStateError, match="home"):
+        COPTER.take_off(3.0, Snapshot(0.0, position_geo=place))
+
+
+def test_a_take_off_begins_in_guided() -> None:
+    talk = met(armed=True)
+    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
+    (mode,) = talk.commands(SET_MODE)
+    assert (mode.param1, mode.param2) == (1, GUIDED)
+    talk.run(0.1)
+    assert talk.commands(TAKE_OFF) == []
+    talk.hear(ack(SET_MODE, ACCEPTED))
+    (climb,) = talk.commands(TAKE_OFF)
+    assert climb.param7 == pytest.approx(3.0)
+    assert not done.done()
+    talk.hear(ack(TAKE_OFF, ACCEPTED))
+    assert done.done()
+    assert done.exception() is None
+
+
+def test_a_take_off_that_is_refused_or_not_in_guided_fails_in_the_autopilots_words() -> None:
+    talk = met(armed=True)
+    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
+    talk.hear(mavlink.MAVLink_statustext_message(4, b"Mode change to GUIDED failed: requires position"))
+    talk.hear(ack(SET_MODE, FAILED))
+    talk.run(0.2)
+    error = done.exception(0)
+    assert isinstance(error, RejectedByAutopilotError)
+    assert "refused to take off: FAILED; it said: Mode change to GUIDED failed" in str(error)
+    assert talk.commands(TAKE_OFF) == []
+
+
+def test_a_take_off_that_was_withdrawn_is_not_begun() -> None:
+    talk = met(armed=True)
+    is_withdrawn = False
+    talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s, lambda: is_withdrawn)
+    is_withdrawn = True
+    talk.run(0.1)
+    talk.hear(ack(SET_MODE, ACCEPTED))
+    talk.run(1.0)
+    assert talk.commands(TAKE_OFF) == []
+
+
+def test_its_own_hold_is_brake() -> None:
+    assert COPTER.hold().params == (1, BRAKE)  # LOITER would follow the throttle stick, which may be at its bottom
+
+
+def test_limits_are_its_parameters_in_other_units() -> None:
+    assert COPTER.limits({}) == Limits()
+    read = {
+        "WPNAV_SPEED": 1000.0,
+        "WPNAV_SPEED_UP": 250.0,
+        "WPNAV_SPEED_DN": 150.0,
+        "WPNAV_ACCEL": 250.0,
+        "WPNAV_ACCEL_Z": 100.0,
+        "ATC_SLEW_YAW": 6000.0,
+        "PSC_JERK_XY": 5.0,
+        "PSC_JERK_Z": 5.0,
+        "SIM_SPEEDUP": 1.0,
+    }
+    assert set(read) == set(COPTER.parameters)
+    assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.25, 0.5, math.radians(60.0))  # it needs some to catch up by
+    assert COPTER.limits(dict.fromkeys(read, 0.0)) == Limits()
+
+
+def version(board_type: int = 0, usb: tuple[int, int] = (0, 0)) -> Any:
+    """Its AUTOPILOT_VERSION; a simulator has no board."""
+    nothing = [0] * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        64495, 0x040603FF, 0, 0, board_type << 16, nothing, nothing, nothing, *usb, 0
+    )
+
+
+def test_a_parameter_of_the_simulator_and_no_board_tell_that_it_is_one() -> None:
+    talk = met()
+    assert talk.vehicle.reality().is_simulated is None
+    talk.hear(version())
+    assert talk.vehicle.reality().is_simulated is None
+    assert talk.vehicle.info().is_simulation is False
+    talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", -1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert talk.vehicle.reality().is_simulated is True
+    assert talk.vehicle.info().is_simulation is True
+
+
+@pytest.mark.parametrize(("board_type", "usb"), [(50, (0, 0)), (0, (0x1209, 0x5740))])
+def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, usb: tuple[int, int]) -> None:
+    talk = met()
+    talk.hear(version(board_type, usb))
+    talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", 1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert talk.vehicle.reality().is_simulated is False
+    assert "flight controller" in talk.vehicle.reality().why
+
+
+@pytest.mark.parametrize(
+    ("flags", "why"),
+    [
+        (831, ""),
+        (831 - 16, ""),  # a relative position (optical flow) is good enough
+        (831 - 8 - 16, "no horizontal position"),
+        (167, "it assumes that it stands still (no GPS or other position yet)"),
+        (0, "no attitude, horizontal velocity, vertical velocity, horizontal position, height"),
+    ],
+)
+def test_its_estimator_is_judged_by_its_flags(flags: int, why: str) -> None:
+    talk = met()
+    talk.hear(mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0))
+    found = talk.snapshot().estimator.value
+    assert (found.is_good, found.why) == (not why, why)
+
+
+def test_it_is_asked_for_everything_since_nothing_comes_by_itself() -> None:
+    talk = met()
+    asked: set[int] = set()
+    for _ in range(20):
+        talk.run(0.05)
+        for command in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
+            asked.add(int(command.param1))
+            talk.hear(ack(command.command, ACCEPTED))
+    assert asked == {int(command.params[0]) for command in COPTER.streams(50.0)}
+    assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked
+
+
+def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_noticed() -> None:
+    talk = met()
+    for _ in range(20):
+        talk.run(0.05)
+        for _ in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
+            talk.hear(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
+    talk.hear(attitude(), position(talk.now_s))
+    streamed_s = talk.now_s
+    talk.link.sent.clear()
+    while talk.now_s < streamed_s + SILENCE_S + 0.5:
+        talk.run(0.1)
+        talk.hear(beat())  # the only thing it sends unasked
+    asked = {sent.param1 for sent in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}
+    assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked  # though this one does flow: it is a new meeting
+
+
+@pytest.mark.parametrize("mode", [LAND, BRAKE, RTL])
+def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_armed_and_not_before(mode: int) -> None:
+    talk = met(GUIDED, armed=True)
+    talk.setpoints_s = 1.0
+    talk.run(0.1)
+    talk.setpoints_s = 0.0
+    talk.hear(beat(mode, armed=True), beat(mode))
+    talk.run(5.0)
+    assert talk.commands(SET_MODE) == []
+    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
+    assert [sent.param2 for sent in talk.commands(SET_MODE)] == [GUIDED]
+    talk.hear(ack(SET_MODE, ACCEPTED))
+    assert len(talk.commands(ARM)) == 1
+
+
+@pytest.mark.parametrize("mode", [LOITER, GUIDED, 0, 3])
+def test_a_mode_in_which_it_may_be_armed_is_the_pilots_choice(mode: int) -> None:
+    talk = met(mode)
+    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
+    (sent,) = [message for message in talk.link.take("COMMAND_LONG") if message.command in (ARM, SET_MODE)]
+    assert sent.command == ARM
+
+
+def test_a_take_off_that_has_begun_is_believed_over_the_refusal_of_its_repetition() -> None:
+    talk = met(armed=True)
+    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
+    talk.run(0.05)
+    talk.hear(beat(GUIDED, armed=True))  # the acknowledgements of both commands are lost
+    talk.run(0.3)
+    assert len(talk.commands(TAKE_OFF)) == 2
+    talk.hear(ack(TAKE_OFF, FAILED))
+    talk.run(0.1)
+    assert not done.done()
+    talk.hear(mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_TAKEOFF))
+    talk.run(0.05)
+    assert done.result(0) is None

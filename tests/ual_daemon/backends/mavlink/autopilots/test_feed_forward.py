@@ -1,0 +1,135 @@
+"""What is learnt of a vehicle in flight: a point mass with drag, wind and an estimator that contradicts itself."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
+from ual.geometry import Pose, Quaternion, Vector3
+from ual_daemon.backends.mavlink.autopilots.feed_forward import (
+    GRAVITY_M_S2,
+    MOST_LEAD_M_S2,
+    MOST_VELOCITY_ERROR_M_S,
+    FeedForward,
+)
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.values import PositionSetpoint
+
+STEP_S = 0.02
+STILL = Vector3()
+
+
+def tilted(acceleration: Vector3) -> Quaternion:
+    """The orientation whose thrust accelerates so: gravity made up for, and no more vertically."""
+    thrust = Vector3(acceleration.x, acceleration.y, GRAVITY_M_S2)
+    axis = Vector3(0.0, 0.0, 1.0).cross(thrust)
+    if axis.norm() < 1e-12:
+        return Quaternion()
+    angle = math.atan2(axis.norm(), thrust.z)
+    axis = axis / axis.norm() * math.sin(angle / 2.0)
+    return Quaternion(axis.x, axis.y, axis.z, math.cos(angle / 2.0))
+
+
+def fly(
+    learner: FeedForward, drag_1_s: float, wind: Vector3 = STILL, drift: Vector3 = STILL, duration_s: float = 30.0
+) -> None:
+    """Out and back along x. `wind` is its push in m/s^2, `drift` how the position moves beside the velocity."""
+    position = STILL
+    for step in range(round(duration_s / STEP_S)):
+        time_s = step * STEP_S
+        velocity = Vector3(4.0 * math.sin(0.8 * time_s), 0.0, 0.0)
+        acceleration = Vector3(3.2 * math.cos(0.8 * time_s), 0.0, 0.0)
+        position = position + (velocity + drift) * STEP_S
+        pull = acceleration + velocity * drag_1_s - wind
+        learner.learn(time_s, Pose(position, tilted(pull)), velocity)
+
+
+@pytest.mark.parametrize("drag_1_s", [0.2, 0.5, 1.0])
+def test_drag_is_learnt_from_the_tilt_that_it_takes_to_fly(drag_1_s: float) -> None:
+    learner = FeedForward()
+    fly(learner, drag_1_s)
+    assert learner.drag_1_s == pytest.approx(drag_1_s, rel=0.06, abs=0.03)
+
+
+def test_a_steady_wind_is_not_taken_for_drag() -> None:
+    learner = FeedForward()
+    fly(learner, 0.3, wind=Vector3(1.0, -2.0, 0.0))
+    assert learner.drag_1_s == pytest.approx(0.3, abs=0.03)
+
+
+def test_where_there_is_no_drag_none_is_told() -> None:
+    learner = FeedForward()
+    fly(learner, 0.0)
+    setpoint = PositionSetpoint(STILL, 0.0, Vector3(5.0, 0.0, 0.0), Vector3(1.0, 0.0, 0.0))
+    assert learner.apply(setpoint, 0.0).acceleration.x == pytest.approx(1.0, abs=0.1)
+
+
+def test_hovering_teaches_nothing_of_drag() -> None:
+    learner = FeedForward()
+    for step in range(1000):
+        learner.learn(step * STEP_S, Pose(STILL, tilted(Vector3(0.5, 0.0, 0.0))), Vector3(0.1, 0.0, 0.0))
+    assert learner.drag_1_s == 0.0
+
+
+def test_a_velocity_that_the_position_contradicts_is_corrected() -> None:
+    learner = FeedForward()
+    fly(learner, 0.0, drift=Vector3(0.0, -0.3, 0.2))
+    assert learner.velocity_error.y == pytest.approx(0.3, abs=0.01)
+    assert learner.velocity_error.z == pytest.approx(-0.2, abs=0.01)
+    told = learner.apply(PositionSetpoint(STILL, 0.0), 0.0).velocity
+    assert told.y == pytest.approx(0.3, abs=0.01)
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_no_correction_of_the_velocity_is_larger_than_the_most(x: float, y: float) -> None:
+    learner = FeedForward()
+    for step in range(100):
+        learner.learn(step * STEP_S, Pose(Vector3(x, y, 0.0) * (step * STEP_S)), STILL)
+        assert learner.velocity_error.norm() <= MOST_VELOCITY_ERROR_M_S + 1e-9
+
+
+@pytest.mark.parametrize("jump_s", [-10.0, 1.0])
+def test_after_a_gap_or_a_boot_the_correction_begins_anew(jump_s: float) -> None:
+    learner = FeedForward()
+    fly(learner, 0.0, drift=Vector3(0.3, 0.0, 0.0), duration_s=20.0)
+    learner.learn(20.0 + jump_s, Pose(Vector3(100.0, 0.0, 0.0)), STILL)
+    assert learner.velocity_error == STILL
+
+
+def test_at_rest_a_setpoint_stays_as_it_is() -> None:
+    learner = FeedForward()
+    for step in range(100):
+        learner.learn(step * STEP_S, Pose(), STILL)
+        setpoint = PositionSetpoint(Vector3(1.0, 2.0, 3.0), 0.5)
+        assert learner.apply(setpoint, step * STEP_S) == setpoint
+
+
+def test_an_acceleration_that_grows_is_told_early() -> None:
+    learner = FeedForward()
+    for step in range(50):
+        setpoint = PositionSetpoint(STILL, 0.0, acceleration=Vector3(2.0 * step * STEP_S, 0.0, 0.0))
+        told = learner.apply(setpoint, step * STEP_S)
+    assert told.acceleration.x == pytest.approx(2.0 * (49 * STEP_S + 0.2), abs=0.08)
+
+
+def test_one_that_jumps_is_no_kick() -> None:
+    learner = FeedForward()
+    learner.apply(PositionSetpoint(STILL, 0.0), 0.0)
+    told = learner.apply(PositionSetpoint(STILL, 0.0, acceleration=Vector3(10.0, 0.0, 0.0)), STEP_S)
+    assert told.acceleration.x == pytest.approx(10.0 + MOST_LEAD_M_S2)
+
+
+@pytest.mark.parametrize("learns", [True, False])
+def test_it_can_be_switched_off(learns: bool) -> None:
+    talk = Talk(MavlinkSettings(learns_feed_forward=learns))
+    talk.hear(heartbeat())
+    vehicle = talk.conversation.vehicle
+    assert vehicle is not None
+    for i, acceleration in enumerate((STILL, Vector3(1.0))):
+        vehicle.send(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
+    sent = talk.link.take("SET_POSITION_TARGET_LOCAL_NED")[-1]
+    assert (sent.afy == pytest.approx(1.0)) is not learns  # x here is east, y there

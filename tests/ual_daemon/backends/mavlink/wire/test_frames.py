@@ -1,0 +1,196 @@
+import itertools
+import random
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.ual_daemon.backends.mavlink import fakes
+from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat, packer
+from ual_daemon.backends.mavlink.wire.frames import FrameReader, split
+from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
+
+
+def test_every_frame_of_a_datagram_is_found_with_its_header() -> None:
+    data = packer(3)(heartbeat()) + packer(4, 154)(fakes.attitude())
+    frames, garbage = split(data)
+    assert [(f.message_id, f.system_id, f.component_id) for f in frames] == [(0, 3, 1), (31, 4, 154)]
+    assert garbage == 0
+    assert b"".join(frame.data for frame in frames) == data
+
+
+def test_mavlink_1_frames_are_found() -> None:
+    data = heartbeat().pack(mavlink.MAVLink(None, 5, 1), force_mavlink1=True)
+    (frame,), garbage = split(data)
+    assert (frame.message_id, frame.system_id, frame.component_id, garbage) == (0, 5, 1, 0)
+    assert Codec(1).decode(frame).custom_mode == 0x03040000
+
+
+def test_a_signed_frame_is_taken_whole() -> None:
+    sender = mavlink.MAVLink(None, 1, 1)
+    sender.signing.secret_key = b"x" * 32
+    sender.signing.sign_outgoing = True
+    frames, garbage = split(heartbeat().pack(sender) * 2)
+    assert (len(frames), garbage) == (2, 0)
+    assert Codec(1).decode(frames[0]).autopilot == mavlink.MAV_AUTOPILOT_PX4
+
+
+def test_frames_are_found_between_garbage() -> None:
+    frame = packer()(heartbeat())
+    frames, garbage = split(b"abc" + frame + b"\xfd\x00" + frame[:-1])
+    assert [f.data for f in frames] == [frame]
+    assert garbage == 3 + 2 + len(frame) - 1
+
+
+@given(st.binary(max_size=600))
+def test_any_bytes_are_split_without_an_error_and_accounted_for(data: bytes) -> None:
+    frames, garbage = split(data)
+    assert sum(len(frame.data) for frame in frames) + garbage == len(data)
+
+
+@given(st.data())
+def test_a_damaged_or_truncated_frame_never_decodes_to_another(data: st.DataObject) -> None:
+    whole = packer()(fakes.position(1.0))
+    at = data.draw(st.integers(10, len(whole) - 1))
+    damaged = bytearray(whole)
+    damaged[at] ^= data.draw(st.integers(1, 255))
+    assert split(bytes(damaged)) == ([], len(whole))
+    assert split(whole[:at]) == ([], at)
+
+
+def signed(data: bytes) -> bytes:
+    """The frame in some bytes, as one of MAVLink 2 with a signature."""
+    sender = mavlink.MAVLink(None, 1, 1)
+    sender.signing.secret_key = b"x" * 32
+    sender.signing.sign_outgoing = True
+    packed: bytes = Codec(1).decode(split(data)[0][0]).pack(sender)
+    return packed
+
+
+pack = packer()
+FRAMES = [
+    pack(heartbeat()),
+    pack(fakes.position(1.0)),
+    heartbeat().pack(mavlink.MAVLink(None, 5, 1), force_mavlink1=True),
+    signed(pack(fakes.attitude())),
+    pack(mavlink.MAVLink_statustext_message(6, b"\xfd\xfe\xfd\x09\x00\xfe", 0, 0)),
+]
+garbage = st.binary(max_size=40) | st.sampled_from(
+    [b"\xfd", b"\xfe\xff", b"\xfd\xff\x00", b"\xfd\xff\x01\0\0\1\1\0\0\0", FRAMES[1][:-1], FRAMES[0][:5]]
+)
+
+
+@given(st.lists(st.tuples(garbage, st.sampled_from(FRAMES)), max_size=8), st.data())
+@example([(b"\xfd\xff\x00", FRAMES[0]), (FRAMES[1][:12], FRAMES[2])], None)
+def test_a_stream_cut_anywhere_with_garbage_anywhere_yields_all_its_frames(
+    pieces: list[tuple[bytes, bytes]], data: st.DataObject | None
+) -> None:
+    stream = b"".join(noise + frame for noise, frame in pieces)
+    places = st.lists(st.integers(0, len(stream)), max_size=20).map(sorted)
+    cuts = range(len(stream)) if data is None else data.draw(places)
+    reader = FrameReader()
+    found = [
+        frame for begin, end in itertools.pairwise([0, *cuts, len(stream)]) for frame in reader.feed(stream[begin:end])
+    ]
+    found += reader.finish()
+    assert [frame.data for frame in found] == [frame for _, frame in pieces]
+    assert reader.garbage_count == sum(len(noise) for noise, _ in pieces)
+    whole = FrameReader()
+    assert [*whole.feed(stream), *whole.finish()] == found
+    assert (whole.garbage_count, whole.corrupt_count) == (reader.garbage_count, reader.corrupt_count)
+
+
+def test_frames_come_as_soon_as_they_are_whole() -> None:
+    reader = FrameReader()
+    for _ in range(3):
+        assert [len(reader.feed(bytes((byte,)))) for byte in FRAMES[0]] == [0] * (len(FRAMES[0]) - 1) + [1]
+        assert not reader.is_waiting
+
+
+def test_what_only_looks_like_a_beginning_does_not_hold_a_frame_up_for_ever() -> None:
+    """A heartbeat a second takes many to complete a false beginning that announces 280 bytes."""
+    talk = Talk(is_stream=True)
+    talk.hear(data=b"\xfd\xff\x00")
+    talk.hear(heartbeat())
+    assert talk.conversation.vehicle is None
+    talk.run(0.6)
+    assert talk.vehicle.system_id == 1
+
+
+def test_a_frame_that_comes_in_two_pieces_is_heard() -> None:
+    talk = Talk(is_stream=True)
+    talk.hear(data=FRAMES[0][:7])
+    talk.run(0.2)
+    talk.hear(data=FRAMES[0][7:])
+    assert talk.vehicle.system_id == 1
+    assert talk.conversation.corrupt_count == 0
+
+
+def test_after_a_new_connection_the_old_ones_last_piece_is_not_continued() -> None:
+    talk = Talk(is_stream=True)
+    talk.hear(data=FRAMES[1][:7])
+    talk.conversation.reconnected()
+    talk.hear(data=FRAMES[0])
+    assert talk.vehicle.system_id == 1
+
+
+def test_flags_that_nobody_knows_make_a_frame_that_is_passed_over() -> None:
+    frame = bytearray(FRAMES[0])
+    frame[2] = 0x02
+    crc = mavlink.x25crc(bytes(frame[1:-2]) + bytes((50,))).crc
+    assert split(bytes(frame[:-2]) + int(crc).to_bytes(2, "little"))[0] == []
+
+
+def test_garbage_is_counted_and_harms_nothing() -> None:
+    talk = Talk()
+    talk.hear(heartbeat())
+    noise = random.Random(2)
+    for _ in range(2000):
+        head = bytes((0xFD, noise.randrange(60), 0, 0, 0, 1, 1, noise.choice((0, 1, 24, 32, 77)), 0, 0))
+        talk.hear(data=noise.choice((b"", head)) + noise.randbytes(noise.randrange(1, 80)))
+    assert talk.conversation.corrupt_count == 2000
+    talk.hear(heartbeat(armed=True))
+    assert talk.snapshot().armed.value is True
+
+
+def test_every_message_is_read_as_pymavlink_reads_it() -> None:
+    noise = random.Random(4)
+    theirs = mavlink.MAVLink(None)
+    read_count = 0
+    for message_id, kind in mavlink.mavlink_map.items():
+        size = kind.unpacker.size
+        for payload in (noise.randbytes(size), noise.randbytes(size - 1) + b"\0", noise.randbytes(1), b"\0"):
+            data = _frame(message_id, kind.crc_extra, payload.rstrip(b"\0") or b"\0")
+            ((frame,), _) = split(data)
+            ours, expected = Codec(1).decode(frame), theirs.decode(bytearray(data))
+            fields = {name: getattr(ours, name) for name in kind.fieldnames}
+            assert repr(fields) == repr({name: getattr(expected, name) for name in kind.fieldnames}), kind.msgname
+            for ask in ("get_msgId", "get_seq", "get_type", "get_srcSystem", "get_srcComponent"):
+                assert getattr(ours, ask)() == getattr(expected, ask)()
+            read_count += 1
+    assert read_count > 1000
+
+
+def test_no_content_of_a_message_is_too_strange() -> None:
+    """Whatever an autopilot puts into the messages that are used, with a right checksum."""
+    noise = random.Random(3)
+    talk = Talk()
+    talk.hear(heartbeat())
+    used = sorted(talk.vehicle.used_ids)
+    assert len(used) == 16
+    for _ in range(300):
+        for message_id in used:
+            kind = mavlink.mavlink_map[message_id]
+            size = kind.unpacker.size
+            payload = noise.choice((noise.randbytes(size), b"\xff" * size, b"\0", noise.randbytes(size // 2 + 1)))
+            talk.now_s += 0.001
+            talk.hear(data=_frame(message_id, kind.crc_extra, payload))
+            talk.conversation.tick(talk.now_s)
+            talk.snapshot()
+            talk.vehicle.info()
+    assert talk.conversation.corrupt_count == 0
+
+
+def _frame(message_id: int, crc_extra: int, payload: bytes) -> bytes:
+    body = bytes((len(payload), 0, 0, 0, 1, 1, *message_id.to_bytes(3, "little"))) + payload
+    crc = mavlink.x25crc(body + bytes((crc_extra,))).crc
+    return b"\xfd" + body + int(crc).to_bytes(2, "little")

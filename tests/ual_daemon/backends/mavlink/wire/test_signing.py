@@ -1,0 +1,170 @@
+import hashlib
+import logging
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Talk, attitude, heartbeat, packer
+from ual_daemon.backends.mavlink.wire.frames import Frame, split
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, Signer, Verdict, read_key
+from ual_daemon.settings import ConfigError
+
+KEY = bytes(range(200, 232))
+NOW_S = 1.8e9
+NOW = int((NOW_S - EPOCH_S) * 1e5)
+
+
+class Vehicle:
+    """Signs as pymavlink does, which others use."""
+
+    def __init__(self, key: bytes = KEY, timestamp: int = NOW, link_id: int = 0) -> None:
+        self.mav: Any = mavlink.MAVLink(None, 1, 1)
+        self.mav.signing.secret_key = key
+        self.mav.signing.sign_outgoing = True
+        self.mav.signing.timestamp = timestamp
+        self.mav.signing.link_id = link_id
+
+    def pack(self, message: Message) -> bytes:
+        packed: bytes = message.pack(self.mav)
+        return packed
+
+    def frame(self) -> Frame:
+        return split(self.pack(heartbeat()))[0][0]
+
+
+def signer(utc_s: float = NOW_S) -> Signer:
+    return Signer(KEY, lambda: utc_s)
+
+
+def key_file(tmp_path: Path, content: bytes, mode: int = 0o600) -> str:
+    path = tmp_path / "key"
+    path.write_bytes(content)
+    path.chmod(mode)
+    return str(path)
+
+
+def test_a_key_is_32_bytes_or_the_hash_of_a_passphrase(tmp_path: Path) -> None:
+    assert read_key(key_file(tmp_path, KEY)) == KEY
+    for content in (b"open sesame", b"open sesame\n", b"open sesame\r\n"):
+        assert read_key(key_file(tmp_path, content)) == hashlib.sha256(b"open sesame").digest()
+    assert read_key(key_file(tmp_path, b"x" * 32 + b"\n")) == hashlib.sha256(b"x" * 32).digest()
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "neither"),
+        (b"\n", "neither"),
+        (b"\xff\xfe\x00" * 9, "neither"),
+        (b"two\nlines\n", "neither"),
+        (b"a" * 5000, "neither"),
+        (b"x" * 32, "end a passphrase with a new line"),
+    ],
+)
+def test_a_file_that_is_no_key_is_refused(tmp_path: Path, content: bytes, why: str) -> None:
+    with pytest.raises(ConfigError, match=why) as caught:
+        read_key(key_file(tmp_path, content))
+    assert caught.value.key == "mavlink.signing_key_file"
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666])
+def test_a_key_that_others_could_read_is_refused_with_what_to_do(tmp_path: Path, mode: int) -> None:
+    path = key_file(tmp_path, KEY, mode)
+    with pytest.raises(ConfigError) as caught:
+        read_key(path)
+    assert f"run: chmod 600 {path}" in str(caught.value)
+
+
+def test_a_key_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="No such file"):
+        read_key(os.fspath(tmp_path / "none"))
+
+
+def test_what_is_signed_with_the_key_is_good_once() -> None:
+    ours, frame = signer(), Vehicle().frame()
+    assert [ours.check(frame), ours.check(frame)] == [Verdict.GOOD, Verdict.REPEATED]
+
+
+def test_what_is_not_or_wrongly_signed_is_not_believed() -> None:
+    ours = signer()
+    assert ours.check(split(packer()(heartbeat()))[0][0]) is Verdict.UNSIGNED
+    assert ours.check(Vehicle(b"y" * 32).frame()) is Verdict.WRONG_KEY
+
+
+def test_a_forged_timestamp_does_not_shut_the_autopilot_out() -> None:
+    ours = signer()
+    assert ours.check(Vehicle(b"y" * 32, timestamp=NOW + 10**9).frame()) is Verdict.WRONG_KEY
+    assert ours.check(Vehicle().frame()) is Verdict.GOOD
+
+
+def test_a_sender_first_heard_may_be_a_minute_behind_us() -> None:
+    assert signer().check(Vehicle(timestamp=NOW - 5_999_999).frame()) is Verdict.GOOD
+    assert signer().check(Vehicle(timestamp=NOW - 6_000_100).frame()) is Verdict.OLD
+
+
+def test_each_link_of_a_sender_has_its_own_timestamps() -> None:
+    ours = signer()
+    assert ours.check(Vehicle(timestamp=NOW).frame()) is Verdict.GOOD
+    assert ours.check(Vehicle(timestamp=NOW - 100, link_id=1).frame()) is Verdict.GOOD
+
+
+def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:
+    ours = signer(utc_s=0.0)  # a computer that does not know what time it is
+    assert [ours.next_timestamp(), ours.next_timestamp()] == [1, 2]
+    assert ours.check(Vehicle(timestamp=NOW).frame()) is Verdict.GOOD
+    assert ours.next_timestamp() >= NOW
+
+
+# --- In the conversation ----------------------------------------------------------------------------------------------
+
+
+def test_what_we_send_is_signed_so_that_pymavlink_believes_it() -> None:
+    talk = Talk(signer=signer())
+    talk.hear(data=Vehicle().pack(heartbeat()))
+    talk.run(1.0)
+    receiver: Any = mavlink.MAVLink(None)
+    receiver.signing.secret_key = KEY
+    assert len(talk.link.sent) > 5
+    for data in talk.link.sent:
+        receiver.decode(bytearray(data))
+    assert receiver.signing.goodsig_count == len(talk.link.sent)
+
+
+def test_unsigned_messages_are_dropped_counted_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    talk = Talk(signer=signer())
+    with caplog.at_level(logging.WARNING):
+        talk.hear(heartbeat(), heartbeat(), attitude())
+    assert talk.conversation.vehicle is None
+    assert talk.link.peer is None
+    assert talk.supervision.unsigned_count == 3
+    assert [record.message for record in caplog.records] == ["messages of system 1 are dropped: not signed"]
+    vehicle = Vehicle()
+    talk.hear(data=vehicle.pack(heartbeat()))
+    talk.hear(heartbeat(armed=True), address=("6.6.6.6", 6))
+    assert talk.snapshot().armed.value is False
+    assert talk.link.peer == ADDRESS
+
+
+def test_an_autopilot_whose_clock_is_behind_is_answered_so_that_it_can_follow() -> None:
+    talk = Talk(signer=signer())
+    talk.hear(data=Vehicle(timestamp=5).pack(heartbeat()))
+    assert talk.conversation.vehicle is None
+    talk.run(0.1)
+    assert len(talk.link.take("HEARTBEAT")) == 1
+    talk.hear(data=Vehicle(timestamp=NOW).pack(heartbeat()))
+    assert talk.vehicle.system_id == 1
+
+
+def test_signed_messages_are_heard_without_a_key_and_that_it_is_missing_is_told_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    talk, vehicle = Talk(), Vehicle()
+    with caplog.at_level(logging.WARNING):
+        talk.hear(data=vehicle.pack(heartbeat()) + vehicle.pack(attitude()))
+    assert talk.vehicle.system_id == 1
+    assert [record.message for record in caplog.records] == [
+        "system 1 signs its messages and may not listen to ours: set mavlink.signing_key_file"
+    ]

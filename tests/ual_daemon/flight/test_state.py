@@ -1,0 +1,302 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ual.geometry import Pose
+from ual.types import State
+from ual_daemon.backends.values import NEVER_S, Control, Estimator, Freshness, LandedState, Mode, Sample, Snapshot
+from ual_daemon.flight.state import Estimate, estimate
+
+NOW_S = 100.0
+FRESHNESS = Freshness(link_s=1.0, pose_s=2.0, mode_s=3.0, landed_s=4.0, estimator_s=5.0)
+
+HEALTHY = Snapshot(
+    time_s=NOW_S,
+    heard_s=NOW_S,
+    armed=Sample(True, NOW_S),
+    landed=Sample(LandedState.IN_AIR, NOW_S),
+    mode=Sample(Mode("OFFBOARD", Control.REFERENCES), NOW_S),
+    estimator=Sample(Estimator(True), NOW_S),
+    pose=Sample(Pose(), NOW_S),
+)
+
+
+def snapshot(
+    *, armed: bool = True, landed: LandedState | None = LandedState.IN_AIR, control: Control = Control.REFERENCES
+) -> Snapshot:
+    return HEALTHY._replace(
+        armed=Sample(armed, NOW_S),
+        landed=None if landed is None else Sample(landed, NOW_S),
+        mode=Sample(Mode("a mode", control), NOW_S),
+    )
+
+
+def state(given: Snapshot, manoeuvre: State | None = None) -> State:
+    return estimate(given, FRESHNESS, manoeuvre).state
+
+
+def table(armed: bool, landed: LandedState | None, control: Control, manoeuvre: State | None) -> State:
+    """Design.md's State section, rules 2 to 7, as a list of (does it apply, state)."""
+    rules = [
+        (not armed, State.LANDED_DISARMED),
+        (landed is LandedState.ON_GROUND, State.LANDED_ARMED),
+        (
+            manoeuvre is State.TAKING_OFF or landed is LandedState.TAKING_OFF or control is Control.TAKE_OFF,
+            State.TAKING_OFF,
+        ),
+        (manoeuvre is State.LANDING or landed is LandedState.LANDING or control is Control.LAND, State.LANDING),
+        (control is Control.REFERENCES, State.FLYING_AUTO),
+        (True, State.FLYING_MANUAL),
+    ]
+    return next(found for applies, found in rules if applies)
+
+
+@pytest.mark.parametrize("manoeuvre", [None, State.TAKING_OFF, State.LANDING])
+@pytest.mark.parametrize("control", Control)
+@pytest.mark.parametrize("landed", [None, *LandedState])
+@pytest.mark.parametrize("armed", [False, True])
+def test_every_combination_is_the_first_rule_that_applies(
+    armed: bool, landed: LandedState | None, control: Control, manoeuvre: State | None
+) -> None:
+    found = state(snapshot(armed=armed, landed=landed, control=control), manoeuvre)
+    assert found is table(armed, landed, control, manoeuvre)
+
+
+IN_AIR, ON_GROUND, UNKNOWN = LandedState.IN_AIR, LandedState.ON_GROUND, LandedState.UNKNOWN
+AUTO, PILOT = Control.REFERENCES, Control.OTHER
+OUR_TAKE_OFF, OUR_LANDING = State.TAKING_OFF, State.LANDING
+
+
+@pytest.mark.parametrize(
+    ("what_happens", "before", "after", "expected"),
+    [
+        (
+            "the pilot arms",
+            (snapshot(armed=False, landed=ON_GROUND, control=PILOT), None),
+            (snapshot(landed=ON_GROUND, control=PILOT), None),
+            (State.LANDED_DISARMED, State.LANDED_ARMED),
+        ),
+        (
+            "it disarms by itself on the ground",
+            (snapshot(landed=ON_GROUND), None),
+            (snapshot(armed=False, landed=ON_GROUND), None),
+            (State.LANDED_ARMED, State.LANDED_DISARMED),
+        ),
+        (
+            "our take-off leaves the ground",
+            (snapshot(landed=ON_GROUND), OUR_TAKE_OFF),
+            (snapshot(), OUR_TAKE_OFF),
+            (State.LANDED_ARMED, State.TAKING_OFF),
+        ),
+        (
+            "our take-off is up",
+            (snapshot(), OUR_TAKE_OFF),
+            (snapshot(), None),
+            (State.TAKING_OFF, State.FLYING_AUTO),
+        ),
+        (
+            "the autopilot takes off by itself, then loiters",
+            (snapshot(landed=LandedState.TAKING_OFF, control=Control.TAKE_OFF), None),
+            (snapshot(control=PILOT), None),
+            (State.TAKING_OFF, State.FLYING_MANUAL),
+        ),
+        (
+            "the safety pilot takes it",
+            (snapshot(control=AUTO), None),
+            (snapshot(control=PILOT), None),
+            (State.FLYING_AUTO, State.FLYING_MANUAL),
+        ),
+        (
+            "it is recovered",
+            (snapshot(control=PILOT), None),
+            (snapshot(control=AUTO), None),
+            (State.FLYING_MANUAL, State.FLYING_AUTO),
+        ),
+        (
+            "the safety pilot lands it by the autopilot",
+            (snapshot(control=PILOT), None),
+            (snapshot(control=Control.LAND), None),
+            (State.FLYING_MANUAL, State.LANDING),
+        ),
+        (
+            "our landing begins before the mode changes",
+            (snapshot(), None),
+            (snapshot(), OUR_LANDING),
+            (State.FLYING_AUTO, State.LANDING),
+        ),
+        (
+            "it touches down",
+            (snapshot(landed=LandedState.LANDING, control=Control.LAND), OUR_LANDING),
+            (snapshot(landed=ON_GROUND, control=Control.LAND), OUR_LANDING),
+            (State.LANDING, State.LANDED_ARMED),
+        ),
+        (
+            "the safety pilot lands by hand",
+            (snapshot(control=PILOT), None),
+            (snapshot(landed=ON_GROUND, control=PILOT), None),
+            (State.FLYING_MANUAL, State.LANDED_ARMED),
+        ),
+        (
+            "it is disarmed in the air",
+            (snapshot(), None),
+            (snapshot(armed=False), None),
+            (State.FLYING_AUTO, State.LANDED_DISARMED),
+        ),
+        (
+            "the autopilot loses its position in flight",
+            (snapshot(), None),
+            (HEALTHY._replace(estimator=Sample(Estimator(False, "no GPS"), NOW_S)), None),
+            (State.FLYING_AUTO, State.UNINITIALIZED),
+        ),
+        (
+            "the daemon, restarted in flight, hears the autopilot",
+            (Snapshot(time_s=NOW_S), None),
+            (snapshot(), None),
+            (State.UNINITIALIZED, State.FLYING_AUTO),
+        ),
+    ],
+)
+def test_transitions(
+    what_happens: str,
+    before: tuple[Snapshot, State | None],
+    after: tuple[Snapshot, State | None],
+    expected: tuple[State, State],
+) -> None:
+    assert (state(*before), state(*after)) == expected, what_happens
+
+
+def test_an_autopilot_that_never_says_whether_it_is_landed_can_fly() -> None:
+    assert state(snapshot(landed=None)) is State.FLYING_AUTO
+    assert state(snapshot(landed=UNKNOWN)) is State.FLYING_AUTO
+
+
+@pytest.mark.parametrize(
+    ("value", "limit_s", "why"),
+    [
+        ("heard_s", FRESHNESS.link_s, "nothing heard from the autopilot for"),
+        ("armed", FRESHNESS.mode_s, "the autopilot has not said whether it is armed for"),
+        ("mode", FRESHNESS.mode_s, "the autopilot has not said its mode for"),
+        ("estimator", FRESHNESS.estimator_s, "the autopilot has not said whether its position is good for"),
+        ("pose", FRESHNESS.pose_s, "the autopilot has not said its pose for"),
+        ("landed", FRESHNESS.landed_s, "the autopilot has not said whether it is landed for"),
+    ],
+)
+def test_a_value_counts_up_to_its_limit_and_no_longer(value: str, limit_s: float, why: str) -> None:
+    def aged(age_s: float) -> Estimate:
+        now = getattr(HEALTHY, value)
+        old = NOW_S - age_s if value == "heard_s" else Sample(now.value, NOW_S - age_s)
+        changed: dict[str, Any] = {value: old}
+        return estimate(HEALTHY._replace(**changed), FRESHNESS)
+
+    assert aged(limit_s).state is State.FLYING_AUTO
+    too_old = aged(limit_s + 0.2)
+    assert too_old.state is State.UNINITIALIZED
+    assert too_old.why == f"{why} {limit_s + 0.2:.1f} s"
+    assert too_old.is_link_up is (value != "heard_s")
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        ("heard_s", "nothing heard from the autopilot yet"),
+        ("armed", "the autopilot has not said whether it is armed"),
+        ("mode", "the autopilot has not said its mode"),
+        ("estimator", "the autopilot has not said whether its position is good"),
+        ("pose", "the autopilot has not said its pose"),
+    ],
+)
+def test_what_was_never_said_makes_it_uninitialized(value: str, why: str) -> None:
+    unsaid: dict[str, Any] = {value: None}
+    found = estimate(HEALTHY._replace(**unsaid), FRESHNESS)
+    assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
+
+
+def test_what_will_be_said_but_was_not_yet_makes_it_uninitialized() -> None:
+    found = estimate(HEALTHY._replace(landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
+    assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")
+
+
+def test_a_position_that_the_autopilot_does_not_trust_is_none_and_says_why() -> None:
+    found = estimate(HEALTHY._replace(estimator=Sample(Estimator(False, "no GPS"), NOW_S)), FRESHNESS)
+    assert found == Estimate(State.UNINITIALIZED, "the autopilot has no good position: no GPS")
+
+
+@pytest.mark.parametrize(
+    ("given_snapshot", "manoeuvre", "why"),
+    [
+        (snapshot(armed=False), None, "not armed"),
+        (snapshot(landed=ON_GROUND), None, "armed, on the ground"),
+        (snapshot(), OUR_TAKE_OFF, "our take-off is under way"),
+        (snapshot(control=Control.TAKE_OFF), None, "the autopilot takes off (mode a mode)"),
+        (snapshot(), OUR_LANDING, "our landing is under way"),
+        (snapshot(control=Control.LAND), None, "the autopilot lands (mode a mode)"),
+        (snapshot(), None, "in the air, the autopilot takes our references (mode a mode)"),
+        (snapshot(control=PILOT), None, "in the air, mode a mode does not take our references"),
+    ],
+)
+def test_each_state_says_what_it_follows_from(given_snapshot: Snapshot, manoeuvre: State | None, why: str) -> None:
+    assert estimate(given_snapshot, FRESHNESS, manoeuvre).why == why
+
+
+TIMES = st.floats(-1e9, 1e9)
+
+
+def samples(values: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
+    return st.none() | st.builds(Sample, values, TIMES | st.just(NOW_S))
+
+
+SNAPSHOTS = st.builds(
+    lambda **values: Snapshot(**values),  # noqa: PLW0108  hypothesis would make up the other fields of a tuple
+    time_s=TIMES | st.just(NOW_S),
+    heard_s=st.none() | TIMES | st.just(NOW_S),
+    armed=samples(st.booleans()),
+    landed=samples(st.sampled_from(LandedState)),
+    mode=samples(st.builds(Mode, st.text(max_size=5), st.sampled_from(Control))),
+    estimator=samples(st.builds(Estimator, st.booleans(), st.text(max_size=5))),
+    pose=samples(st.just(Pose())),
+)
+FRESHNESSES = st.builds(Freshness, *[st.floats(0.0, 1e3) | st.just(math.inf)] * 5)
+MANOEUVRES = st.sampled_from([None, State.TAKING_OFF, State.LANDING])
+
+
+@given(SNAPSHOTS, FRESHNESSES, MANOEUVRES)
+def test_any_snapshot_has_a_state_a_reason_and_always_the_same(
+    given_snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None
+) -> None:
+    found = estimate(given_snapshot, freshness, manoeuvre)
+    assert found.why
+    assert found == estimate(given_snapshot, freshness, manoeuvre)
+    assert found.is_link_up or found.state is State.UNINITIALIZED
+
+
+@given(SNAPSHOTS, FRESHNESSES, MANOEUVRES)
+def test_old_data_never_decides(given_snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None) -> None:
+    limits = {
+        "armed": freshness.mode_s,
+        "mode": freshness.mode_s,
+        "estimator": freshness.estimator_s,
+        "pose": freshness.pose_s,
+    }
+    is_usable = all(
+        (sample := getattr(given_snapshot, name)) is not None and given_snapshot.time_s - sample.time_s <= limit_s
+        for name, limit_s in limits.items()
+    )
+    is_heard = given_snapshot.heard_s is not None and given_snapshot.time_s - given_snapshot.heard_s <= freshness.link_s
+    found = estimate(given_snapshot, freshness, manoeuvre).state
+    if not (is_usable and is_heard):
+        assert found is State.UNINITIALIZED
+    elif found is not State.UNINITIALIZED:
+        assert given_snapshot.armed is not None
+        assert given_snapshot.mode is not None
+        landed = None if given_snapshot.landed is None else given_snapshot.landed.value
+        assert found is table(given_snapshot.armed.value, landed, given_snapshot.mode.value.control, manoeuvre)
+
+
+def test_a_snapshot_at_another_time_is_otherwise_the_same() -> None:
+    numbers = Snapshot(*range(len(Snapshot._fields)))
+    assert numbers.at(99.0) == numbers._replace(time_s=99.0)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import pytest
+
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
+from ual.types import TaskKind, TaskStatus
+from ual_daemon.flight.tasks import Progress, VehicleTask
+
+
+class HandClock:
+    """A clock whose time a test sets."""
+
+    time_s = 100.0
+
+    def now_s(self) -> float:
+        return self.time_s
+
+
+@pytest.fixture
+def clock() -> HandClock:
+    return HandClock()
+
+
+@pytest.fixture
+def task(clock: HandClock) -> VehicleTask:
+    return VehicleTask(TaskKind.GO_TO_WAYPOINT, "go to 1, 2, 3", clock, lambda _: None)
+
+
+def test_a_new_task_runs_and_nothing_is_known_of_its_progress(task: VehicleTask) -> None:
+    info = task.info()
+    assert info.id.startswith("go_to_waypoint-")
+    assert (info.kind, info.status) == (TaskKind.GO_TO_WAYPOINT, TaskStatus.RUNNING)
+    assert (info.progress, info.distance_left_m, info.waypoint_index, info.error) == (None, None, None, None)
+    assert info.elapsed_s == 0.0
+    assert info.description == "go to 1, 2, 3"
+
+
+def test_no_two_tasks_have_one_id(clock: HandClock) -> None:
+    ids = {VehicleTask(TaskKind.LAND, "", clock, lambda _: None).id for _ in range(100)}
+    assert len(ids) == 100
+
+
+def test_time_passes_until_it_ends_and_then_no_more(task: VehicleTask, clock: HandClock) -> None:
+    clock.time_s = 103.0
+    assert task.info().elapsed_s == pytest.approx(3.0)
+    task.end(None)
+    clock.time_s = 110.0
+    assert task.info().elapsed_s == pytest.approx(3.0)
+
+
+def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTask) -> None:
+    task.report(lambda: Progress(0.5, 4.0, 1))
+    assert task.info().progress == 0.5
+    task.report(lambda: Progress(0.4, 4.1, 1))
+    info = task.info()
+    assert (info.progress, info.distance_left_m, info.waypoint_index) == (0.5, 4.1, 1)
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (None, TaskStatus.SUCCEEDED),
+        (TaskAbortedError("cancelled"), TaskStatus.ABORTED),
+        (UalTimeoutError("too long"), TaskStatus.FAILED),
+        (RejectedByAutopilotError("no"), TaskStatus.FAILED),
+    ],
+)
+def test_how_it_ended_shows_in_its_status_and_its_future(
+    task: VehicleTask, error: UalError | None, status: TaskStatus
+) -> None:
+    task.report(lambda: Progress(0.5))
+    task.end(error)
+    info = task.info()
+    assert (info.status, info.error) == (status, error)
+    assert info.progress == (1.0 if error is None else 0.5)
+    assert task.future.exception(timeout=0) is error
+
+
+def test_only_what_flies_can_end_it(task: VehicleTask) -> None:
+    assert not task.future.cancel()
+    assert not task.future.done()
+
+
+def test_cancelling_asks_whoever_flies_it(clock: HandClock) -> None:
+    asked: list[VehicleTask] = []
+    task = VehicleTask(TaskKind.FOLLOW_PATH, "", clock, asked.append)
+    task.cancel()
+    assert asked == [task]
+    assert not task.future.done()
+
+
+def test_a_callback_of_its_future_sees_it_ended(task: VehicleTask) -> None:
+    seen: list[TaskStatus] = []
+    task.future.add_done_callback(lambda _: seen.append(task.info().status))
+    task.end(None)
+    assert seen == [TaskStatus.SUCCEEDED]

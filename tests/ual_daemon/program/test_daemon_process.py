@@ -1,0 +1,317 @@
+"""The daemon as a real process: how it starts, what it refuses, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import grpc
+import pytest
+import yaml
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual import discovery, rpc_errors
+from ual.errors import TaskAbortedError
+from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
+from ual.v1 import ual_pb2 as pb
+
+TLS = Path(__file__).parents[2] / "data" / "tls"
+
+
+def stub_of(daemon: DaemonProcess) -> ual_pb2_grpc.UalServiceStub[Any]:
+    return ual_pb2_grpc.UalServiceStub(daemon.channel())
+
+
+def namespace_of(channel: grpc.Channel) -> str:
+    return ual_pb2_grpc.UalServiceStub(channel).GetInfo(pb.GetInfoRequest(), timeout=LIMIT_S).namespace
+
+
+def health_of(daemon: DaemonProcess, service: str = "") -> Any:
+    stub: Any = health_pb2_grpc.HealthStub(daemon.channel())
+    return stub.Check(health_pb2.HealthCheckRequest(service=service), timeout=LIMIT_S).status
+
+
+def waypoint(x: float, y: float, z: float) -> pb.GoToWaypointRequest:
+    request = pb.GoToWaypointRequest()
+    request.waypoint.pose.position.x = x
+    request.waypoint.pose.position.y = y
+    request.waypoint.pose.position.z = z
+    return request
+
+
+def flying(daemon: DaemonProcess, height_m: float = 2.0) -> ual_pb2_grpc.UalServiceStub[Any]:
+    """A stub of the daemon, whose UAV flies."""
+    daemon.wait_for("state", new="LANDED_ARMED")
+    stub = stub_of(daemon)
+    stub.TakeOff(pb.TakeOffRequest(height_m=height_m), timeout=LIMIT_S)
+    return stub
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        return int(found.getsockname()[1])
+
+
+# --- Starting ---------------------------------------------------------------------------------------------------------
+
+
+def test_two_daemons_fly_side_by_side(start_daemon: StartDaemon) -> None:
+    daemons = [start_daemon(ns=ns) for ns in ("uav_1", "uav_2")]
+    for daemon in daemons:
+        assert namespace_of(daemon.channel()) == daemon.ns
+    assert [each.ns for each in discovery.list_daemons()] == ["uav_1", "uav_2"]
+    assert discovery.find("uav_2") == daemons[1].address
+
+
+def test_a_namespace_flies_once_on_a_computer(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    address = first.address
+    second = start_daemon()
+    assert second.wait() == 1
+    assert second.stderr == (
+        f"ual-daemon: uav_1 is flown by pid {first.pid} at {address} already: stop that, or choose another --ns\n"
+    )
+    assert namespace_of(first.channel()) == "uav_1"
+
+
+def test_what_a_killed_daemon_left_is_in_nobodys_way(start_daemon: StartDaemon) -> None:
+    listen = f"127.0.0.1:{free_port()}"
+    killed = start_daemon(listen=listen)
+    killed.wait_for("listening")
+    killed.signal(signal.SIGKILL)
+    assert killed.wait() == -signal.SIGKILL
+    again = start_daemon(listen=listen)
+    assert again.address == listen
+    found = discovery.registered("uav_1")
+    assert found is not None
+    assert found.pid == again.pid
+
+
+def test_a_port_in_use_is_refused_and_says_by_whom(start_daemon: StartDaemon) -> None:
+    first = start_daemon()
+    second = start_daemon(ns="uav_2", listen=first.address)
+    assert second.wait() == 1
+    assert second.stderr.startswith(
+        f"ual-daemon: cannot listen on {first.address}: the port is in use by pid {first.pid} ("
+    )
+    assert discovery.registered("uav_2") is None
+
+
+def test_garbage_on_the_port_disturbs_nobody(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon()
+    host, _, port = daemon.address.partition(":")
+    generator = os.urandom
+    for garbage in (b"GET / HTTP/1.1\r\n\r\n", generator(4096), b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + generator(4096)):
+        with socket.create_connection((host, int(port)), LIMIT_S) as connection:
+            connection.sendall(garbage)
+            connection.shutdown(socket.SHUT_WR)
+    with socket.create_connection((host, int(port)), LIMIT_S):  # and one that says nothing at all
+        assert namespace_of(daemon.channel()) == "uav_1"
+
+
+def test_it_listens_on_several_addresses_and_on_a_unix_socket(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    path = tmp_path / "uav_1.sock"
+    daemon = start_daemon("--listen", f"unix:{path}")
+    assert namespace_of(daemon.channel()) == "uav_1"
+    with grpc.insecure_channel(f"unix:{path}") as channel:
+        assert namespace_of(channel) == "uav_1"
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 0
+    assert not path.exists()
+
+
+def test_with_tls_it_serves_who_trusts_it_beyond_loopback(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon(
+        "--tls-certificate", str(TLS / "certificate.pem"), "--tls-key", str(TLS / "key.pem"), listen="0.0.0.0:0"
+    )
+    port = daemon.address.rpartition(":")[2]
+    trusted = grpc.ssl_channel_credentials((TLS / "certificate.pem").read_bytes())
+    with grpc.secure_channel(f"localhost:{port}", trusted) as channel:
+        assert namespace_of(channel) == "uav_1"
+    with (
+        grpc.insecure_channel(f"127.0.0.1:{port}") as plain,
+        pytest.raises(grpc.RpcError),
+    ):
+        namespace_of(plain)
+
+
+def test_without_an_autopilot_it_answers_and_does_not_serve(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--url", f"udpin://127.0.0.1:{free_port()}", backend="mavlink")
+    stub = stub_of(daemon)
+    assert stub.GetInfo(pb.GetInfoRequest(), timeout=LIMIT_S).backend == "mavlink"
+    telemetry = stub.GetTelemetry(pb.GetTelemetryRequest(), timeout=LIMIT_S).telemetry
+    assert telemetry.state == pb.STATE_UNINITIALIZED
+    assert "nothing heard from the autopilot" in telemetry.state_reason
+    for service in ("", "ual.v1.UalService"):
+        assert health_of(daemon, service) == health_pb2.HealthCheckResponse.NOT_SERVING
+    with pytest.raises(grpc.RpcError) as caught:
+        health_of(daemon, "ual.v1.SimulationService")
+    assert caught.value.code() is grpc.StatusCode.NOT_FOUND
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 0
+
+
+# --- Configuration ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def refusal(tmp_path: Path) -> Callable[..., str]:
+    """What ``ual-daemon`` says when it refuses its flags, with exit status 2 and in one line."""
+
+    def run(*flags: str, **environment: str) -> str:
+        found = subprocess.run(
+            [sys.executable, "-m", "ual_daemon", *flags],
+            cwd=tmp_path,
+            env={**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment},
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+        )
+        assert found.returncode == 2, found.stderr
+        assert found.stdout == ""
+        (line,) = found.stderr.splitlines()
+        return line
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        (["--backend", "dji"], "ual-daemon: --backend: there is no backend 'dji'; known are light, mavlink"),
+        (["--ns", "uav 1"], "ual-daemon: --ns: Expected `str` matching regex"),
+        (["--listen", "50051"], "ual-daemon: --listen: '50051' is no address: expected HOST:PORT or unix:PATH"),
+        (["--listen", "0.0.0.0:1"], "ual-daemon: --listen: 0.0.0.0:1 can be reached from other computers"),
+        (["--set", "limits.climb_speed_m_s=x"], "ual-daemon: --set limits.climb_speed_m_s: Expected `float`"),
+        (["--set", "light.speed=x"], "ual-daemon: --set light.speed: there is no such setting"),
+        (["--tls-key", "k.pem"], "ual-daemon: tls_certificate: a certificate and its key are needed together"),
+        (
+            ["--tls-key", "k.pem", "--tls-certificate", "c.pem"],
+            "ual-daemon: --tls-certificate: c.pem cannot be read: No such file or directory",
+        ),
+        (["--config", "no.yaml"], "ual-daemon: no.yaml: cannot be read: No such file or directory"),
+        (
+            ["--auto-arm", "--backend", "mavlink", "--url", "serial:///dev/ttyACM0:57600"],
+            "ual-daemon: --auto-arm: the mavlink backend flies a real UAV at serial:///dev/ttyACM0:57600: its",
+        ),
+    ],
+)
+def test_wrong_flags_are_told_in_one_line(refusal: Callable[..., str], flags: list[str], expected: str) -> None:
+    assert refusal(*flags).startswith(expected)
+
+
+def test_a_wrong_file_is_told_with_line_and_key(refusal: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "uav.yaml").write_text("ns: uav_1\nlight:\n  seed: many\nlimits: {climb_speed_m_s: 0}\n")
+    assert refusal("--config", "uav.yaml").startswith(
+        "ual-daemon: uav.yaml:4: limits.climb_speed_m_s: Expected `float`"
+    )
+    (tmp_path / "uav.yaml").write_text("ns: uav_1\nlight:\n  seed: many\n")
+    assert refusal("--config", "uav.yaml").startswith("ual-daemon: uav.yaml:3: light.seed: Expected `int`, got `str`")
+
+
+def test_a_wrong_environment_is_told_by_its_variable(refusal: Callable[..., str]) -> None:
+    assert refusal(UAL_BACKEND="dji").startswith("ual-daemon: UAL_BACKEND: there is no backend 'dji'")
+    assert refusal(UAL_SET="light.seed=x").startswith("ual-daemon: UAL_SET light.seed: Expected `int`")
+
+
+def test_flags_win_over_environment_over_file_over_defaults(tmp_path: Path) -> None:
+    def printed(*flags: str, **environment: str) -> dict[str, Any]:
+        found = subprocess.run(
+            [sys.executable, "-m", "ual_daemon", "--print-config", *flags],
+            cwd=tmp_path,
+            env={**os.environ, **environment},
+            capture_output=True,
+            check=True,
+            text=True,
+            timeout=LIMIT_S,
+        )
+        (tmp_path / "printed.yaml").write_text(found.stdout)
+        values: dict[str, Any] = yaml.safe_load(found.stdout)
+        return values
+
+    (tmp_path / "uav.yaml").write_text("ns: uav_2\nlog_level: debug\nallow_arming: true\nlight: {seed: 1}\n")
+    values = printed(
+        "--config", "uav.yaml", "--ns", "uav_4", "--no-allow-arming", UAL_NS="uav_3", UAL_LOG_LEVEL="warning"
+    )
+    assert (values["ns"], values["log_level"], values["allow_arming"]) == ("uav_4", "warning", False)
+    assert (values["listen"], values["light"], values["log_format"]) == (["127.0.0.1:50054"], {"seed": 1}, "text")
+    assert printed("--config", "printed.yaml") == values
+
+
+# --- Ending -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_on_the_ground_a_signal_ends_it_cleanly(start_daemon: StartDaemon, number: signal.Signals) -> None:
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip(f"{number.name} is ignored where these tests run (nohup), and so by the daemon")
+    daemon = start_daemon()
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    daemon.signal(number)
+    assert daemon.wait() == 0
+    assert discovery.registered("uav_1") is None
+    assert not discovery.registry_file("uav_1").exists()
+    daemon.wait_for("ended")
+
+
+def test_in_a_go_to_a_signal_makes_the_autopilot_hold_and_tells_the_callers(daemon: DaemonProcess) -> None:
+    stub = flying(daemon)
+    telemetry = stub.StreamTelemetry(pb.StreamTelemetryRequest())
+    next(telemetry)
+    going = stub.GoToWaypoint.future(waypoint(1000.0, 0.0, 2.0))
+    daemon.wait_for("command", command="go_to_waypoint")
+    daemon.signal(signal.SIGTERM)
+    with pytest.raises(grpc.RpcError) as caught:
+        going.result(LIMIT_S)
+    error = rpc_errors.from_rpc_error(caught.value)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "shutdown"
+    with pytest.raises(grpc.RpcError, match="the daemon is shutting down") as caught:
+        for _ in telemetry:
+            pass
+    assert caught.value.code() is grpc.StatusCode.UNAVAILABLE
+    assert daemon.wait() == 0
+    daemon.wait_for("hold_by_autopilot")
+
+
+def test_a_take_off_ends_before_a_signal_ends_the_daemon(daemon: DaemonProcess) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    stub = stub_of(daemon)
+    simulation = simulation_pb2_grpc.SimulationServiceStub(daemon.channel())
+    rising = stub.TakeOff.future(pb.TakeOffRequest(height_m=2.0))
+    daemon.wait_for("state", new="TAKING_OFF")
+    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
+    daemon.signal(signal.SIGTERM)
+    daemon.wait_for("signal")
+    health_stub: Any = health_pb2_grpc.HealthStub(daemon.channel())  # its types know no Watch
+    health = health_stub.Watch(health_pb2.HealthCheckRequest(), timeout=LIMIT_S)
+    assert any(each.status == health_pb2.HealthCheckResponse.NOT_SERVING for each in health)
+    with pytest.raises(grpc.RpcError, match="the daemon is shutting down"):
+        stub.Land(pb.LandRequest(), timeout=LIMIT_S)
+    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=10.0), timeout=LIMIT_S)
+    assert rising.result(LIMIT_S).task.status == pb.TASK_STATUS_SUCCEEDED
+    assert daemon.wait() == 0
+    daemon.wait_for("hold_by_autopilot")
+
+
+def test_a_second_signal_ends_it_at_once(daemon: DaemonProcess) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=500.0, non_blocking=True), timeout=LIMIT_S)
+    daemon.signal(signal.SIGTERM)
+    daemon.wait_for("signal")
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 128 + signal.SIGTERM
+
+
+def test_the_simulated_pilot_arms_again_after_a_landing(daemon: DaemonProcess) -> None:
+    stub = flying(daemon)
+    stub.Land(pb.LandRequest(), timeout=LIMIT_S)
+    disarmed = daemon.wait_for("state", old="LANDED_ARMED", new="LANDED_DISARMED")
+    daemon.wait_for("state", after=disarmed, new="LANDED_ARMED")

@@ -1,0 +1,205 @@
+"""gRPC's core by itself: what is under the calls, with a real client."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any
+
+import grpc
+import pytest
+
+from ual_daemon.server.transport.core import Call, Core, CoreServer
+
+LIMIT_S = 30.0
+
+
+@contextmanager
+def served(take: Callable[[Call], None]) -> Iterator[grpc.Channel]:
+    core = Core()
+    server = CoreServer(core, [("grpc.so_reuseport", 0)], take)
+    port = server.listen("127.0.0.1:0")
+    server.start()
+    with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+        yield channel
+    stopped = server.stop()
+    server.cancel_calls()
+    stopped.result(LIMIT_S)
+    core.close()
+
+
+def stream(channel: grpc.Channel) -> Any:
+    """A method of bytes that asks and answers by streams."""
+    return channel.stream_stream("/a.B/C")
+
+
+def test_a_call_has_its_method_metadata_and_peer() -> None:
+    taken: SimpleQueue[Call] = SimpleQueue()
+
+    def take(call: Call) -> None:
+        taken.put(call)
+        call.finish(b"answer")
+
+    with served(take) as channel:
+        unary: Any = channel.unary_unary("/a.B/C")
+        assert unary(b"", metadata=(("key", "value"), ("key-bin", b"\0"))) == b"answer"
+        call = taken.get(timeout=LIMIT_S)
+        assert call.method == "/a.B/C"
+        assert ("key", "value") in call.metadata
+        assert ("key-bin", b"\0") in call.metadata
+        assert call.peer().startswith("ipv4:127.0.0.1:")
+        del call
+
+
+def test_messages_come_in_their_order_and_then_none() -> None:
+    def take(call: Call) -> None:
+        received: list[bytes] = []
+
+        def on_message(message: bytes | None) -> None:
+            if message is None:
+                call.finish(b"".join(received))
+            else:
+                received.append(message)
+                call.receive(on_message)
+
+        call.receive(on_message)
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([b"a", b"b", b"c"]))) == [b"abc"]
+
+
+def test_one_message_after_the_other_is_sent_then_the_status() -> None:
+    def take(call: Call) -> None:
+        left = [b"1", b"2", b"3"]
+
+        def send(is_out: bool = True) -> None:
+            assert is_out
+            if left:
+                call.send(left.pop(0), send)
+            else:
+                call.finish(code=grpc.StatusCode.ABORTED, details="that is all", metadata=(("why-bin", b"x"),))
+
+        call.begin()
+        send()
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        assert [next(answers) for _ in range(3)] == [b"1", b"2", b"3"]
+        with pytest.raises(grpc.RpcError):
+            next(answers)
+        assert answers.code() is grpc.StatusCode.ABORTED
+        assert answers.details() == "that is all"
+        assert ("why-bin", b"x") in answers.trailing_metadata()
+
+
+def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out() -> None:
+    def take(call: Call) -> None:
+        call.finish(b"first")
+        call.finish(code=grpc.StatusCode.INTERNAL)
+        call.send(b"late", lambda _: None)
+        call.receive(lambda _: None)
+        assert call.is_finished
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([]))) == [b"first"]
+
+
+def test_a_caller_who_gives_up_is_told_of() -> None:
+    told, taken = threading.Event(), SimpleQueue[Call]()
+
+    def take(call: Call) -> None:
+        call.watch(told.set)
+        taken.put(call)
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        call = taken.get(timeout=LIMIT_S)
+        assert not call.is_cancelled
+        answers.cancel()
+        assert told.wait(LIMIT_S)
+        assert call.is_cancelled
+        del call
+
+
+def test_a_call_that_ended_well_is_not_told_as_given_up() -> None:
+    told = threading.Event()
+
+    def take(call: Call) -> None:
+        call.watch(told.set)
+        call.finish(b"answer")
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([]))) == [b"answer"]
+    assert not told.is_set()  # the core has ended: nothing comes any more
+
+
+def test_a_deadline_that_passes_is_a_caller_who_gives_up() -> None:
+    told = threading.Event()
+    with served(lambda call: call.watch(told.set)) as channel:
+        with pytest.raises(grpc.RpcError, match="Deadline Exceeded"):
+            next(stream(channel)(iter([]), timeout=1.0))
+        assert told.wait(LIMIT_S)
+
+
+def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out() -> None:
+    ended: SimpleQueue[bool] = SimpleQueue()
+
+    def take(call: Call) -> None:
+        def flood(is_out: bool = True) -> None:
+            if is_out:
+                call.send(bytes(100_000), flood)
+            else:
+                ended.put(is_out)
+
+        flood()
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        next(answers)
+        answers.cancel()
+        assert ended.get(timeout=LIMIT_S) is False
+
+
+def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    def take(call: Call) -> None:
+        if ("fail", "1") in call.metadata:
+            call.watch(lambda: None)
+            raise RuntimeError("a defect")
+        call.finish(b"")
+
+    with served(take) as channel, caplog.at_level(logging.ERROR, "ual_daemon"):
+        unary: Any = channel.unary_unary("/a.B/C")
+        with pytest.raises(grpc.RpcError):
+            unary(b"", metadata=(("fail", "1"),), timeout=1.0)
+        assert unary(b"") == b""
+    (record,) = caplog.records
+    assert record.exc_info is not None
+
+
+def test_servers_of_one_core_stop_each_by_itself() -> None:
+    core = Core()
+    ports, servers = [], []
+    for number in range(20):
+        server = CoreServer(core, [("grpc.so_reuseport", 0)], lambda call, number=number: call.finish(b"%d" % number))  # type: ignore[misc]
+        ports.append(server.listen("127.0.0.1:0"))
+        server.start()
+        servers.append(server)
+    for number, (port, server) in enumerate(zip(ports, servers, strict=True)):
+        with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+            unary: Any = channel.unary_unary("/a.B/C")
+            assert unary(b"") == b"%d" % number
+        server.stop().result(LIMIT_S)
+    core.close()
+
+
+def test_an_address_that_cannot_be_had_is_an_error_and_the_server_can_still_be_left() -> None:
+    core = Core()
+    server = CoreServer(core, [], lambda _: None)
+    with pytest.raises(RuntimeError):
+        server.listen("192.0.2.1:1")
+    server.listen("127.0.0.1:0")
+    server.stop().result(LIMIT_S)  # never started
+    core.close()

@@ -1,0 +1,100 @@
+"""Waiting for a UAV that lags: smooth, whatever the UAV does."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.strategies import vectors
+from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, STEP_S, assert_kept, waypoints
+from ual.geometry import Pose, Quaternion, Vector3
+from ual.types import Limits, PathHeading
+from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.tracker.references import Follow
+from ual_daemon.tracker.time_scaling import Pace, paced
+from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
+
+LIMITS = Limits()
+SLACK = 2e-3
+"""What a change of the pace may be over between the places where it is looked at."""
+
+
+def led(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
+    """What is sent to a UAV that falls behind, catches up, and is measured with noise."""
+    follow = Follow(trajectory, 0.0)
+    behind_m, target_m, sent = 0.0, 0.0, [trajectory.at(0.0)]
+    snapshot = Snapshot(time_s=0.0)
+    for index in range(1, int(duration_s / STEP_S)):
+        if lag.random() < 0.01:
+            target_m = lag.choice([0.0, 0.0, 1.0, 3.0, 8.0])
+        behind_m += 0.02 * (target_m - behind_m)
+        noise = Vector3(*(lag.gauss(0.0, 0.1) for _ in range(3)))
+        place = follow.motion(snapshot).position + Vector3(-behind_m, 0.0, 0.0) + noise
+        pose = Sample(Pose(place, Quaternion.from_yaw(0.0)), index * STEP_S)
+        snapshot = Snapshot(time_s=index * STEP_S, pose=pose)
+        follow.setpoint(snapshot)
+        sent.append(follow.motion(snapshot))
+    return sent
+
+
+@settings(max_examples=10)
+@given(vectors(60.0), st.integers(0, 10_000), LIMIT_SETS)
+def test_a_line_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
+    assert_kept(led(Line(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK)
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(st.builds(Waypoint, vectors(15.0)), min_size=2, max_size=5),
+    st.integers(0, 10_000),
+    st.sampled_from([0.0, 1.0, 5.0]),
+    st.sampled_from(PathHeading),
+    LIMIT_SETS,
+)
+def test_a_path_that_waits_keeps_its_limits(
+    goals: list[Waypoint], seed: int, radius_m: float, heading: PathHeading, limits: Limits
+) -> None:
+    found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))
+    assert_kept(led(found, Random(seed), 20.0), limits, slack=SLACK)
+
+
+@pytest.mark.parametrize("wait_s", [0.3, 2.0, 5.9, 6.5, 7.0, 12.0])
+def test_it_waits_at_any_place_and_goes_on_in_time(wait_s: float) -> None:
+    found = path(Motion(Vector3(), 0.0), waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0)), 1.0, LIMITS)
+    pace = Pace(found)
+    for _ in range(round(wait_s / STEP_S)):
+        pace.go_on(STEP_S, math.inf, 1.0)
+    for _ in range(300):
+        pace.go_on(STEP_S, math.inf, 0.0)
+    stopped_s = pace.time_s
+    assert pace.motion.velocity.norm() <= 1e-9
+    assert stopped_s - wait_s <= 4.5
+    for _ in range(250):
+        pace.go_on(STEP_S, math.inf, 1.0)
+    assert pace.time_s >= min(found.duration_s, stopped_s + 2.5)
+
+
+def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
+    line = Line(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
+    pace, step_s = Pace(line), 1e-3
+    motions = []
+    for index in range(6000):
+        pace.go_on(step_s, math.inf, 1.0 if index < 2000 else 0.4)
+        motions.append(pace.motion)
+    for before, now, after in zip(motions, motions[1:], motions[2:], strict=False):
+        velocity = (after.position - before.position) / (2 * step_s)
+        acceleration = (after.velocity - before.velocity) / (2 * step_s)
+        assert (velocity - now.velocity).norm() <= 1e-5
+        assert (acceleration - now.acceleration).norm() <= 1e-2
+    assert motions[-1].velocity.x == pytest.approx(0.4 * 1.6)
+
+
+def test_at_full_pace_a_motion_is_itself() -> None:
+    motion = Motion(Vector3(), 0.0, Vector3(1, 0, 0), Vector3(0, 1, 0), 0.5, 0.1)
+    assert paced(motion, 1.0, 0.0) is motion
+    assert paced(motion, 0.5, 0.0).acceleration == Vector3(0, 0.25, 0)
+    assert paced(motion, 0.5, -0.2).acceleration == Vector3(-0.2, 0.25, 0)

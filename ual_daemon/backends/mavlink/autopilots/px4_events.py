@@ -1,0 +1,124 @@
+"""PX4's events (its libevents interface, message 410): what it tells every link at once, ground station or not.
+
+An event is known by the hash of its name (PX4's ``events::ID``). PX4's own sentences are in a file on the vehicle; the
+names say as much, so they are what is told. They are those of 1.17 that tell of arming and of its refusal.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from ual_daemon.backends.mavlink.wire.frames import Frame
+
+_LAYOUT = struct.Struct("<IIHBBB40s")
+"""EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
+_AUTOPILOT = 1 << 24
+_WARNING = 4
+"""Of the external log levels (the lower four bits): this and lower are warnings, errors and worse."""
+
+_DENIALS = """
+commander_arm_denied_calibrating commander_arm_denied_throttle_center commander_arm_denied_throttle_high
+commander_arm_denied_not_manual commander_arm_denied_resolve_failures commander_disarm_denied_not_landed
+commander_modeswitch_not_avail commander_unsupported_auto_mode
+"""
+_CHECKS = """
+above_wind_limits_warning accel_missing accel_no_data accel_not_calibrated airspeed_invalid airspeed_no_data
+airspeed_too_high armable_configuration avionics_power_high avionics_power_low avionics_power_missing
+avionics_power_redundancy baro_missing baro_no_data battery_critical battery_disconnected battery_emergency
+battery_fault battery_low battery_missing battery_rem_flight_time_low battery_unhealthy cpuload_too_high
+distance_sensor_invalid distance_sensor_missing escs_fault escs_offline escs_telem_missing estimator_gnss_fault
+estimator_gps_fix_too_low estimator_gps_generic estimator_gps_hor_pos_drift_too_high
+estimator_gps_hor_pos_err_too_high estimator_gps_hor_speed_drift_too_high estimator_gps_jamming_critical
+estimator_gps_not_fusing estimator_gps_num_sats_too_low estimator_gps_pdop_too_high estimator_gps_speed_acc_too_low
+estimator_gps_spoofed estimator_gps_vert_pos_drift_too_high estimator_gps_vert_pos_err_too_high
+estimator_gps_vert_speed_drift_too_high estimator_heading_not_stable estimator_hgt_not_stable
+estimator_high_accel_bias estimator_high_gyro_bias estimator_hor_pos_not_stable estimator_hor_vel_not_stable
+estimator_low_position_accuracy estimator_mag_fault estimator_mag_interference estimator_missing_data
+estimator_position_failure_imminent estimator_vert_vel_not_stable external_modes_unavailable
+external_modes_unresponsive failure_detector_alt failure_detector_arm_esc failure_detector_ext
+failure_detector_imbalanced_prop failure_detector_motor failure_detector_pitch failure_detector_roll
+flight_time_limit gf_no_home gf_violation_custom_gf gf_violation_max_alt gf_violation_max_hor_dist gyro_missing
+gyro_no_data gyro_not_calibrated hardfault_present high_wind_warning imu_accel_inconsistent imu_gyro_inconsistent
+mag_consistency mag_fault mag_missing mag_no_data mag_not_calibrated mag_sys_has_mag_missing
+man_control_kill_engaged man_control_landing_gear_up man_control_rtl_engaged missing_cpuload missing_fmu_sdcard
+missing_system_power mission_failure modes_angular_velocity modes_attitude modes_cannot_takeoff modes_global_pos
+modes_home_position modes_local_alt modes_local_pos modes_manual_control modes_mission modes_offboard_signal
+navigator_failure_hagl open_drone_id_missing open_drone_id_unhealthy optical_flow_sensor_invalid
+optical_sensor_missing parachute_missing parachute_unhealthy power_oc_hipower power_oc_periph power_oc_report
+ram_usage_too_high rc_dl_no_dllink rc_max_too_high rc_min_too_small rc_trim_too_high rc_trim_too_small
+system_arm_auth_failed system_flight_term_active system_no_global_pos system_no_home_pos system_safety_button
+system_usb_connected system_vtol_in_fw_mode system_vtol_in_transition wind_too_high
+"""
+"""Each with `check_` before it."""
+
+NAVIGATION_STATES = {
+    "MANUAL": 0,
+    "ALTCTL": 1,
+    "POSCTL": 2,
+    "AUTO.MISSION": 3,
+    "AUTO.LOITER": 4,
+    "AUTO.RTL": 5,
+    "POSCTL.SLOW": 6,
+    "ACRO": 10,
+    "OFFBOARD": 14,
+    "STABILIZED": 15,
+    "AUTO.TAKEOFF": 17,
+    "AUTO.LAND": 18,
+    "AUTO.FOLLOW_TARGET": 19,
+    "AUTO.PRECLAND": 20,
+    "POSCTL.ORBIT": 21,
+    "AUTO.VTOL_TAKEOFF": 22,
+}
+"""PX4's numbers of its modes (vehicle_status ``nav_state``), by which a failed check names those that it concerns."""
+
+
+def event_id(name: str) -> int:
+    """The id of the autopilot's event of a name: its FNV-1a hash, 24 bits, below the component."""
+    value = 0x811C9DC5
+    for byte in name.encode("ascii"):
+        value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
+    return value & 0xFFFFFF | _AUTOPILOT
+
+
+_ARMED = {event_id("commander_armed_by"): True, event_id("commander_disarmed_by"): False}
+_CHECK_NAMES = [f"check_{name}" for name in _CHECKS.split()]
+_TEXTS = {
+    event_id(name): name.removeprefix("commander_").replace("_", " ") for name in (*_DENIALS.split(), *_CHECK_NAMES)
+}
+_CHECK_IDS = frozenset(map(event_id, _CHECK_NAMES))
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What one event tells: that it was armed (or disarmed), or words that may explain a refusal; maybe neither.
+
+    `boot_s` is when that was, by the time since the autopilot's boot.
+    """
+
+    boot_s: float
+    armed: bool | None = None
+    text: str = ""
+
+
+def read(frame: Frame, mode: str) -> Event:
+    """What the event in a frame (message 410) tells, in a mode of this name: a failed check that does not concern that
+    one tells nothing.
+    """
+    payload = frame.payload.ljust(_LAYOUT.size, b"\0")
+    number, boot_ms, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
+    boot_s = boot_ms / 1000.0
+    if number in _ARMED:
+        return Event(boot_s, armed=_ARMED[number])
+    text = _TEXTS.get(number, "")
+    if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
+        return Event(boot_s)
+    return Event(boot_s, text=text)
+
+
+def _concerns(number: int, arguments: bytes, mode: str) -> bool:
+    state = NAVIGATION_STATES.get(mode)
+    if number not in _CHECK_IDS or state is None:
+        return True
+    (modes,) = struct.unpack_from("<I", arguments)
+    return bool(modes >> state & 1)

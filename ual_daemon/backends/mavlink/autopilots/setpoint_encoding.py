@@ -1,0 +1,55 @@
+"""Setpoints as SET_POSITION_TARGET_LOCAL_NED: PX4 and ArduPilot take the same two kinds."""
+
+from __future__ import annotations
+
+from ual.geometry import Vector3
+from ual_daemon.backends.mavlink.autopilots.axes import swap_local, swap_yaw
+from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
+from ual_daemon.backends.values import PositionSetpoint, Setpoint
+
+_IGNORE_POSITION = 0b111
+_IGNORE_ACCELERATION = 0b111 << 6
+_IGNORE_YAW = 1 << 10
+POSITION_MASK = 0
+VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
+
+_ZERO = Vector3()
+
+
+def local_target(setpoint: Setpoint, system_id: int, time_ms: int, *, with_acceleration: bool = True) -> Message:
+    """Position, velocity, acceleration (or not), heading and yaw rate, all of them; or velocity and yaw rate, and only
+    they.
+
+    The yaw rate is always there: without it, and without a heading, ArduPilot turns its nose to where it flies.
+    """
+    velocity = _swapped(setpoint.velocity)
+    if isinstance(setpoint, PositionSetpoint):
+        mask = POSITION_MASK if with_acceleration else _IGNORE_ACCELERATION
+        position, acceleration = _swapped(setpoint.position), _swapped(setpoint.acceleration)
+        yaw_rad = swap_yaw(setpoint.yaw_rad)
+    else:
+        mask = VELOCITY_MASK
+        position = acceleration = _ZERO
+        yaw_rad = 0.0
+    return TargetMessage(
+        time_ms,
+        system_id,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mask,
+        position.x,
+        position.y,
+        position.z,
+        velocity.x,
+        velocity.y,
+        velocity.z,
+        acceleration.x,
+        acceleration.y,
+        acceleration.z,
+        yaw_rad,
+        -setpoint.yaw_rate_rad_s,
+    )
+
+
+def _swapped(vector: Vector3) -> Vector3:
+    return swap_local(vector.x, vector.y, vector.z)

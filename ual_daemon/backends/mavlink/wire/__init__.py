@@ -1,0 +1,1 @@
+"""MAVLink as bytes: frames, checksums, signatures, messages."""

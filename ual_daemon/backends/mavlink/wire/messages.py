@@ -1,0 +1,157 @@
+"""Encoding and decoding, with pymavlink's generated messages: with `checksum` all that touches its machinery."""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+from typing import Any, NamedTuple
+
+# All dialects in one: "common" lacks CURRENT_MODE, which PX4 sends.
+from pymavlink.dialects.v20 import all as mavlink
+
+from ual_daemon.backends.mavlink.wire import checksum
+from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, Frame
+from ual_daemon.backends.mavlink.wire.signing import Signer
+
+__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "mavlink"]
+
+Message = Any
+"""A message of pymavlink; its classes are generated without types."""
+
+EVENT_ID = 410
+"""PX4's event interface, which no dialect of pymavlink has: see `px4_events`."""
+
+
+_MAGIC = bytes((MAGIC_V2,))
+_Target = mavlink.MAVLink_set_position_target_local_ned_message
+_TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
+"""After the magic: payload length, incompatible and compatible flags, sequence, system, component, message id (24
+bits); then the payload in its order on the wire, largest fields first."""
+_TARGET_SIZE = 53
+
+
+class TargetMessage(NamedTuple):
+    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects in between: every setpoint waits for it.
+
+    Its fields are pymavlink's, in their order. NED axes, m, m/s, m/s², rad.
+    """
+
+    time_boot_ms: int
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    afx: float
+    afy: float
+    afz: float
+    yaw: float
+    yaw_rate: float
+
+    def pack(self, mav: Any) -> bytes:  # noqa: ANN401
+        """The bytes, as the sender `mav` sends them."""
+        time_ms, system, component, frame, mask, *motion = self
+        if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to go
+            theirs: bytes = _Target(*self).pack(mav)
+            return theirs
+        ids = (mav.seq, mav.srcSystem, mav.srcComponent, _Target.id, 0)
+        covered = _TARGET.pack(_TARGET_SIZE, 0, 0, *ids, time_ms, *motion, mask, system, component, frame)
+        return b"".join((_MAGIC, covered, checksum.of(covered, _Target.crc_extra)))
+
+
+class CorruptFrameError(Exception):
+    """The frame is no message: its content does not fit."""
+
+
+class Codec:
+    """Our end of a MAVLink conversation: who we are, and the running number of what we send, signed if so wished.
+
+    Not thread-safe: what is numbered first must leave first, so that who sends has to hold a lock for both.
+    """
+
+    def __init__(self, component_id: int, signer: Signer | None = None) -> None:
+        self._signer = signer
+        self._sender = mavlink.MAVLink(None, srcSystem=0, srcComponent=component_id)
+        self._receiver = mavlink.MAVLink(None)
+        if signer is not None:
+            self._sender.signing.secret_key = signer.key
+            self._sender.signing.sign_outgoing = True
+
+    @property
+    def system_id(self) -> int:
+        return int(self._sender.srcSystem)
+
+    @property
+    def component_id(self) -> int:
+        return int(self._sender.srcComponent)
+
+    def join(self, system_id: int) -> None:
+        """From now on we are a component of this system."""
+        self._sender.srcSystem = system_id
+
+    def encode(self, message: Message) -> bytes:
+        """The bytes of a message."""
+        if self._signer is not None:
+            self._sender.signing.timestamp = self._signer.next_timestamp()
+        data: bytes = message.pack(self._sender)
+        self._sender.seq = (self._sender.seq + 1) % 256
+        return data
+
+    def decode(self, frame: Frame) -> Message:
+        """The message in a frame; its signature is not checked. Raises `CorruptFrameError`."""
+        layout = _layout(frame.message_id)
+        if layout is not None:
+            return layout.read(frame)
+        try:
+            return self._receiver.decode(bytearray(frame.data))
+        except mavlink.MAVError as error:
+            raise CorruptFrameError(str(error)) from None
+
+
+class _Header(NamedTuple):
+    """What pymavlink's messages ask of theirs."""
+
+    msgId: int  # noqa: N815  pymavlink's names
+    seq: int
+    srcSystem: int  # noqa: N815
+    srcComponent: int  # noqa: N815
+
+
+class _Layout(NamedTuple):
+    """How the fields of a message lie on the wire: a name for each value, and where those of arrays begin and end."""
+
+    kind: Any
+    payload: struct.Struct
+    names: tuple[str, ...]
+    arrays: tuple[tuple[str, int, int], ...]
+
+    def read(self, frame: Frame) -> Message:
+        """The message as pymavlink decodes it, but without its bytes, and without checking again what `frames` has."""
+        values = self.payload.unpack_from(frame.payload.ljust(self.payload.size, b"\0"))
+        message = object.__new__(self.kind)
+        fields = message.__dict__ = dict(zip(self.names, values, strict=True))
+        for name, begin, end in self.arrays:
+            fields[name] = list(values[begin:end])
+        fields["_header"] = _Header(frame.message_id, frame.sequence, frame.system_id, frame.component_id)
+        fields["_type"], fields["_fieldnames"] = self.kind.msgname, self.kind.fieldnames
+        return message
+
+
+@cache
+def _layout(message_id: int) -> _Layout | None:
+    """None where a message is pymavlink's to decode: one with texts, or that it does not know."""
+    kind = mavlink.mavlink_map.get(message_id)
+    if kind is None or "char" in kind.fieldtypes:
+        return None
+    names: list[str] = []
+    arrays = []
+    for name, length, array_length in zip(kind.ordered_fieldnames, kind.lengths, kind.array_lengths, strict=True):
+        if array_length:
+            arrays.append((name, len(names), len(names) + length))
+        names += [name] * length
+    return _Layout(kind, kind.unpacker, tuple(names), tuple(arrays))

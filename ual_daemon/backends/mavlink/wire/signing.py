@@ -1,0 +1,109 @@
+"""Signed messages (MAVLink 2): the key, the signature of what we send, and the check of what we hear."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import time
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+
+from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.settings import ConfigError
+
+KEY = "mavlink.signing_key_file"
+KEY_SIZE = 32
+_HASH_SIZE = 6
+_TIMESTAMP_SIZE = 6
+EPOCH_S = 1_420_070_400.0
+"""2015-01-01 UTC, from which timestamps count in units of 10 us."""
+_UNITS_PER_S = 100_000
+OLDEST_S = 60.0
+"""A sender that was not heard before may be this much behind us."""
+_LARGEST_FILE = 4096
+
+
+def read_key(path: str) -> bytes:
+    """The key in a file: 32 bytes as they are, or else a line of text whose SHA-256 it is (as in QGroundControl,
+    MAVProxy and Mission Planner).
+
+    Raises `ConfigError`, also when other users could read the file.
+    """
+    try:
+        with Path(path).expanduser().open("rb") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            if mode & 0o077:
+                raise ConfigError(f"others can read or change {path} (mode {mode:o}); run: chmod 600 {path}", KEY)
+            content = file.read(_LARGEST_FILE + 1)
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}", KEY) from None
+    if len(content) == KEY_SIZE:
+        if content.isascii() and content.decode().isprintable():
+            raise ConfigError(
+                f"{path} could be a key or a passphrase of {KEY_SIZE} characters; end a passphrase with a new line", KEY
+            )
+        return content
+    passphrase = content.rstrip(b"\r\n")
+    try:
+        text = passphrase.decode()
+    except UnicodeDecodeError:
+        text = ""
+    if not text.isprintable() or not text or len(content) > _LARGEST_FILE:
+        raise ConfigError(f"{path} holds neither a key of {KEY_SIZE} bytes nor a line of text as passphrase", KEY)
+    return hashlib.sha256(passphrase).digest()
+
+
+class Verdict(Enum):
+    """What a signature is worth; the value is for people."""
+
+    GOOD = ""
+    UNSIGNED = "not signed"
+    WRONG_KEY = "signed with another key"
+    OLD = "signed more than a minute ago (its clock is behind)"
+    REPEATED = "signed before one that came already"
+
+
+class Signer:
+    """Signs with one key, and checks signatures by the rules of the specification. `utc` tells UTC in seconds.
+
+    `next_timestamp` belongs to who sends, `check` to who receives: two threads may have one each.
+
+    pymavlink's own check notes a timestamp before it knows that the signature is right, so that one forged frame
+    would shut the autopilot out; and it leaves messages it does not know unchecked.
+    """
+
+    def __init__(self, key: bytes, utc: Callable[[], float] = time.time) -> None:
+        self.key = key
+        self._utc = utc
+        self._sent = 0
+        self._heard = 0
+        self._newest: dict[tuple[int, int, int], int] = {}
+
+    def next_timestamp(self) -> int:
+        """The timestamp to sign with now: always a newer one, and none older than those of valid frames heard."""
+        self._sent = max(self._sent + 1, self._heard, self._now())
+        return self._sent
+
+    def check(self, frame: Frame) -> Verdict:
+        """Whether a frame is to be believed. Each is only once."""
+        if not frame.is_signed:
+            return Verdict.UNSIGNED
+        signed, signature = frame.data[:-_HASH_SIZE], frame.data[-_HASH_SIZE:]
+        if hashlib.sha256(self.key + signed).digest()[:_HASH_SIZE] != signature:
+            return Verdict.WRONG_KEY
+        timestamp = int.from_bytes(signed[-_TIMESTAMP_SIZE:], "little")
+        sender = (signed[-_TIMESTAMP_SIZE - 1], frame.system_id, frame.component_id)
+        newest = self._newest.get(sender)
+        if newest is None:
+            if timestamp < max(self._sent, self._heard, self._now()) - OLDEST_S * _UNITS_PER_S:
+                return Verdict.OLD
+        elif timestamp <= newest:
+            return Verdict.REPEATED
+        self._newest[sender] = timestamp
+        self._heard = max(self._heard, timestamp)
+        return Verdict.GOOD
+
+    def _now(self) -> int:
+        return max(0, int((self._utc() - EPOCH_S) * _UNITS_PER_S))

@@ -1,0 +1,1 @@
+"""What is flown: the state, tasks and manoeuvres."""

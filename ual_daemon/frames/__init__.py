@@ -1,0 +1,1 @@
+"""Where things are: the tree of frames, and poses and positions between them."""

@@ -1,0 +1,207 @@
+"""Where things are: between the frames of the interface and the backend's local frame.
+
+``<ns>/odom`` has the local frame's axes; its origin lies where `set_home` put it, at first at the local origin.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ual.errors import NotSupportedError, WrongStateError
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    wrap_angle,
+)
+from ual.types import AltitudeReference, GeoWaypoint
+from ual_daemon import logs, validation
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.frames.tree import MAP, FrameTree, horizontal
+from ual_daemon.geodesy import EllipsoidProjection
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.trajectory import Motion, Waypoint
+
+_DIFFERENCE_S = 0.01
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A goal in a frame of the user's, checked; `turn` None keeps the heading. `field` is that of the position."""
+
+    position: Vector3
+    turn: Quaternion | None
+    frame_id: str
+    field: str
+
+
+class Places:
+    """The frames of one UAV, and what is commanded and reported in them. Any thread may call."""
+
+    def __init__(self, ns: str, settings: VehicleSettings) -> None:
+        self.tree = FrameTree(ns, settings)
+        self._map_origin = settings.map_origin_geo
+        self._origin = Vector3()  # of <ns>/odom, in the local frame
+
+    # --- Reported -----------------------------------------------------------------------------------------------------
+
+    def to_odom(self, local: Pose) -> Pose:
+        """A pose of the local frame in ``<ns>/odom``."""
+        return Pose(local.position - self._origin, local.orientation)
+
+    def body(self, snapshot: Snapshot) -> Pose | None:
+        """The body in ``<ns>/odom``."""
+        return None if snapshot.pose is None else self.to_odom(snapshot.pose.value)
+
+    def transform(self, target: str, source: str, snapshot: Snapshot) -> Transform:
+        """What takes coordinates in the source frame (empty: the body) to the target frame (empty: ``map``)."""
+        return self.tree.lookup(target or MAP, source or self.tree.body, self.body(snapshot))
+
+    # --- Commanded ----------------------------------------------------------------------------------------------------
+
+    def goal(self, goal: PoseStamped, field: str) -> Goal:
+        """Checks a goal, as far as that can be done without knowing where the UAV is."""
+        if not isinstance(goal, PoseStamped):
+            raise validation.refuse(field, f"{goal!r} is neither a PoseStamped nor a Pose")
+        validation.require_type(goal.pose, Pose, f"{field}.pose")
+        self._require_frame(goal.frame_id, field)
+        return Goal(
+            validation.position(goal.pose.position, f"{field}.pose.position"),
+            validation.orientation(goal.pose.orientation, f"{field}.pose.orientation"),
+            goal.frame_id or self.tree.odom,
+            f"{field}.pose.position",
+        )
+
+    def point(self, point: PointStamped, field: str) -> Goal:
+        """Checks a point, as `goal` does."""
+        if not isinstance(point, PointStamped):
+            raise validation.refuse(field, f"{point!r} is neither a PointStamped nor a Vector3")
+        self._require_frame(point.frame_id, field)
+        position = validation.position(point.point, f"{field}.point")
+        return Goal(position, None, point.frame_id or self.tree.odom, f"{field}.point")
+
+    def to_local(self, goal: Goal, snapshot: Snapshot) -> Waypoint:
+        """A goal in the backend's local frame."""
+        (waypoint,) = self.all_to_local([goal], snapshot)
+        return waypoint
+
+    def is_moving(self, goal: Goal) -> bool:
+        """Whether a goal moves, because a client moves the frame that it is in."""
+        return self.tree.is_moving(goal.frame_id)
+
+    def moving_to_local(self, goal: Goal, now_s: float, kept_yaw_rad: float) -> Motion:
+        """A goal in a moving frame, in the backend's local frame: place and motion at a time of the backend's clock.
+
+        One without a heading has `kept_yaw_rad`.
+        """
+        here, soon = (self._in_local_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
+        velocity = (soon.position - here.position) / _DIFFERENCE_S
+        if here.yaw_rad is None or soon.yaw_rad is None:
+            return Motion(here.position, kept_yaw_rad, velocity)
+        turn = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
+        return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=turn)
+
+    def _in_local_at(self, goal: Goal, now_s: float) -> Waypoint:
+        return self._in_local(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s))
+
+    def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
+        """Goals in the backend's local frame, all of them at one time: each frame is looked up once."""
+        frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)} - {self.tree.odom}
+        to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
+        return [
+            self._in_local(goal, to_odom.get(goal.frame_id))
+            if isinstance(goal, Goal)
+            else self.geo_to_local(goal, snapshot)
+            for goal in goals
+        ]
+
+    def _in_local(self, goal: Goal, to_odom: Transform | None) -> Waypoint:
+        position, turn = goal.position, goal.turn
+        if to_odom is not None:
+            position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
+            turn = turn and to_odom.rotation * turn
+        return Waypoint(position + self._origin, turn.yaw_rad if turn else None)
+
+    def frame_to_local(self, frame_id: str) -> Transform:
+        """What takes coordinates of a fixed frame to the backend's local frame."""
+        to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
+        return Transform(to_odom.translation + self._origin, to_odom.rotation, "", frame_id)
+
+    def is_moved_by_set_home(self, frame_id: str) -> bool:
+        """Whether `set_home` moves a fixed frame: all but ``map`` and what hangs on that, where these lie on Earth."""
+        return self._map_origin is None or self.tree.is_below_odom(frame_id)
+
+    def velocity(self, velocity: TwistStamped, field: str) -> tuple[Twist, str]:
+        """Checks a velocity; with the frame that it is in."""
+        if not isinstance(velocity, TwistStamped):
+            raise validation.refuse(field, f"{velocity!r} is neither a TwistStamped nor a Twist")
+        self._require_frame(velocity.frame_id, field)
+        return validation.twist(velocity.twist, f"{field}.twist"), velocity.frame_id or self.tree.odom
+
+    def velocity_to_local(self, twist: Twist, frame_id: str, snapshot: Snapshot) -> Twist:
+        """A velocity along the axes of a frame, along the local axes."""
+        if frame_id == self.tree.odom:
+            return twist
+        turn = self._to_odom(frame_id, snapshot).rotation
+        return Twist(turn.rotate(twist.linear), turn.rotate(twist.angular))
+
+    def geo_to_local(self, goal: GeoWaypoint, snapshot: Snapshot) -> Waypoint:
+        """A geographic goal in the backend's local frame, by the autopilot's own projection."""
+        if snapshot.projection is None:
+            raise WrongStateError("the autopilot has not said where its local frame is on Earth")
+        altitude_m = _amsl_m(goal.altitude_m, goal.altitude_reference, snapshot)
+        position = snapshot.projection.to_local(goal.latitude_deg, goal.longitude_deg, altitude_m)
+        field = "latitude_deg, longitude_deg, altitude_m (in the local frame)"
+        return Waypoint(validation.position(position, field), goal.yaw_rad)
+
+    def _to_odom(self, frame_id: str, snapshot: Snapshot) -> Transform:
+        body = self.body(snapshot)
+        return self.tree.lookup(self.tree.odom, frame_id, body and horizontal(body), snapshot.time_s)
+
+    def _require_frame(self, frame_id: str, field: str) -> None:
+        if frame_id:
+            self.tree.require(validation.frame_id(frame_id, f"{field}.header.frame_id"))
+
+    # --- Home ---------------------------------------------------------------------------------------------------------
+
+    def set_home(self, position: Vector3, snapshot: Snapshot, *, set_z: bool) -> None:
+        """Puts the origin of ``<ns>/odom`` at a position of the local frame (its height only with `set_z`)."""
+        self._origin = position if set_z else Vector3(position.x, position.y, self._origin.z)
+        self._place_in_map(snapshot)
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Learns where ``<ns>/odom`` is in ``map``, where that follows from `map_origin_geo`."""
+        if self._map_origin is not None and not self.tree.has_home():
+            self._place_in_map(snapshot)
+
+    def _place_in_map(self, snapshot: Snapshot) -> None:
+        if self._map_origin is None or snapshot.projection is None:
+            return
+        home = snapshot.projection.to_geo(self._origin)
+        assert home.altitude_amsl_m is not None
+        in_map = EllipsoidProjection(*self._map_origin).to_local(
+            home.latitude_deg, home.longitude_deg, home.altitude_amsl_m
+        )
+        self.tree.set_home(in_map)
+        logs.event(_log, logging.INFO, "home_pose", frame=MAP, x=in_map.x, y=in_map.y, z=in_map.z)
+
+
+def _amsl_m(altitude_m: float, above: AltitudeReference, snapshot: Snapshot) -> float:
+    if above is AltitudeReference.AMSL:
+        return altitude_m
+    if above is AltitudeReference.ELLIPSOID:
+        if snapshot.geoid_separation_m is None:
+            raise NotSupportedError("the autopilot does not say how the ellipsoid lies to mean sea level here")
+        return altitude_m - snapshot.geoid_separation_m
+    if snapshot.home_altitude_amsl_m is None:
+        raise WrongStateError("the autopilot has not said where its home is; give the altitude as AMSL")
+    return snapshot.home_altitude_amsl_m + altitude_m

@@ -1,0 +1,1 @@
+"""The program ``ual-daemon``: its configuration, its start, its end."""

@@ -1,0 +1,189 @@
+"""The daemon's life: it opens the port, flies until a signal comes, and ends in a way that is safe for the UAV."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+import signal
+from collections.abc import Sequence
+from types import FrameType
+from typing import TYPE_CHECKING, NamedTuple
+
+from ual_daemon import logs
+from ual_daemon.backends.base import SafetyPilot
+from ual_daemon.program.auto_arm import auto_arm
+from ual_daemon.program.namespace import Namespace
+from ual_daemon.server.addresses import Address
+from ual_daemon.server.server import Server
+from ual_daemon.server.transport.core import Core
+from ual_daemon.server.updates import Hops
+from ual_daemon.server.waiting import completion
+from ual_daemon.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import grpc
+
+_log = logging.getLogger(__name__)
+
+_SAFE_EXIT_LIMIT_S = 60.0
+_REMINDER_PERIOD_S = 5.0
+_GATHER_S = 0.005
+"""How long the updates of a fleet wait for each other on their way to the event loop."""
+_ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  as what they are, not to bind to
+_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+class Uav(NamedTuple):
+    """A UAV to fly: its vehicle, its namespace, and where it is to be served."""
+
+    vehicle: Vehicle
+    namespace: Namespace
+    listen: Sequence[Address]
+
+
+class Daemon:
+    """UAVs with a server each, from start to end, on one event loop. Mostly it is one UAV."""
+
+    def __init__(
+        self, uavs: Sequence[Uav], credentials: grpc.ServerCredentials | None = None, *, is_auto_arming: bool = False
+    ) -> None:
+        self._uavs = uavs
+        self._credentials = credentials
+        self._is_auto_arming = is_auto_arming
+
+    async def run(self) -> None:
+        """Runs until a signal. Raises `ListenError` or `NamespaceError` where it cannot begin."""
+        stop = asyncio.Event()
+        _on_first_signal(stop)
+        if len(self._uavs) > 1:
+            for uav in self._uavs:
+                uav.vehicle.log_name = uav.vehicle.ns
+        gather_s = _GATHER_S if len(self._uavs) > 1 else 0.0
+        hops, core = Hops(gather_s), Core(gather_s)
+        served = [
+            _Served(uav, core, hops, self._credentials, is_auto_arming=self._is_auto_arming) for uav in self._uavs
+        ]
+        try:
+            for each in served:
+                each.start()
+        except BaseException:
+            await asyncio.gather(*(each.server.stop() for each in served))
+            core.close()
+            raise
+        # What is loaded by now stays. Unfrozen, a full collection takes 10 to 15 ms, between two setpoints.
+        gc.freeze()
+        gc.enable()
+        try:
+            for each in served:
+                each.open()
+            await stop.wait()
+        finally:
+            await asyncio.gather(*(each.end() for each in served))
+            core.close()
+            gc.unfreeze()
+        logs.event(_log, logging.INFO, "ended")
+
+
+class _Served:
+    """One UAV with its server."""
+
+    def __init__(
+        self, uav: Uav, core: Core, hops: Hops, credentials: grpc.ServerCredentials | None, *, is_auto_arming: bool
+    ) -> None:
+        self._vehicle, self._namespace, self._listen = uav
+        self._credentials = credentials
+        self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
+        self._arming: asyncio.Task[None] | None = None
+        self.server = Server(self._vehicle, core, hops)
+
+    def start(self) -> None:
+        """Serves, and lets clients find it."""
+        addresses = self.server.start(self._listen, self._credentials)
+        self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
+        logs.event(
+            _log,
+            logging.INFO,
+            "listening",
+            ns=self._vehicle.ns,
+            backend=self._vehicle.backend.name,
+            addresses=" ".join(map(str, addresses)),
+            tls=self._credentials is not None,
+            pid=os.getpid(),
+        )
+
+    def open(self) -> None:
+        """Begins to fly."""
+        self._vehicle.open()
+        if self._pilot is not None:
+            self._arming = asyncio.create_task(self._auto_arm(self._pilot))
+            self._arming.add_done_callback(_tell_defect)
+
+    async def _auto_arm(self, pilot: SafetyPilot) -> None:
+        logs.uav.set(self._vehicle.log_name)
+        await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+
+    async def end(self) -> None:
+        """Ends serving and flying, in a way that is safe for the UAV."""
+        logs.uav.set(self._vehicle.log_name)
+        if self._arming is not None:
+            self._arming.cancel()
+        self.server.begin_shutdown()
+        await self._until_safe()
+        await self.server.stop()
+        await asyncio.to_thread(self._vehicle.close)
+
+    async def _until_safe(self) -> None:
+        """Waits until the UAV can be left alone."""
+        safe = self._vehicle.prepare_shutdown()
+        done = completion(safe)
+        deadline_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S
+        while not done.done():
+            left_s = deadline_s - asyncio.get_running_loop().time()
+            if left_s <= 0.0:
+                logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name)
+                return
+            await asyncio.wait((done,), timeout=min(left_s, _REMINDER_PERIOD_S))
+            if not done.done():
+                logs.event(
+                    _log, logging.WARNING, "waiting_to_end", state=self._vehicle.state().name, limit_s=round(left_s)
+                )
+        error = safe.exception()
+        if error is not None:
+            logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name, why=error)
+
+
+def _on_first_signal(stop: asyncio.Event) -> None:
+    """Sets the event at the first signal to end; the second one ends the process at once."""
+    loop = asyncio.get_running_loop()
+    numbers = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as nohup does
+
+    def end_at_once(number: int, frame: FrameType | None) -> None:
+        del frame
+        os._exit(128 + number)
+
+    def on_first(number: signal.Signals) -> None:
+        logs.event(_log, logging.WARNING, "signal", name=number.name, again="ends at once")
+        for each in numbers:
+            loop.remove_signal_handler(each)
+            signal.signal(each, end_at_once)
+        stop.set()
+
+    for number in numbers:
+        loop.add_signal_handler(number, on_first, number)
+
+
+def _tell_defect(task: asyncio.Task[None]) -> None:
+    """Logs how a task failed that should not end at all, when it does and not when the daemon ends."""
+    if not task.cancelled() and task.exception() is not None:
+        _log.error("the simulated safety pilot has failed", exc_info=task.exception())
+
+
+def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:
+    """The address that suits clients of this computer best: one without TLS, if there is one."""
+    plain = [address for address in addresses if credentials is None or address.is_unix]
+    best = (plain or addresses)[0]
+    if best.host in _ANY_HOST:
+        return str(Address(_ANY_HOST[best.host], best.port))
+    return f"unix:{os.path.abspath(best.host)}" if best.is_unix else str(best)  # noqa: PTH100  keeps links

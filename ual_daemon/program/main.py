@@ -1,0 +1,246 @@
+"""The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal.
+
+Exit status 0 after a clean end, 1 where it cannot start (port or namespace in use), 2 for wrong usage or configuration.
+What is heavy is imported late, so that the port is open soon.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+import click
+from click.core import ParameterSource
+
+from ual_daemon import logs
+from ual_daemon.program import lazy
+from ual_daemon.program.configuration import (
+    Configuration,
+    ConfigurationError,
+    FlagSource,
+    Source,
+    located,
+    nested,
+    resolve,
+)
+from ual_daemon.settings import ConfigError, VehicleSettings
+
+if TYPE_CHECKING:
+    import grpc
+
+    from ual_daemon.backends.base import Backend
+    from ual_daemon.server.addresses import Address
+
+_CANNOT_START = 1
+_WRONG_USAGE = 2
+
+
+def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
+    if is_asked and not context.resilient_parsing:
+        from importlib.metadata import version
+
+        click.echo(f"ual-daemon {version('ual-daemon')}")
+        context.exit()
+
+
+@click.command(
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "max_content_width": 110,
+        "auto_envvar_prefix": "UAL",
+    }
+)
+@click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
+@click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
+@click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns, in this one process.")
+@click.option("--url", help="Where the autopilot is, as the backend expects it.")
+@click.option(
+    "--listen",
+    multiple=True,
+    metavar="ADDRESS",
+    help="Where to serve, HOST:PORT or unix:PATH; may be given again.  [127.0.0.1:(50050 + N) for a name ending in _N]",
+)
+@click.option("--config", "config_file", type=click.Path(path_type=Path), envvar="UAL_CONFIG", help="A YAML file.")
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    envvar="UAL_SET",
+    help="Any key of the file, as limits.climb_speed_m_s=2; may be given again.",
+)
+@click.option("--allow-arming/--no-allow-arming", default=None, help="Let callers arm a real UAV.")
+@click.option("--auto-arm/--no-auto-arm", default=None, help="A simulated pilot arms whenever the UAV stands ready.")
+@click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
+@click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
+@click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
+@click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error"]), help="[info]")
+@click.option("--log-format", type=click.Choice(["text", "json"]), help="[text]")
+@click.option("--print-config", is_flag=True, allow_from_autoenv=False, help="Check the configuration, print it, end.")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    allow_from_autoenv=False,
+    callback=_print_version,
+    help="Print the version, end.",
+)
+@click.pass_context
+def main(
+    context: click.Context,
+    /,
+    *,
+    config_file: Path | None,
+    assignments: tuple[str, ...],
+    print_config: bool,
+    **flags: object,
+) -> None:
+    """Flies one UAV, or a simulated fleet, for callers in any process, on any host and in any language.
+
+    Each flag has an environment variable: UAL_BACKEND, UAL_NS, ... Flags win over the environment, that over the
+    file, the file over the defaults. SIGTERM and SIGINT end it in a way that is safe for the UAV; a second one ends
+    it at once.
+    """
+    gc.disable()  # what a start makes stays: `Daemon.run` begins to look for garbage, which before that takes 10 ms
+    try:
+        _run(_sources(context, config_file, assignments, flags), print_config=print_config)
+    except (ConfigurationError, ConfigError) as error:
+        _fail(str(error), _WRONG_USAGE)
+    finally:
+        gc.enable()
+
+
+def _sources(
+    context: click.Context, config_file: Path | None, assignments: tuple[str, ...], flags: dict[str, object]
+) -> list[Source]:
+    """Where settings come from, the weakest first."""
+    if config_file is not None or assignments:
+        from ual_daemon.program import configuration_yaml  # loaded only where it is used: a faster start
+    sources: list[Source] = [] if config_file is None else [configuration_yaml.read_file(config_file)]
+    for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
+        values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
+        sources.append(FlagSource(values, {name: _given_as(name, origin) for name in values}))
+        if context.get_parameter_source("assignments") is origin:
+            name = _given_as("set", origin)
+            for text in assignments:
+                key, value = configuration_yaml.assignment(text, name)
+                sources.append(FlagSource(nested(key, value), {key: f"{name} {key}"}))
+    return sources
+
+
+def _given_as(name: str, origin: ParameterSource) -> str:
+    return f"UAL_{name.upper()}" if origin is ParameterSource.ENVIRONMENT else f"--{name.replace('_', '-')}"
+
+
+def _run(sources: Sequence[Source], *, print_config: bool) -> None:
+    # gRPC's own words on stderr are no log lines; what concerns users is told by the daemon.
+    os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    # One thread less on the way of each message: docs/decisions/0010.
+    os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
+    lazy.prepare()
+    from ual_daemon.backends import registry
+    from ual_daemon.server import tls
+
+    configuration = resolve(sources, registry.NAMES)
+    settings = configuration.daemon
+    try:
+        uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
+        credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
+        _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
+        if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
+            where = f" at {settings.url}" if settings.url else ""
+            raise ConfigError(  # noqa: TRY301
+                f"the {settings.backend} backend flies a real UAV{where}: its safety pilot arms", "auto_arm"
+            )
+    except ConfigError as error:
+        raise located(error, sources) from None
+    if print_config:
+        click.echo(configuration.as_yaml(), nl=False)
+        return
+    logs.setup(settings.log_level, settings.log_format)
+    _serve(configuration, uavs, credentials)
+
+
+class _Planned(NamedTuple):
+    """One UAV that is to fly."""
+
+    backend: Backend
+    vehicle: VehicleSettings
+    listen: list[Address]
+
+
+def _one(configuration: Configuration) -> _Planned:
+    from ual_daemon.backends import registry
+    from ual_daemon.backends.base import BackendOptions
+    from ual_daemon.server import addresses
+
+    settings = configuration.daemon
+    listen = [addresses.parse(text) for text in configuration.listen]
+    options = BackendOptions(settings.ns, settings.url, configuration.backends.get(settings.backend, {}))
+    return _Planned(registry.make(settings.backend, options), configuration.vehicle, listen)
+
+
+def _fleet(configuration: Configuration) -> list[_Planned]:
+    from ual_daemon.backends import registry
+    from ual_daemon.backends.base import BackendOptions
+    from ual_daemon.program import fleet
+    from ual_daemon.server import addresses
+
+    settings = configuration.daemon
+    assert settings.fleet is not None
+    if settings.url is not None:
+        raise ConfigError("a fleet is simulated: there is no autopilot to look for", "url")
+    section = configuration.backends.get(settings.backend, {})
+    names = fleet.names(settings.ns, settings.fleet)
+    places = fleet.places(settings.fleet, settings.fleet_spacing_m)
+    listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
+    backends = registry.make_fleet(settings.backend, [BackendOptions(ns, None, section) for ns in names], places)
+    fleet.allow_files(settings.fleet, len(configuration.listen))
+    return [
+        _Planned(backend, fleet.placed(configuration.vehicle, place), where)
+        for backend, place, where in zip(backends, places, listen, strict=True)
+    ]
+
+
+def _serve(
+    configuration: Configuration, planned: Sequence[_Planned], credentials: grpc.ServerCredentials | None
+) -> None:
+    import asyncio
+    from contextlib import ExitStack
+
+    from ual_daemon.program.daemon import Daemon, Uav
+    from ual_daemon.program.namespace import Namespace, NamespaceError
+    from ual_daemon.server.addresses import ListenError
+    from ual_daemon.vehicle.vehicle import Vehicle
+
+    settings = configuration.daemon
+    try:
+        with ExitStack() as held:
+            uavs = []
+            for each in planned:
+                namespace = held.enter_context(Namespace(each.backend.options.ns))
+                vehicle = Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming)
+                uavs.append(Uav(vehicle, namespace, each.listen))
+            asyncio.run(Daemon(uavs, credentials, is_auto_arming=settings.auto_arm).run())
+    except (ListenError, NamespaceError) as error:
+        _fail(str(error), _CANNOT_START)
+
+
+def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:
+    exposed = [str(address) for address in listen if not address.is_local]
+    if exposed and not is_safe:
+        raise ConfigError(
+            f"{exposed[0]} can be reached from other computers, which could fly the UAV: "
+            "give --tls-certificate and --tls-key, or --insecure where the network is trusted",
+            "listen",
+        )
+
+
+def _fail(message: str, status: int) -> NoReturn:
+    click.echo(f"ual-daemon: {message}", err=True)
+    sys.exit(status)

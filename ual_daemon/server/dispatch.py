@@ -1,0 +1,287 @@
+"""How one call is answered, by the way in which its method is written.
+
+- ``def`` of a request, or a generator into which each request of a stream is sent: answered where it was received, on
+  the thread that waits for gRPC, in the order of the calls. It must not block. The fast way, without a hop to another
+  thread. What begins at once and ends later returns a coroutine, which the event loop awaits.
+- ``def`` that answers by a stream: begins to send by the `Call`, from whichever thread, and returns what ends that.
+- An asynchronous generator: all of it on the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+from collections.abc import AsyncIterator, Callable, Coroutine, Generator
+from contextlib import aclosing
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
+
+import grpc
+from google.protobuf.message import DecodeError
+
+from ual import rpc_errors
+from ual.errors import TaskAbortedError, UalError
+from ual_daemon import logs
+from ual_daemon.server.transport.core import Call
+
+if TYPE_CHECKING:
+    from ual_daemon.server.calls import Calls
+
+T = TypeVar("T")
+Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
+
+_log = logging.getLogger(__name__)
+
+SHUTTING_DOWN = "the daemon is shutting down"
+
+
+class StatusError(Exception):
+    """Ends a call with a status of gRPC, where the contract is not ours."""
+
+    def __init__(self, code: grpc.StatusCode, details: str) -> None:
+        super().__init__(details)
+        self.code = code
+
+
+class Method:
+    """A method of a service, and how it is answered."""
+
+    def __init__(self, handler: Handler) -> None:
+        # Generated code gives all three; gRPC's types do not know that.
+        self.decode = cast("Callable[[bytes], Any]", handler.request_deserializer)
+        self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
+        self.serve = cast(
+            "Callable[[Any, Any], Any]",
+            handler.unary_unary or handler.unary_stream or handler.stream_unary or handler.stream_stream,
+        )
+        self.is_asked_by_stream: bool = handler.request_streaming
+        self.is_answered_by_stream: bool = handler.response_streaming
+        self.kind: type[Answer]
+        if inspect.isasyncgenfunction(self.serve):
+            self.kind = _Generated
+        elif self.is_asked_by_stream:
+            self.kind = _Received
+        else:
+            self.kind = _Sent if self.is_answered_by_stream else _One
+
+
+class Answer:
+    """One call that is being answered."""
+
+    def __init__(self, calls: Calls, method: Method, call: Call) -> None:
+        self.is_stream = method.is_asked_by_stream or method.is_answered_by_stream
+        self._calls = calls
+        self._method = method
+        self._call = call
+
+    def begin(self) -> None:
+        """Begins with it."""
+        if self._method.is_answered_by_stream:
+            # Now, and not with the first message: the caller knows that he is heard.
+            self._call.begin()
+        self._do(self._begin)
+
+    def end(self) -> None:
+        """The daemon shuts down."""
+        self._fail(self._shutdown())
+
+    def _do(self, step: Callable[..., None], *arguments: object) -> None:
+        """Does a step of it, on the thread that waits for gRPC. What goes wrong there ends the call."""
+        self._calls.tell_log(self._call)
+        try:
+            step(*arguments)
+        except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
+            self._fail(error)
+        finally:
+            self._calls.tell_log(None)  # the thread must not hold the call
+
+    def _begin(self) -> None:
+        self._calls.require_welcome(self._call)
+        self._call.receive(partial(self._do, self._receive))
+
+    def _receive(self, message: bytes | None) -> None:
+        if message is None:
+            raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self._call.method} takes one request")
+        self._answer(self._decoded(message))
+
+    def _answer(self, request: object) -> None:
+        raise NotImplementedError
+
+    def _decoded(self, message: bytes) -> Any:  # noqa: ANN401  each method has its own
+        try:
+            return self._method.decode(message)
+        except DecodeError as error:
+            raise StatusError(grpc.StatusCode.INTERNAL, f"{self._call.method}: no such message: {error}") from None
+
+    def _shutdown(self) -> Exception:
+        if self.is_stream:
+            return StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
+        return TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"})
+
+    def _fail(self, error: BaseException) -> None:
+        self._calls.leave(self)
+        if isinstance(error, StatusError):
+            self._call.finish(code=error.code, details=str(error))
+            return
+        if isinstance(error, UalError):
+            # The vehicle has logged what it refused; this is for what did not come so far.
+            logs.event(_log, logging.DEBUG, "call_failed", method=self._call.method, reason=error.reason, why=error)
+        else:
+            _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
+            error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
+        status = rpc_errors.to_grpc_status(error)
+        self._call.finish(None, status.code, status.details, status.trailing_metadata)
+
+
+class _OnLoop(Answer):
+    """What goes on on the event loop."""
+
+    _task: asyncio.Task[bytes | None] | None = None
+    _has_begun = False
+    _is_to_cancel = False
+
+    def end(self) -> None:
+        if self._task is None:
+            super().end()
+        else:
+            self._cancel()
+
+    def _watch(self) -> None:
+        """It takes a while from here on."""
+        self._call.watch(lambda: self._calls.on_loop(self._cancel))
+        self._call.peer()  # the call may end before the log needs it
+        self._calls.join(self)
+
+    def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
+        """Awaits it on the loop, and ends the call with what it returns."""
+        if not self._calls.on_loop(self._start, coroutine):
+            coroutine.close()
+
+    def _start(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
+        self._task = asyncio.create_task(self._serve(coroutine))
+        self._task.add_done_callback(self._on_end)
+        if self._call.is_finished or self._call.is_cancelled:  # meanwhile
+            self._cancel()
+
+    async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
+        self._calls.tell_log(self._call)
+        self._has_begun = True
+        if self._is_to_cancel:
+            self._cancel()
+        return await coroutine
+
+    def _cancel(self) -> None:
+        """Cancels it where it waits. Before it has begun it would not hear of that, and what it has to undo be left."""
+        self._is_to_cancel = True
+        if self._task is not None and self._has_begun:
+            self._task.cancel()
+
+    def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
+        self._calls.leave(self)
+        if task.cancelled():
+            if not self._call.is_cancelled:
+                self._fail(self._shutdown())
+            return
+        error = task.exception()
+        if error is None:
+            self._call.finish(task.result())
+        else:
+            self._fail(error)
+
+
+class _One(_OnLoop):
+    """By one message, where the request was received, or when what that began has ended."""
+
+    def _answer(self, request: object) -> None:
+        response = self._method.serve(request, None)
+        if inspect.iscoroutine(response):
+            self._watch()
+            self._go_on(self._encoded(response))
+        else:
+            self._call.finish(self._method.encode(response))
+
+    async def _encoded(self, response: Coroutine[Any, Any, Any]) -> bytes:
+        return self._method.encode(await response)
+
+
+class _Generated(_OnLoop):
+    """By the messages of an asynchronous generator."""
+
+    def _begin(self) -> None:
+        self._watch()
+        if self._method.is_asked_by_stream:
+            self._calls.require_welcome(self._call)
+            self._answer(self._requests())
+        else:
+            super()._begin()
+
+    def _answer(self, request: object) -> None:
+        self._go_on(self._send(request))
+
+    async def _send(self, request: object) -> None:
+        async with aclosing(self._method.serve(request, None)) as responses:
+            async for response in responses:
+                await self._until(partial(self._call.send, self._method.encode(response)))
+
+    async def _requests(self) -> AsyncIterator[Any]:
+        while (message := await self._until(self._call.receive)) is not None:
+            yield self._decoded(message)
+
+    async def _until(self, start: Callable[[Callable[[T], object]], None]) -> T:
+        """What an operation ends with."""
+        ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+
+        def tell(result: T) -> None:
+            if not ended.done():
+                ended.set_result(result)
+
+        start(lambda result: self._calls.on_loop(tell, result))
+        return await ended
+
+
+class _Received(Answer):
+    """By one message, after all those of a stream have been received, each of which is taken where it was received."""
+
+    def _begin(self) -> None:
+        self._calls.join(self)
+        self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
+        next(self._requests)
+        super()._begin()
+
+    def _receive(self, message: bytes | None) -> None:
+        if self._call.is_finished:  # by a shutdown: what comes now is not for us any more
+            return
+        try:
+            self._requests.send(None if message is None else self._decoded(message))
+        except StopIteration as ended:
+            self._calls.leave(self)
+            self._call.finish(self._method.encode(ended.value))
+        else:
+            self._call.receive(partial(self._do, self._receive))
+
+
+class _Sent(Answer):
+    """By messages that are sent from elsewhere."""
+
+    _stop: Callable[[], None] | None = None
+
+    def _begin(self) -> None:
+        self._call.watch(self._on_cancel)
+        self._calls.join(self)
+        super()._begin()
+
+    def _answer(self, request: object) -> None:
+        self._stop = self._method.serve(request, self._call)
+        if self._call.is_cancelled or self._call.is_finished:  # meanwhile; by a shutdown
+            self._stop()
+
+    def end(self) -> None:
+        super().end()
+        if self._stop is not None:
+            self._stop()
+
+    def _on_cancel(self) -> None:
+        self._calls.leave(self)
+        if self._stop is not None:
+            self._stop()

@@ -1,0 +1,1 @@
+"""What may be commanded, and what is told."""

@@ -1,0 +1,93 @@
+"""What every command asks first: can the backend, and is the state the right one? Refusals are logged."""
+
+from __future__ import annotations
+
+import logging
+import time
+from contextlib import AbstractContextManager
+from types import TracebackType
+
+from ual.errors import LinkLostError, NotSupportedError, UalError, WrongStateError
+from ual.types import Capability, State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.flight import Flight, shutting_down
+from ual_daemon.flight.state import Estimate
+
+_log = logging.getLogger(__name__)
+
+_REPEATED_REFUSAL_S = 1.0
+
+
+class _Refusing(AbstractContextManager[None]):
+    """A class, as `contextlib.contextmanager` costs two to three times as much, and each setpoint comes by twice."""
+
+    __slots__ = ("_checks", "_command")
+
+    def __init__(self, checks: Checks, command: str) -> None:
+        self._checks = checks
+        self._command = command
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
+        if isinstance(error, UalError):
+            self._checks.log_refusal(self._command, error)
+
+
+class Checks:
+    """The checks of one UAV. Any thread may call."""
+
+    def __init__(self, backend: Backend, flight: Flight) -> None:
+        self._backend = backend
+        self._flight = flight
+        self._last_refusal = ("", 0.0)
+
+    def refusing(self, command: str) -> AbstractContextManager[None]:
+        """Logs a refusal; the same one, again and again (a stream of setpoints), only once in a while."""
+        return _Refusing(self, command)
+
+    def log_refusal(self, command: str, error: UalError) -> None:
+        """See `refusing`."""
+        text, now_s = f"{command}: {error}", time.monotonic()
+        last_text, last_s = self._last_refusal
+        if text != last_text or now_s - last_s > _REPEATED_REFUSAL_S:
+            self._last_refusal = (text, now_s)
+            logs.event(_log, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error))
+
+    def require_capability(self, capability: Capability, command: str) -> None:
+        """Raises `NotSupportedError`, or `LinkLostError` while it is not known."""
+        capabilities = self._backend.info().capabilities
+        if capability in capabilities:
+            return
+        # An autopilot that has not been heard yet is not one that cannot.
+        _require_link(command, self._flight.estimate(self._backend.snapshot()))
+        known = ", ".join(sorted(c.name for c in capabilities)) or "nothing of the kind"
+        raise NotSupportedError(f"{command}: the backend {self._backend.name} cannot (it can: {known})")
+
+    def require_state(self, command: str, *allowed: State) -> Snapshot:
+        """The snapshot in which the state is one of those. Raises `WrongStateError`, or `LinkLostError`."""
+        if self._flight.is_closing:
+            raise shutting_down(command)
+        snapshot = self._backend.snapshot()
+        found = self._flight.estimate(snapshot)
+        if found.state in allowed:
+            return snapshot
+        _require_link(command, found)
+        needed = " or ".join(state.name for state in allowed)
+        raise WrongStateError(
+            f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}",
+            {"state": found.state.name, "needed": needed, "command": command},
+        )
+
+
+def _require_link(command: str, found: Estimate) -> None:
+    if not found.is_link_up:
+        raise LinkLostError(f"{command}: {found.why}", {"state": found.state.name})
+
+
+def accepted(command: str, **fields: object) -> None:
+    """Logs that a command was accepted."""
+    logs.event(_log, logging.INFO, "command", command=command, **fields)

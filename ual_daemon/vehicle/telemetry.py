@@ -1,0 +1,97 @@
+"""Telemetry: one sample of everything known, made from a snapshot."""
+
+from __future__ import annotations
+
+from ual.errors import WrongStateError
+from ual.geometry import IDENTITY, Pose, Transform, Twist
+from ual.types import GeoPoint, Odometry, Telemetry
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.state import Estimate
+from ual_daemon.frames.resolver import Places
+from ual_daemon.frames.tree import MAP
+
+
+def make_sample(
+    snapshot: Snapshot, found: Estimate, places: Places, flight: Flight, pose_frame_id: str | None, sequence: int
+) -> Telemetry:
+    """A sample; poses in `pose_frame_id` (None: ``<ns>/odom``, which also stands in until that one is known)."""
+    odom = places.tree.odom
+    body = places.body(snapshot)
+    twist = None if snapshot.velocity is None else snapshot.velocity.value
+    local_reference = flight.reference_pose()
+    reference = None if local_reference is None else places.to_odom(local_reference)
+    pose, velocity, frame_id = body, twist, odom
+    to_frame = _lookup(places, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
+    if to_frame is not None:
+        frame_id = to_frame.frame_id
+        pose = None if body is None else to_frame.apply_pose(body)
+        velocity = None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular)
+        reference = None if reference is None else to_frame.apply_pose(reference)
+    return Telemetry(
+        state=found.state,
+        state_reason=found.why,
+        stamp_s=snapshot.stamp_s,
+        frame_id=frame_id,
+        pose=pose,
+        velocity=velocity,
+        odometry=_odometry(snapshot, places, body, twist),
+        transform=_in_map(places, body, snapshot.stamp_s),
+        reference_pose=reference,
+        position_geo=_position_geo(snapshot),
+        battery=snapshot.battery,
+        gps=snapshot.gps,
+        flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
+        armed=snapshot.armed is not None and snapshot.armed.value,
+        task=flight.task_info(),
+        sequence=sequence,
+        status_text=snapshot.status_text,
+    )
+
+
+def _in_map(places: Places, body: Pose | None, stamp_s: float) -> Transform | None:
+    home = places.tree.odom_in_map()
+    if home is None or body is None:
+        return None
+    position, orientation = body.position + home.translation, body.orientation
+    if home.rotation is not IDENTITY:  # seldom
+        position, orientation = home.apply(body.position), home.rotation * body.orientation
+    return Transform(position, orientation, MAP, places.tree.body, stamp_s)
+
+
+def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
+    """Where it is on Earth, by the autopilot's word or else its projection; None while it does not trust its position:
+    ArduPilot then goes on telling where it was.
+    """
+    if snapshot.estimator is None or not snapshot.estimator.value.is_good:
+        return None
+    if snapshot.position_geo is not None:
+        return snapshot.position_geo
+    if snapshot.pose is None or snapshot.projection is None:
+        return None
+    point = snapshot.projection.to_geo(snapshot.pose.value.position)
+    amsl_m, home_m, separation_m = point.altitude_amsl_m, snapshot.home_altitude_amsl_m, snapshot.geoid_separation_m
+    assert amsl_m is not None
+    return GeoPoint(
+        point.latitude_deg,
+        point.longitude_deg,
+        amsl_m,
+        None if home_m is None else amsl_m - home_m,
+        None if separation_m is None else amsl_m + separation_m,
+    )
+
+
+def _lookup(places: Places, target: str | None, source: str, body: Pose | None) -> Transform | None:
+    if target is None:
+        return None
+    try:
+        return places.tree.lookup(target, source, body)
+    except WrongStateError:  # not known yet where it is
+        return None
+
+
+def _odometry(snapshot: Snapshot, places: Places, body: Pose | None, twist: Twist | None) -> Odometry | None:
+    if body is None or twist is None:
+        return None
+    in_body = Twist(body.orientation.inverse().rotate(twist.linear), twist.angular)
+    return Odometry(body, in_body, places.tree.odom, places.tree.body, snapshot.stamp_s)
