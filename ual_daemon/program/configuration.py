@@ -52,8 +52,8 @@ class Configuration:
 
     @property
     def listen(self) -> tuple[str, ...]:
-        """The addresses to listen on, for a fleet as templates (`ual_daemon.program.fleet.addresses`); the default follows from
-        the namespace.
+        """The addresses to listen on, for a fleet as templates (`ual_daemon.program.fleet.addresses`). The default
+        follows from the namespace.
         """
         if self.daemon.fleet is not None:
             return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
