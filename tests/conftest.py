@@ -18,7 +18,7 @@ import grpc
 import hypothesis
 import pytest
 
-from ual import discovery
+from ual import _discovery
 
 LIMIT_S = 30.0
 """How long anything may take on a busy machine before a test gives up."""
@@ -128,7 +128,7 @@ StartDaemon = Callable[..., DaemonProcess]
 def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The directory in which this test's daemons, and nobody else's, register."""
     path = tmp_path / "ual"
-    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(path))
+    monkeypatch.setenv(_discovery.RUNTIME_DIR_VARIABLE, str(path))
     return path
 
 
@@ -136,7 +136,7 @@ def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def start_daemon(runtime_dir: Path) -> Iterator[StartDaemon]:
     """Starts daemons: ``start_daemon("--auto-arm", ns="uav_2", backend="light", listen="127.0.0.1:0")``."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
-    environment[discovery.RUNTIME_DIR_VARIABLE] = str(runtime_dir)
+    environment[_discovery.RUNTIME_DIR_VARIABLE] = str(runtime_dir)
     started: list[DaemonProcess] = []
 
     def start(

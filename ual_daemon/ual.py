@@ -11,8 +11,9 @@ from typing import Any
 
 from typing_extensions import Self
 
-from ual import views
-from ual.callbacks import Callbacks, Listener
+from ual import _views
+from ual._callbacks import Callbacks, Listener
+from ual._time_limit import time_limit
 from ual.errors import UalTimeoutError
 from ual.geometry import (
     PointStamped,
@@ -27,7 +28,6 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import Simulation
-from ual.time_limit import time_limit
 from ual.types import (
     AltitudeReference,
     Frame,
@@ -106,10 +106,10 @@ class UAL:
         return self.vehicle.info()
 
     def is_ready(self) -> bool:
-        return views.is_ready(self.telemetry())
+        return _views.is_ready(self.telemetry())
 
     def is_idle(self) -> bool:
-        return views.is_idle(self.telemetry())
+        return _views.is_idle(self.telemetry())
 
     def state(self) -> State:
         return self.vehicle.state()
@@ -118,16 +118,16 @@ class UAL:
         return self.vehicle.telemetry()
 
     def pose(self) -> PoseStamped:
-        return views.pose(self.telemetry())
+        return _views.pose(self.telemetry())
 
     def velocity(self) -> TwistStamped:
-        return views.velocity(self.telemetry())
+        return _views.velocity(self.telemetry())
 
     def odometry(self) -> Odometry:
-        return views.odometry(self.telemetry())
+        return _views.odometry(self.telemetry())
 
     def reference_pose(self) -> PoseStamped | None:
-        return views.reference_pose(self.telemetry())
+        return _views.reference_pose(self.telemetry())
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         return self.vehicle.transform(target_frame_id, source_frame_id)

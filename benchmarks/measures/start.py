@@ -19,7 +19,7 @@ from benchmarks.ways import MAVSDK_GRPC
 IMPORTS = {
     "python": ("-c", "pass"),
     "import ual": ("-c", "import ual"),
-    "import ual.client": ("-c", "import ual.client"),
+    "import ual._client": ("-c", "import ual._client"),
     "import ual_daemon.ual": ("-c", "import ual_daemon.ual"),
     "import mavsdk_grpc": ("-c", "import mavsdk_grpc"),
     "import mavsdk": ("-c", "import mavsdk"),

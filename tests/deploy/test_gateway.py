@@ -19,7 +19,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
-from ual import convert, discovery
+from ual import _convert, _discovery
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import State
@@ -95,7 +95,7 @@ def fleet(start_daemon: StartDaemon) -> DaemonProcess:
 @pytest.fixture
 def gateway(fleet: DaemonProcess, start_gateway: StartGateway) -> str:
     """The address of the gateway to all of them."""
-    uavs = {each.ns: each.address for each in discovery.list_daemons() if each.pid == fleet.pid}
+    uavs = {each.ns: each.address for each in _discovery.list_daemons() if each.pid == fleet.pid}
     assert len(uavs) == COUNT
     return start_gateway(uavs)
 
@@ -136,7 +136,7 @@ def test_setpoints_are_not_held_back(gateway: str) -> None:
         up(uav)
         stub: Any = ual_pb2_grpc.UalServiceStub(channel)
         moving = pb.StreamSetpointsRequest(
-            velocity=convert.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
+            velocity=_convert.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
         )
         is_moving = False
 
@@ -221,7 +221,7 @@ def test_the_command_goes_through_it(gateway: str) -> None:
         [
             sys.executable,
             "-c",
-            "from ual.cli.main import main; main()",
+            "from ual._cli.main import main; main()",
             "--address",
             gateway,
             "--ns",

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from tests.conftest import DaemonProcess, StartDaemon
-from ual import discovery
+from ual import _discovery
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -40,7 +40,7 @@ def test_first_flight() -> None:
 
 def test_client_flight(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     daemon = armed_daemon(start_daemon)
-    lines = run("client_flight.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("client_flight.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines[0] == f"flying {daemon.ns}"
     assert any(re.fullmatch(r"take-off: SUCCEEDED 100%", line) for line in lines)
     assert any(line.startswith("refused, as it should be: recover_from_manual") for line in lines)
@@ -49,7 +49,7 @@ def test_client_flight(start_daemon: StartDaemon, runtime_dir: Path) -> None:
 
 def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     armed_daemon(start_daemon)
-    lines = run("inspection_path.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("inspection_path.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines[-1] == "inspected"
     shown = [line for line in lines if line.startswith("waypoint")]
     assert len(shown) >= 3

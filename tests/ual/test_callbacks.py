@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ual.callbacks import PATIENCE_S, Callbacks, Listener
+from ual._callbacks import PATIENCE_S, Callbacks, Listener
 from ual.types import State, Telemetry
 
 LIMIT_S = 30.0

@@ -20,12 +20,12 @@ from typing_extensions import Self
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
-from ual.cli import cli, watch
-from ual.cli.app import UalCommand, UalGroup
-from ual.discovery import Registration
+from ual._cli import cli, watch
+from ual._cli.app import UalCommand, UalGroup
+from ual._discovery import Registration
 from ual.types import State, Telemetry
 
-UAL = (sys.executable, "-c", "from ual.cli import main; main()")
+UAL = (sys.executable, "-c", "from ual._cli import main; main()")
 
 
 @pytest.fixture(autouse=True)
@@ -90,7 +90,7 @@ def test_every_command_is_documented_and_takes_the_shared_options(name: str, com
 
 
 def test_help_needs_no_grpc() -> None:
-    code = "import sys, ual.cli; sys.exit('grpc' in sys.modules or 'rich' in sys.modules)"
+    code = "import sys, ual._cli; sys.exit('grpc' in sys.modules or 'rich' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess
-from ual import conformance, discovery
+from ual import _discovery, conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
@@ -35,7 +35,7 @@ def over_unix_socket(stack: ExitStack, directory: Path) -> Uav:
 
 def started(stack: ExitStack, directory: Path, listen: str) -> str:
     flags = ("--backend", "light", "--listen", listen, "--set", f"light.speed_factor={SPEED_FACTOR}")
-    daemon = DaemonProcess(flags, "uav_1", {discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    daemon = DaemonProcess(flags, "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
     stack.callback(daemon.close)
     return daemon.address
 

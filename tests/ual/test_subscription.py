@@ -16,7 +16,7 @@ import ual
 import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
-from ual.callbacks import PATIENCE_S
+from ual._callbacks import PATIENCE_S
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -370,7 +370,7 @@ def test_who_joins_while_the_stream_is_broken_gets_no_old_sample_but_why(daemon:
 def test_it_can_be_closed_from_its_own_callback(daemon: FakeDaemon, uav: ual.Uav) -> None:
     source = daemon.script()
     closed = threading.Event()
-    opened: queue.Queue[ual.client.Subscription] = queue.Queue()  # type: ignore[name-defined]
+    opened: queue.Queue[ual._client.Subscription] = queue.Queue()  # type: ignore[name-defined]
 
     def callback(_: Telemetry) -> None:
         opened.get().close()

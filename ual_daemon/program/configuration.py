@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from ual import discovery
+from ual import _discovery
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, NotNegative, Settings, VehicleSettings, convert
 
 
@@ -56,8 +56,8 @@ class Configuration:
         follows from the namespace.
         """
         if self.daemon.fleet is not None:
-            return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
-        return self.daemon.listen or (discovery.default_address(self.daemon.ns),)
+            return self.daemon.listen or (f"{_discovery.LOOPBACK}:{{port}}",)
+        return self.daemon.listen or (_discovery.default_address(self.daemon.ns),)
 
     def as_yaml(self) -> str:
         """The same configuration as a file. Limits that are infinite, which is none at all, are left out."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from msgspec import structs
 
-from ual import discovery
+from ual import _discovery
 from ual.geometry import Vector3
 from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
 
@@ -22,7 +22,7 @@ _FILES_FOR_CALLERS = 4
 
 def names(first: str, count: int) -> list[str]:
     """The namespaces of a fleet: counted on from one that ends in ``_N``, else from ``_1``. Raises `ConfigError`."""
-    base, number = discovery.split_number(first)
+    base, number = _discovery.split_number(first)
     begin = 1 if number is None else number
     if len(f"{base}_{begin + count}") > LONGEST_NAMESPACE:
         raise ConfigError(f"{first}: the names of a fleet of {count} are longer than {LONGEST_NAMESPACE}", "ns")
@@ -53,9 +53,9 @@ def addresses(templates: Sequence[str], ns: str) -> list[str]:
                 "HOST:{port} for port 50050 + N, or unix:DIRECTORY/{ns}.sock",
                 "listen",
             )
-        if "{port}" in template and not discovery.has_own_port(ns):
+        if "{port}" in template and not _discovery.has_own_port(ns):
             raise ConfigError(f"{ns} has no port: 50050 + N ends at 65535; use unix sockets for so many", "fleet")
-        found.append(template.replace("{ns}", ns).replace("{port}", str(discovery.default_port(ns))))
+        found.append(template.replace("{ns}", ns).replace("{port}", str(_discovery.default_port(ns))))
     return found
 
 

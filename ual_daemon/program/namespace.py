@@ -1,6 +1,6 @@
 """One daemon for each namespace on a computer, and where clients find it.
 
-The directory (`ual.discovery.runtime_dir`) is shared by all users of the computer, as ``/tmp`` is: everyone may add
+The directory (`ual._discovery.runtime_dir`) is shared by all users of the computer, as ``/tmp`` is: everyone may add
 files, only their owner may change or remove them. So no link in it is followed, and nothing written through a file
 that another user may have laid there.
 """
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from typing_extensions import Self
 
-from ual import discovery
-from ual.discovery import Registration
+from ual import _discovery
+from ual._discovery import Registration
 
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
@@ -40,7 +40,7 @@ class Namespace:
     def __init__(self, ns: str) -> None:
         self._ns = ns
         self._is_registered = False
-        path = discovery.lock_file(ns)
+        path = _discovery.lock_file(ns)
         try:
             _make_directory(path.parent)
             self._lock = _open_lock(path)
@@ -51,7 +51,7 @@ class Namespace:
             os.close(self._lock)
             raise NamespaceError(f"{ns} is flown by {holder} already: stop that, or choose another --ns")
         with suppress(OSError):  # what a killed daemon left must not be taken for ours, now that the lock is held
-            discovery.registry_file(ns).unlink()
+            _discovery.registry_file(ns).unlink()
         with suppress(OSError):  # another user's file: it can be locked, but not written
             os.truncate(self._lock, 0)
             os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
@@ -67,13 +67,13 @@ class Namespace:
         try:
             Registration(self._ns, os.getpid(), address, backend, time.time()).write()
         except OSError as error:
-            raise NamespaceError(f"cannot write {discovery.registry_file(self._ns)}: {error.strerror}") from None
+            raise NamespaceError(f"cannot write {_discovery.registry_file(self._ns)}: {error.strerror}") from None
         self._is_registered = True
 
     def release(self) -> None:
         """Gives the namespace back. The lock file stays: removing it would let two daemons lock two files."""
         if self._is_registered:
-            discovery.registry_file(self._ns).unlink(missing_ok=True)
+            _discovery.registry_file(self._ns).unlink(missing_ok=True)
         os.close(self._lock)
 
 
@@ -84,11 +84,11 @@ def _make_directory(directory: Path) -> None:
         directory.chmod(_STICKY_FOR_ALL)  # what mkdir gives is cut by the umask
     found = directory.lstat()
     if not stat.S_ISDIR(found.st_mode):
-        raise NamespaceError(f"{directory} is no directory: remove it, or set {discovery.RUNTIME_DIR_VARIABLE}")
+        raise NamespaceError(f"{directory} is no directory: remove it, or set {_discovery.RUNTIME_DIR_VARIABLE}")
     if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
         raise NamespaceError(
             f"{directory}: users may remove each other's files there: `chmod +t` it, "
-            f"or set {discovery.RUNTIME_DIR_VARIABLE}"
+            f"or set {_discovery.RUNTIME_DIR_VARIABLE}"
         )
 
 
@@ -111,7 +111,7 @@ def _open_lock(path: Path) -> int:
 def _take(lock: int) -> bool:
     """Takes a lock; False where another daemon holds it.
 
-    Clients that look whether one does hold it for a moment (`ual.discovery`). They share it, which a daemon never does.
+    A client that looks whether a daemon holds it takes it shared for a moment (`ual._discovery`). A daemon never does.
     """
     end_s = time.monotonic() + _LOOKS_LIMIT_S
     while True:
@@ -133,7 +133,7 @@ def _take(lock: int) -> bool:
 
 def _holder(ns: str, lock: int) -> str:
     """Who holds a namespace, as well as it can be told."""
-    registration = discovery.registered(ns)
+    registration = _discovery.registered(ns)
     if registration is not None:
         return f"pid {registration.pid} at {registration.address}"
     written = os.pread(lock, 20, 0).decode(errors="replace").strip()

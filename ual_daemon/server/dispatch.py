@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 import grpc
 from google.protobuf.message import DecodeError
 
-from ual import rpc_errors
+from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
 from ual_daemon.server.transport.core import Call
@@ -130,7 +130,7 @@ class Answer:
         else:
             _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
             error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
-        status = rpc_errors.to_grpc_status(error)
+        status = _rpc_errors.to_grpc_status(error)
         self._call.finish(None, status.code, status.details, status.trailing_metadata)
 
 

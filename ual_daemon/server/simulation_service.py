@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from ual import convert
+from ual import _convert
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
@@ -52,7 +52,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         return pb.PilotGiveBackResponse()
 
     async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
-        fault = convert.fault_from_proto(request.fault)
+        fault = _convert.fault_from_proto(request.fault)
         return pb.BeginFaultResponse(
             fault_id=await asyncio.to_thread(self._simulation.begin_fault, fault, request.duration_s)
         )
@@ -62,7 +62,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         return pb.EndFaultResponse()
 
     async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
-        return convert.faults_to_proto(await asyncio.to_thread(self._simulation.faults))
+        return _convert.faults_to_proto(await asyncio.to_thread(self._simulation.faults))
 
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
         await asyncio.to_thread(self._simulation.set_speed_factor, request.speed_factor)
@@ -85,5 +85,5 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         return pb.SetNoiseResponse()
 
     async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
-        await asyncio.to_thread(self._simulation.set_wind, convert.wind_from_proto(request))
+        await asyncio.to_thread(self._simulation.set_wind, _convert.wind_from_proto(request))
         return pb.SetWindResponse()

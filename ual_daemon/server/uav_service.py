@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from concurrent.futures import Future
 from typing import TypeAlias, TypeVar
 
-from ual import convert
+from ual import _convert
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
@@ -44,10 +44,10 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     # ruff: noqa: N802
 
     def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
-        return convert.info_to_proto(self._vehicle.info())
+        return _convert.info_to_proto(self._vehicle.info())
 
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
-        return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
+        return pb.GetTelemetryResponse(telemetry=_convert.telemetry_to_proto(self._vehicle.telemetry()))
 
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `answers`
         self, request: pb.StreamTelemetryRequest, context: Call
@@ -56,13 +56,13 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     def GetTransform(self, request: pb.GetTransformRequest, context: object) -> pb.GetTransformResponse:
         transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
-        return pb.GetTransformResponse(transform=convert.transform_to_proto(transform))
+        return pb.GetTransformResponse(transform=_convert.transform_to_proto(transform))
 
     def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
-        return pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
+        return pb.ListFramesResponse(frames=[_convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
-        self._vehicle.add_frame(convert.new_frame_from_proto(request))
+        self._vehicle.add_frame(_convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
@@ -74,21 +74,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
         motion = self._vehicle.motions.take_off(request.height_m)
         if request.dry_run:
-            return pb.TakeOffResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.TakeOffResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.TakeOffResponse, request.non_blocking)
 
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
         motion = self._vehicle.motions.land()
         if request.dry_run:
-            return pb.LandResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.LandResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.LandResponse, request.non_blocking)
 
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
         motion = self._vehicle.motions.go_to_waypoint(
-            convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
+            _convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
         )
         if request.dry_run:
-            return pb.GoToWaypointResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.GoToWaypointResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.GoToWaypointResponse, request.non_blocking, ends_with_caller=True)
 
     def GoToWaypointGeo(
@@ -98,12 +98,12 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             request.latitude_deg,
             request.longitude_deg,
             request.altitude_m,
-            convert.altitude_reference_from_proto(request),
+            _convert.altitude_reference_from_proto(request),
             yaw_rad=request.yaw_rad if request.HasField("yaw_rad") else None,
             max_speed_m_s=request.max_speed_m_s or None,
         )
         if request.dry_run:
-            return pb.GoToWaypointGeoResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.GoToWaypointGeoResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
 
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
@@ -113,29 +113,31 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
         motion = await asyncio.to_thread(
             self._vehicle.motions.follow_path,
-            convert.waypoints_from_proto(request),
+            _convert.waypoints_from_proto(request),
             corner_radius_m=request.corner_radius_m,
             max_speed_m_s=request.max_speed_m_s or None,
             leg_speeds_m_s=request.leg_speeds_m_s,
-            heading=convert.path_heading_from_proto(request),
-            point_of_interest=convert.point_of_interest_from_proto(request),
+            heading=_convert.path_heading_from_proto(request),
+            point_of_interest=_convert.point_of_interest_from_proto(request),
             turn=turn,
         )
         if request.dry_run:
-            return pb.FollowPathResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.FollowPathResponse(plan=_convert.plan_to_proto(motion.plan))
         return await _outcome(motion.begin(), pb.FollowPathResponse, request.non_blocking, ends_with_caller=True)
 
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
-        pose = convert.pose_from_proto(request)
+        pose = _convert.pose_from_proto(request)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
+            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
         self._vehicle.motions.tell_pose(pose)
         return pb.SetPoseResponse()
 
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
-        velocity = convert.velocity_from_proto(request)
+        velocity = _convert.velocity_from_proto(request)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan))
+            return pb.SetVelocityResponse(
+                plan=_convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan)
+            )
         self._vehicle.motions.tell_velocity(velocity)
         return pb.SetVelocityResponse()
 
@@ -145,7 +147,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         accepted_count = 0
         motions = self._vehicle.motions
         while (request := (yield)) is not None:
-            setpoint = convert.setpoint_from_proto(request)
+            setpoint = _convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
                 motions.tell_velocity(setpoint)
             else:
@@ -158,7 +160,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> _Maybe[pb.RecoverFromManualResponse]:
         motion = self._vehicle.motions.recover_from_manual()
         if request.dry_run:
-            return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(motion.plan))
+            return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(motion.plan))
         return _after(motion.begin(), pb.RecoverFromManualResponse())
 
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
@@ -170,16 +172,16 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.AbortResponse()
 
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
-        return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
+        return pb.GetTaskResponse(task=_convert.task_to_proto(self._vehicle.task(request.task_id).info()))
 
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
         period_s = 1.0 / min(_rate_hz(request.rate_hz) or _WATCH_RATE_HZ, _MAX_WATCH_RATE_HZ)
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)
         while not done.done():
-            yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+            yield pb.WatchTaskResponse(task=_convert.task_to_proto(task.info()))
             await asyncio.wait((done,), timeout=period_s)
-        yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
+        yield pb.WatchTaskResponse(task=_convert.task_to_proto(task.info()))
 
 
 async def _after(future: Future[None], response: R) -> R:
@@ -205,7 +207,7 @@ async def _outcome(
             if ends_with_caller:
                 task.cancel()
             raise
-    return make(task=convert.task_to_proto(task.info()))
+    return make(task=_convert.task_to_proto(task.info()))
 
 
 def _rate_hz(rate_hz: float) -> float:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import cached_property
 from typing import TypeAlias
 
-from ual import convert
+from ual import _convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -39,7 +39,7 @@ class Sample:
     def packed(self) -> bytes:
         """A ``StreamTelemetryResponse`` for a reader that lost nothing."""
         message = pb.StreamTelemetryResponse()
-        convert.write_telemetry(self.telemetry, message.telemetry)
+        _convert.write_telemetry(self.telemetry, message.telemetry)
         return message.SerializeToString()
 
     def packed_after(self, missed_count: int) -> bytes:

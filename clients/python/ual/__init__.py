@@ -61,7 +61,7 @@ from ual.types import (
 
 if TYPE_CHECKING:
     import ual.aio as aio
-    from ual.client import Uav
+    from ual._client import Uav
 
 __all__ = [
     "KEEP_HEADING",
@@ -112,7 +112,7 @@ __all__ = [
 def __getattr__(name: str) -> object:
     # Imported when used: gRPC takes longer to import than all the rest, and ``ual --help`` needs none of it.
     if name == "Uav":
-        return importlib.import_module("ual.client").Uav
+        return importlib.import_module("ual._client").Uav
     if name == "aio":
         return importlib.import_module("ual.aio")
     raise AttributeError(f"module 'ual' has no attribute {name!r}")

@@ -13,7 +13,8 @@ from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
 
-from ual import convert
+from ual import _convert
+from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import (
     PointStamped,
@@ -28,7 +29,6 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.simulation import Fault
-from ual.time_limit import time_limit
 from ual.types import (
     AltitudeReference,
     Frame,
@@ -126,19 +126,19 @@ def _built(make: Callable[[], Message], what: str) -> Message:
 
 
 def get_info() -> Call[Info]:
-    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
+    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), _convert.info_from_proto)
 
 
 def get_telemetry() -> Call[Telemetry]:
     def read(response: pb.GetTelemetryResponse) -> Telemetry:
-        return convert.telemetry_from_proto(response.telemetry)
+        return _convert.telemetry_from_proto(response.telemetry)
 
     return Call(Service.UAL, "GetTelemetry", pb.GetTelemetryRequest(), read)
 
 
 def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
-        return convert.transform_from_proto(response.transform)
+        return _convert.transform_from_proto(response.transform)
 
     request = _built(
         lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
@@ -148,13 +148,13 @@ def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]
 
 def list_frames() -> Call[list[Frame]]:
     def read(response: pb.ListFramesResponse) -> list[Frame]:
-        return [convert.frame_from_proto(each) for each in response.frames]
+        return [_convert.frame_from_proto(each) for each in response.frames]
 
     return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
 
 
 def add_frame(transform: Transform) -> Call[None]:
-    request = _built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform")
+    request = _built(lambda: pb.AddFrameRequest(transform=_convert.transform_to_proto(transform)), "transform")
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
 
@@ -198,7 +198,7 @@ def land(blocking: bool = True) -> Call[TaskInfo]:
 def go_to_waypoint(waypoint: PoseStamped | Pose, max_speed_m_s: float | None, blocking: bool = True) -> Call[TaskInfo]:
     request = _built(
         lambda: pb.GoToWaypointRequest(
-            waypoint=convert.pose_stamped_to_proto(stamped_pose(waypoint)),
+            waypoint=_convert.pose_stamped_to_proto(stamped_pose(waypoint)),
             max_speed_m_s=_speed(max_speed_m_s),
             non_blocking=not blocking,
         ),
@@ -221,7 +221,7 @@ def go_to_waypoint_geo(
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_m=altitude_m,
-            altitude_reference=convert.altitude_reference_to_proto(altitude_reference),
+            altitude_reference=_convert.altitude_reference_to_proto(altitude_reference),
             yaw_rad=yaw_rad,
             max_speed_m_s=_speed(max_speed_m_s),
             non_blocking=not blocking,
@@ -243,17 +243,17 @@ def follow_path(
     request = _built(
         lambda: pb.FollowPathRequest(
             waypoints=[
-                convert.pose_stamped_to_proto(stamped_pose(each))
+                _convert.pose_stamped_to_proto(stamped_pose(each))
                 for each in waypoints
                 if not isinstance(each, GeoWaypoint)
             ],
-            geo_waypoints=[convert.geo_waypoint_to_proto(each) for each in waypoints if isinstance(each, GeoWaypoint)],
+            geo_waypoints=[_convert.geo_waypoint_to_proto(each) for each in waypoints if isinstance(each, GeoWaypoint)],
             corner_radius_m=corner_radius_m,
             max_speed_m_s=_speed(max_speed_m_s),
             leg_speeds_m_s=leg_speeds_m_s,
-            heading=convert.path_heading_to_proto(heading),
+            heading=_convert.path_heading_to_proto(heading),
             point_of_interest=(
-                None if point_of_interest is None else convert.point_stamped_to_proto(stamped_point(point_of_interest))
+                None if point_of_interest is None else _convert.point_stamped_to_proto(stamped_point(point_of_interest))
             ),
             non_blocking=not blocking,
         ),
@@ -275,7 +275,7 @@ def _task(method: str, request: Message, blocking: bool, at_timeout: str = _IS_C
 
 
 def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
-    return convert.task_from_proto(response.task)
+    return _convert.task_from_proto(response.task)
 
 
 def has_ended(task: TaskInfo) -> bool:
@@ -298,7 +298,7 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
         raise NotSupportedError(
             "the daemon is too old for dry runs, and has taken this for the command itself; abort stops the UAV"
         )
-    return convert.plan_from_proto(response.plan)
+    return _convert.plan_from_proto(response.plan)
 
 
 # Setpoints
@@ -316,7 +316,7 @@ def velocity_setpoint(velocity: TwistStamped | Twist) -> pb.StreamSetpointsReque
 
 def _setpoint(setpoint: PoseStamped | TwistStamped, what: str) -> pb.StreamSetpointsRequest:
     try:
-        return convert.setpoint_to_proto(setpoint)
+        return _convert.setpoint_to_proto(setpoint)
     except (TypeError, ValueError, AttributeError) as error:
         raise InvalidArgumentError(f"{what}: {error}", {"field": what}) from None
 
@@ -357,7 +357,7 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
         return response.fault_id
 
     request = _built(
-        lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
+        lambda: sim_pb.BeginFaultRequest(fault=_convert.fault_to_proto(fault), duration_s=duration_s), "fault"
     )
     return Call(Service.SIMULATION, "BeginFault", request, read)
 
@@ -368,7 +368,7 @@ def end_fault(fault_id: str) -> Call[None]:
 
 def list_faults() -> Call[dict[str, Fault]]:
     def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
-        return convert.faults_from_proto(response.faults)
+        return _convert.faults_from_proto(response.faults)
 
     return Call(Service.SIMULATION, "ListFaults", sim_pb.ListFaultsRequest(), read)
 
@@ -389,5 +389,7 @@ def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
 
 
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
-    request = _built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
+    request = _built(
+        lambda: sim_pb.SetWindRequest(velocity_m_s=_convert.vector3_to_proto(velocity_m_s)), "velocity_m_s"
+    )
     return Call(Service.SIMULATION, "SetWind", request, _nothing)

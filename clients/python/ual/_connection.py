@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import grpc
 
-from ual import _calls, rpc_errors
+from ual import _calls, _rpc_errors
 from ual._calls import Call
 from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
@@ -35,7 +35,7 @@ class Connection:
         try:
             return self._run_once(call, limit_s)
         except DaemonUnreachableError as error:
-            if not (self._was_reached and rpc_errors.was_never_sent(error)):
+            if not (self._was_reached and _rpc_errors.was_never_sent(error)):
                 raise
             self._was_reached = False
             self._wait_until_back(error)
@@ -67,7 +67,7 @@ class Connection:
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
             return _calls.closed()
         route = self._route
-        return rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
+        return _rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
 
     def close(self) -> None:
         """Ends every call that runs, and refuses new ones."""
@@ -196,7 +196,7 @@ class TelemetryStream:
         except grpc.RpcError as error:
             if self._is_closed:
                 raise _calls.closed() from error
-            raise rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
+            raise _rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
         finally:
             self.close()
             with suppress(grpc.RpcError):  # only once its end has been read does gRPC give back what it holds

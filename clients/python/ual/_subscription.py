@@ -14,10 +14,10 @@ from dataclasses import replace
 
 from typing_extensions import Self
 
-from ual import _calls, convert
+from ual import _calls, _convert
+from ual._callbacks import Callbacks, Listener
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
-from ual.callbacks import Callbacks, Listener
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -232,7 +232,7 @@ class _Feed:
                 stream.close()
             self._responses = stream.read()
         response = next(self._responses, None)
-        return None if response is None else convert.telemetry_from_proto(response.telemetry, response.missed_count)
+        return None if response is None else _convert.telemetry_from_proto(response.telemetry, response.missed_count)
 
     def _hand_out(self, sample: Telemetry) -> tuple[Subscription, ...]:
         with self._lock:

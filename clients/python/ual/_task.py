@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import grpc
 
-from ual import _calls, convert
+from ual import _calls, _convert
 from ual._connection import Connection
+from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
-from ual.time_limit import time_limit
 from ual.types import TaskInfo, TaskKind
 
 # Waiting needs only the last message, which comes at once when the task ends.
@@ -77,7 +77,7 @@ class Task:
         call = self._connection.watch_task(self.id, rate_hz, timeout_s)
         try:
             for response in call:
-                yield convert.task_from_proto(response.task)
+                yield _convert.task_from_proto(response.task)
         except grpc.RpcError as error:
             if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                 raise has_not_ended(self.kind, timeout_s) from error

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S, DaemonProcess
-from ual import Uav, discovery
+from ual import Uav, _discovery
 from ual.types import State
 
 NEVER = {
@@ -36,7 +36,7 @@ def loaded(daemon: DaemonProcess) -> set[str]:
 
 
 def start(runtime_dir: Path, *flags: str) -> DaemonProcess:
-    variables = {discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "PYTHONPROFILEIMPORTTIME": "1"}
+    variables = {_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "PYTHONPROFILEIMPORTTIME": "1"}
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     return DaemonProcess(("--listen", "127.0.0.1:0", *flags), "uav_1", environment | variables)
 

@@ -13,7 +13,7 @@ import grpc
 import pytest
 
 from tests.ual_daemon.server.serving import serving
-from ual import rpc_errors
+from ual import _rpc_errors
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
 from ual.types import State, TaskKind, Telemetry
@@ -113,7 +113,7 @@ async def served() -> AsyncIterator[Served]:
 async def error_of(call: Any) -> UalError:
     with pytest.raises(grpc.aio.AioRpcError) as caught:
         await call
-    return rpc_errors.from_rpc_error(caught.value)
+    return _rpc_errors.from_rpc_error(caught.value)
 
 
 def speed(x: float) -> pb.TwistStamped:

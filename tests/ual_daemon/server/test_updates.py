@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from ual import convert
+from ual import _convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.updates import Hops, Reader, Sample, Updates
@@ -177,13 +177,13 @@ def test_for_many_readers_or_uavs_what_never_reached_the_loop_counts_as_missed(
 
 def test_a_sample_is_packed_once_for_all_readers(monkeypatch: pytest.MonkeyPatch) -> None:
     packed: list[int] = []
-    write = convert.write_telemetry
+    write = _convert.write_telemetry
 
     def counted(telemetry: Telemetry, to: Any) -> None:
         packed.append(telemetry.sequence)
         write(telemetry, to)
 
-    monkeypatch.setattr(convert, "write_telemetry", counted)
+    monkeypatch.setattr(_convert, "write_telemetry", counted)
     one, other = Receiver(), Receiver()
     readers = [Reader(0.0, first, receiver.send) for first, receiver in ((sample(0), one), (sample(0), other))]
     one.take()

@@ -9,8 +9,8 @@
 
 from __future__ import annotations
 
+from ual.aio._client import Simulation, Uav
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
-from ual.aio.client import Simulation, Uav
 
 __all__ = ["Simulation", "Subscription", "Task", "Uav"]

@@ -10,7 +10,7 @@ from typing import TypeVar
 import grpc
 import grpc.aio
 
-from ual import _calls, rpc_errors
+from ual import _calls, _rpc_errors
 from ual._calls import Call
 from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
@@ -41,7 +41,7 @@ class Connection:
         try:
             return await self._run_once(call, limit_s)
         except DaemonUnreachableError as error:
-            if not (self._was_reached and rpc_errors.was_never_sent(error)):
+            if not (self._was_reached and _rpc_errors.was_never_sent(error)):
                 raise
             self._was_reached = False
             await self._wait_until_back(error)
@@ -80,7 +80,7 @@ class Connection:
     def error(self, error: grpc.RpcError) -> UalError:
         """What a call of this connection ended with."""
         address = "" if self._route is None else self._route.address
-        return rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
+        return _rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
     async def close(self) -> None:
         """Ends every call that runs, and refuses new ones."""

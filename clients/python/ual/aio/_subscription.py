@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from typing_extensions import Self
 
-from ual import convert
+from ual import _convert
 from ual._subscription import RETRY_S
 from ual.aio._connection import Connection
 from ual.errors import UalError
@@ -51,7 +51,7 @@ class Subscription:
             await self._changed.wait()
         response, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
-        return convert.telemetry_from_proto(response.telemetry, missed_count)
+        return _convert.telemetry_from_proto(response.telemetry, missed_count)
 
     async def close(self) -> None:
         self._is_closed = True

@@ -7,11 +7,11 @@ from collections.abc import AsyncIterator
 import grpc
 import grpc.aio
 
-from ual import _calls, convert
+from ual import _calls, _convert
 from ual._task import WAIT_RATE_HZ, has_not_ended
+from ual._time_limit import time_limit
 from ual.aio._connection import Connection
 from ual.errors import InvalidArgumentError, WrongStateError
-from ual.time_limit import time_limit
 from ual.types import TaskInfo, TaskKind
 from ual.v1 import ual_pb2 as pb
 
@@ -74,7 +74,7 @@ class Task:
             call = route.stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self._connection.target.metadata)
             try:
                 async for response in call:
-                    yield convert.task_from_proto(response.task)
+                    yield _convert.task_from_proto(response.task)
             except grpc.aio.AioRpcError as error:
                 if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                     raise has_not_ended(self.kind, timeout_s) from error

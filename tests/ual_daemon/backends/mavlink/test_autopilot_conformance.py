@@ -12,7 +12,7 @@ import pytest
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
-from ual import conformance, discovery
+from ual import _discovery, conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
@@ -44,7 +44,7 @@ def over_class(stack: ExitStack, kind: str, _: Path) -> Uav:
 def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
     limit = f"limits.horizontal_speed_m_s={LIMIT_M_S}"
     flags = ("--backend", f"lockstep_{kind}", "--listen", "127.0.0.1:0", "--set", limit)
-    environment = {discovery.RUNTIME_DIR_VARIABLE: str(directory)}
+    environment = {_discovery.RUNTIME_DIR_VARIABLE: str(directory)}
     daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
     stack.callback(daemon.close)
     return stack.enter_context(ual.Uav(address=daemon.address))

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from ual.cli.output import error_text, to_json
-from ual.cli.values import Number
+from ual._cli.output import error_text, to_json
+from ual._cli.values import Number
 from ual.errors import UalError
 
 if TYPE_CHECKING:
-    from ual.client import Uav
-    from ual.discovery import Registration
+    from ual._client import Uav
+    from ual._discovery import Registration
 
 REFUSED = 1
 INTERRUPTED = 130
@@ -38,13 +38,13 @@ class Session:
 
     def connect(self) -> Uav:
         """The UAV that is meant."""
-        from ual.client import Uav
+        from ual._client import Uav
 
         return Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
 
     def connect_to(self, daemon: Registration) -> Uav:
         """The UAV of a daemon of this computer."""
-        from ual.client import Uav
+        from ual._client import Uav
 
         return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca)
 
@@ -185,6 +185,6 @@ def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
 
 
 def _complete_ns(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    from ual import discovery
+    from ual import _discovery
 
-    return [CompletionItem(each.ns) for each in discovery.list_daemons() if each.ns.startswith(incomplete)]
+    return [CompletionItem(each.ns) for each in _discovery.list_daemons() if each.ns.startswith(incomplete)]

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from ual.cli import plot, progress
-from ual.cli.app import INTERRUPTED, Session, note
-from ual.cli.output import plan_text, task_text
+from ual._cli import plot, progress
+from ual._cli.app import INTERRUPTED, Session, note
+from ual._cli.output import plan_text, task_text
 from ual.interface import Task
 from ual.types import Plan
 
 if TYPE_CHECKING:
-    from ual.client import Uav
+    from ual._client import Uav
 
 CANCELLED = "cancelled: the UAV holds its position"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ual.cli.app import Session
-from ual.discovery import Registration
+from ual._cli.app import Session
+from ual._discovery import Registration
 from ual.errors import UalError
 from ual.types import Telemetry
 

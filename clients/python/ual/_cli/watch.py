@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual import discovery
-from ual.cli.app import REFUSED, Session, command, note, pass_session
-from ual.cli.everyone import ask_all
-from ual.cli.output import error_text, pose_text, vector_text
-from ual.cli.values import Number
-from ual.discovery import Registration
+from ual import _discovery
+from ual._cli.app import REFUSED, Session, command, note, pass_session
+from ual._cli.everyone import ask_all
+from ual._cli.output import error_text, pose_text, vector_text
+from ual._cli.values import Number
+from ual._discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import State, Telemetry
 
@@ -58,7 +58,7 @@ def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
     if math.isinf(rate_hz):
         raise click.BadParameter("inf is no rate; 0 is each sample", param_hint="--rate")
     if everyone:
-        daemons = discovery.list_daemons()
+        daemons = _discovery.list_daemons()
         if not daemons:
             raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
         if once:
@@ -190,7 +190,7 @@ def _print_lines(session: Session, board: _Board) -> None:
 
 def _print(session: Session, ns: str, telemetry: Telemetry) -> None:
     if session.as_json:
-        from ual.cli.output import to_json
+        from ual._cli.output import to_json
 
         sample = to_json(telemetry)
         assert isinstance(sample, dict)

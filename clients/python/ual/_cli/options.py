@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ual.cli import values
+from ual._cli import values
 
 yaw = click.option("--yaw", type=values.angle, help="Heading: 90deg, 1.57rad or 1.57. Kept when not given.")
 frame = click.option("--frame", "frame_id", default="", help="The frame of the coordinates; <ns>/odom when not given.")

@@ -6,8 +6,8 @@ import os
 
 import click
 
-from ual.cli import check, completion, flight, frames, path, simulation, status, waypoints
-from ual.cli.app import UalGroup
+from ual._cli import check, completion, flight, frames, path, simulation, status, waypoints
+from ual._cli.app import UalGroup
 
 
 @click.group(cls=UalGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from ual.cli import manoeuvre, options, values
-from ual.cli.app import Session, command, note, pass_session
+from ual._cli import manoeuvre, options, values
+from ual._cli.app import Session, command, note, pass_session
 from ual.geometry import PointStamped, Pose, PoseStamped, Vector3
 from ual.routes import Route
 from ual.types import PathHeading

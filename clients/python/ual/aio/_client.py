@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from typing_extensions import Self
 
-from ual import _calls, views
+from ual import _calls, _views
 from ual._calls import Call
 from ual._target import Target
 from ual.aio._connection import Connection
@@ -59,28 +59,28 @@ class Uav:
         return await self._connection.run(_calls.get_info())
 
     async def is_ready(self) -> bool:
-        return views.is_ready(await self.telemetry())
+        return _views.is_ready(await self.telemetry())
 
     async def is_idle(self) -> bool:
-        return views.is_idle(await self.telemetry())
+        return _views.is_idle(await self.telemetry())
 
     async def state(self) -> State:
         return (await self.telemetry()).state
 
     async def pose(self) -> PoseStamped:
-        return views.pose(await self.telemetry())
+        return _views.pose(await self.telemetry())
 
     async def velocity(self) -> TwistStamped:
-        return views.velocity(await self.telemetry())
+        return _views.velocity(await self.telemetry())
 
     async def odometry(self) -> Odometry:
-        return views.odometry(await self.telemetry())
+        return _views.odometry(await self.telemetry())
 
     async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         return await self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
 
     async def reference_pose(self) -> PoseStamped | None:
-        return views.reference_pose(await self.telemetry())
+        return _views.reference_pose(await self.telemetry())
 
     async def telemetry(self) -> Telemetry:
         return await self._connection.run(_calls.get_telemetry())

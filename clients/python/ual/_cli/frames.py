@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from ual.cli import values
-from ual.cli.app import Session, UalCommand, UalGroup, pass_session
-from ual.cli.output import vector_text
-from ual.cli.tables import print_table
+from ual._cli import values
+from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.output import vector_text
+from ual._cli.tables import print_table
 from ual.geometry import Quaternion, Transform, Vector3
 
 

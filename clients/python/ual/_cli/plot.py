@@ -18,7 +18,7 @@ from ual.geometry import Vector3
 from ual.types import Telemetry
 
 if TYPE_CHECKING:
-    from ual.client import Uav
+    from ual._client import Uav
 
 _ENDINGS = (".pdf", ".png", ".svg")
 _WINDOW = 100

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from ual.cli import manoeuvre, options, values
-from ual.cli.app import Session, command, pass_session
+from ual._cli import manoeuvre, options, values
+from ual._cli.app import Session, command, pass_session
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 from click.shell_completion import get_completion_class
 
-from ual.cli.app import command
+from ual._cli.app import command
 
 
 @command("completion")

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from typing_extensions import Self
 
-from ual import _calls, views
+from ual import _calls, _views
 from ual._connection import Connection
 from ual._dry_run import DryRun
 from ual._setpoints import Setpoints
@@ -69,28 +69,28 @@ class Uav:
         return self._connection.run(_calls.get_info())
 
     def is_ready(self) -> bool:
-        return views.is_ready(self.telemetry())
+        return _views.is_ready(self.telemetry())
 
     def is_idle(self) -> bool:
-        return views.is_idle(self.telemetry())
+        return _views.is_idle(self.telemetry())
 
     def state(self) -> State:
         return self.telemetry().state
 
     def pose(self) -> PoseStamped:
-        return views.pose(self.telemetry())
+        return _views.pose(self.telemetry())
 
     def velocity(self) -> TwistStamped:
-        return views.velocity(self.telemetry())
+        return _views.velocity(self.telemetry())
 
     def odometry(self) -> Odometry:
-        return views.odometry(self.telemetry())
+        return _views.odometry(self.telemetry())
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         return self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
 
     def reference_pose(self) -> PoseStamped | None:
-        return views.reference_pose(self.telemetry())
+        return _views.reference_pose(self.telemetry())
 
     def telemetry(self) -> Telemetry:
         return self._connection.run(_calls.get_telemetry())

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from ual.cli import options, values
-from ual.cli.app import Session, UalCommand, UalGroup, pass_session
-from ual.cli.output import pose_json, pose_text
-from ual.cli.path import PathOptions, fly_path
+from ual._cli import options, values
+from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.output import pose_json, pose_text
+from ual._cli.path import PathOptions, fly_path
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from ual.cli.main import cli, main
+from ual._cli.main import cli, main
 
 __all__ = ["cli", "main"]

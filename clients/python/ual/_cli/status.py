@@ -7,11 +7,11 @@ import sys
 
 import click
 
-from ual import discovery
-from ual.cli.app import REFUSED, Session, command, pass_session
-from ual.cli.everyone import ask_all
-from ual.cli.tables import print_table
-from ual.cli.watch import watch
+from ual import _discovery
+from ual._cli.app import REFUSED, Session, command, pass_session
+from ual._cli.everyone import ask_all
+from ual._cli.tables import print_table
+from ual._cli.watch import watch
 from ual.types import State, Telemetry
 
 
@@ -19,7 +19,7 @@ from ual.types import State, Telemetry
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
-    daemons = discovery.list_daemons()
+    daemons = _discovery.list_daemons()
     rows = []
     for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
         state, reason = (found.state, found.state_reason) if isinstance(found, Telemetry) else (None, found.reason)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual.cli.app import REFUSED, Session, command, note, pass_session
-from ual.cli.tables import print_table
+from ual._cli.app import REFUSED, Session, command, note, pass_session
+from ual._cli.tables import print_table
 
 if TYPE_CHECKING:
     from ual.conformance import Check, Flight, Result

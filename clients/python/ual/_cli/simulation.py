@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import click
 
-from ual.cli import values
-from ual.cli.app import Session, UalCommand, UalGroup, pass_session
-from ual.cli.tables import print_table
+from ual._cli import values
+from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.tables import print_table
 from ual.geometry import Vector3
 from ual.simulation import (
     AckLate,
