@@ -16,7 +16,7 @@ help:  ## What can be made
 
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
-$(INSTALLED): pyproject.toml clients/python/pyproject.toml
+$(INSTALLED): pyproject.toml clients/python/pyproject.toml ual_daemon/__init__.py clients/python/ual/__init__.py
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e clients/python -e '.[dev]'
 	touch $@

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ual_daemon.version import __version__
-
 if TYPE_CHECKING:
     from ual_daemon.ual import UAL
 
 __all__ = ["UAL", "__version__"]
 
+__version__ = "0.1.0"
+
 
 def __getattr__(name: str) -> object:
-    """Imports the class when it is asked for: programs that need only a part start faster."""
+    """Imports the class on first use, so that programs that need only a part start faster."""
     if name == "UAL":
         from ual_daemon.ual import UAL
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import click
 from click.core import ParameterSource
 
-from ual_daemon import logs
+from ual_daemon import __version__, logs
 from ual_daemon.program import lazy
 from ual_daemon.program.configuration import (
     Configuration,
@@ -41,9 +41,7 @@ _WRONG_USAGE = 2
 
 def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
     if is_asked and not context.resilient_parsing:
-        from importlib.metadata import version
-
-        click.echo(f"ual-daemon {version('ual-daemon')}")
+        click.echo(f"ual-daemon {__version__}")
         context.exit()
 
 

@@ -14,7 +14,7 @@ from ual.errors import InvalidArgumentError, NotSupportedError, PermissionDenied
 from ual.geometry import Transform
 from ual.interface import Simulation
 from ual.types import Capability, Frame, Info, Limits, State, TaskKind, Telemetry
-from ual_daemon import logs, validation
+from ual_daemon import __version__, logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
@@ -30,7 +30,6 @@ from ual_daemon.tracker.references import Hold, Reference, measured_motion
 from ual_daemon.vehicle.commands import Motions
 from ual_daemon.vehicle.preconditions import Checks, accepted
 from ual_daemon.vehicle.telemetry import make_sample
-from ual_daemon.version import __version__
 
 _log = logging.getLogger(__name__)
 

@@ -105,8 +105,11 @@ __all__ = [
     "UnknownFrameError",
     "Vector3",
     "WrongStateError",
+    "__version__",
     "aio",
 ]
+
+__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:

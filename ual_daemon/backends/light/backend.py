@@ -13,6 +13,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Limits
+from ual_daemon import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import FlightMode
@@ -33,7 +34,6 @@ from ual_daemon.backends.values import (
 )
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import convert
-from ual_daemon.version import __version__
 
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2

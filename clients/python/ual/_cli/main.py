@@ -6,12 +6,13 @@ import os
 
 import click
 
+from ual import __version__
 from ual._cli import check, completion, flight, frames, path, simulation, status, waypoints
 from ual._cli.app import UalGroup
 
 
 @click.group(cls=UalGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="ual-client", prog_name="ual")
+@click.version_option(__version__, prog_name="ual")
 def cli() -> None:
     """Fly a UAV through its daemon.
 
