@@ -9,7 +9,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install run test test-clients lint format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install run test test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -48,6 +48,15 @@ lint: $(INSTALLED) tools/node_modules  ## Style, types, import contracts, the co
 
 tools/node_modules: tools/package.json
 	npm install --prefix tools --no-package-lock --no-fund --no-audit
+	touch $@
+
+docs: $(VENV)/.docs  ## The manuals and the API reference as one HTML site, in build/docs; warnings are errors
+	$(BIN)/sphinx-build --quiet --fail-on-warning --nitpicky --keep-going --conf-dir docs \
+		--doctree-dir build/doctrees . build/docs
+	@echo 'The site begins at build/docs/index.html'
+
+$(VENV)/.docs: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	touch $@
 
 format: $(INSTALLED)  ## The code in its style

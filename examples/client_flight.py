@@ -8,7 +8,7 @@ import ual
 
 
 def wait_until_armed(uav: ual.Uav) -> None:
-    """Waits for the safety pilot."""
+    """Blocks until the safety pilot has armed the UAV."""
     armed = threading.Event()
     with uav.subscribe(lambda sample: armed.set() if sample.state is ual.State.LANDED_ARMED else None):
         if not armed.wait(60.0):
@@ -16,7 +16,7 @@ def wait_until_armed(uav: ual.Uav) -> None:
 
 
 def main() -> None:
-    # The only UAV of this computer; else ual.Uav("uav_2"), or ual.Uav(address="host:50052").
+    # The only UAV of this computer. With several: ual.Uav("uav_2") or ual.Uav(address="host:50052").
     with ual.Uav() as uav:
         print("flying", uav.ns)
         wait_until_armed(uav)
@@ -24,7 +24,7 @@ def main() -> None:
         for info in uav.take_off(3.0, blocking=False).watch(rate_hz=2.0):
             print(f"take-off: {info.status.name} {info.progress or 0.0:4.0%}")
 
-        # Ahead with 0.5 m/s for 2 s. It must hear again within 0.5 s, or it stops and holds.
+        # Forward at 0.5 m/s for 2 s. Without a new velocity within 0.5 s the UAV stops and holds its position.
         ahead = ual.TwistStamped(ual.Twist(ual.Vector3(x=0.5)), f"{uav.ns}/base_link")
         for _ in range(40):
             uav.set_velocity(ahead)

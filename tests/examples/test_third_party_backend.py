@@ -73,11 +73,16 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+def search_path(installed: Path) -> str:
+    """The PYTHONPATH with which a program finds the package, and what it would find without it."""
+    return os.pathsep.join([str(installed), *filter(None, [os.environ.get("PYTHONPATH")])])
+
+
 def run(code: str, installed: Path, limit_s: float = LIMIT_S) -> list[str]:
     """The lines that a program prints, which finds the package."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
-        env={**os.environ, "PYTHONPATH": str(installed)},
+        env={**os.environ, "PYTHONPATH": search_path(installed)},
         capture_output=True,
         text=True,
         timeout=limit_s,
@@ -100,7 +105,7 @@ def test_errors_name_what_is_known(installed: Path) -> None:
 def test_it_flies_from_a_daemon(
     installed: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(installed))
+    monkeypatch.setenv("PYTHONPATH", search_path(installed))
     start_daemon = request.getfixturevalue("start_daemon")
     daemon: DaemonProcess = start_daemon("--allow-arming", "--set", "hover.speed=10", ns="uav_7", backend="hover")
     with ual.Uav(address=daemon.address) as uav:

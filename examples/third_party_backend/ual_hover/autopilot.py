@@ -1,6 +1,6 @@
-"""An imaginary autopilot, as its maker's own library would show it: north, east, down, and degrees.
+"""An imaginary autopilot, with the interface of its manufacturer's library: north, east, down, and degrees.
 
-It is a simulation: a point that follows what it is told. A real one would be a device at the end of a cable.
+It simulates a point that follows its target. A real autopilot would be a device at the other end of a link.
 """
 
 from __future__ import annotations
@@ -11,51 +11,51 @@ import time
 from dataclasses import dataclass
 
 PERIOD_S = 0.02
-HORIZONTAL_M_S, VERTICAL_M_S, TURN_DEG_S = 3.0, 1.5, 60.0
-_RESPONSE_S, _GAIN, _LANDING_M_S, _GIVES_UP_S, _DISARMS_S = 0.3, 1.5, 0.7, 1.0, 1.0
+HORIZONTAL_M_S, VERTICAL_M_S, YAW_RATE_DEG_S = 3.0, 1.5, 60.0
+_RESPONSE_S, _GAIN, _LANDING_M_S, _TARGET_TIMEOUT_S, _DISARM_AFTER_S = 0.3, 1.5, 0.7, 1.0, 1.0
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Packet:
-    """What it sends 50 times a second. Places are north, east, down (m); headings clockwise from north."""
+    """What it sends 50 times a second. Positions are north, east, down (m); headings are clockwise from north."""
 
     time_s: float
     mode: str
     is_armed: bool
     is_on_ground: bool
-    place: Triple
+    position: Triple
     velocity: Triple
     heading_deg: float
-    turn_deg_s: float
+    yaw_rate_deg_s: float
 
 
 @dataclass(frozen=True)
 class Target:
-    """What it is told to follow: a place (or none), and the motion there."""
+    """What it is to follow: a position (or none), and the motion there."""
 
     velocity: Triple
-    turn_deg_s: float
-    place: Triple | None = None
+    yaw_rate_deg_s: float
+    position: Triple | None = None
     heading_deg: float = 0.0
 
 
 class Autopilot:
-    """One device. `speed` is how fast its time runs, for tests. Any thread may call."""
+    """One device. Its time runs `speed` times as fast as real time, for tests. Any thread may call its methods."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self._lock = threading.Lock()
         self._period_s = PERIOD_S / speed
         self._due_s = time.monotonic()
-        self._time_s = self._told_s = self._landed_s = 0.0
+        self._time_s = self._target_s = self._landed_s = 0.0
         self._mode, self._is_armed = "hold", False
-        self._place = self._velocity = (0.0, 0.0, 0.0)
-        self._heading_deg = self._turn_deg_s = 0.0
-        self._target = Target(self._velocity, 0.0, self._place)
+        self._position = self._velocity = (0.0, 0.0, 0.0)
+        self._heading_deg = self._yaw_rate_deg_s = 0.0
+        self._target = Target(self._velocity, 0.0, self._position)
 
     def receive(self, timeout_s: float) -> Packet | None:
-        """Waits for the next packet; None if there was none in time."""
+        """Waits for the next packet. Returns None if none came in time."""
         pause_s = self._due_s - time.monotonic()
         time.sleep(max(0.0, min(pause_s, timeout_s)))
         if pause_s > timeout_s:
@@ -69,65 +69,65 @@ class Autopilot:
                 self._mode,
                 self._is_armed,
                 is_on_ground,
-                self._place,
+                self._position,
                 self._velocity,
                 self._heading_deg,
-                self._turn_deg_s,
+                self._yaw_rate_deg_s,
             )
 
     def command(self, name: str) -> str:
-        """Obeys ``arm``, ``disarm``, or the name of a mode (``follow``, ``hold``, ``land``): its answer, ``ok`` or why
-        not.
+        """Executes ``arm``, ``disarm``, or a change to a mode (``follow``, ``hold``, ``land``). Returns ``ok``, or the
+        reason of a refusal.
         """
         with self._lock:
             if name in ("arm", "disarm"):
                 if self._landed_s == 0.0:
                     return "not on the ground"
                 self._is_armed = name == "arm"
-                self._switch("hold")
+                self._change_mode("hold")
             elif not self._is_armed:
                 return "not armed"
             else:
-                self._switch(name)
+                self._change_mode(name)
         return "ok"
 
     def follow(self, target: Target) -> None:
-        """Where to be, or how to move, in mode ``follow``."""
+        """Sets the target of the mode ``follow``."""
         with self._lock:
             if self._mode == "follow":
-                self._target, self._told_s = target, self._time_s
+                self._target, self._target_s = target, self._time_s
 
-    def _switch(self, mode: str) -> None:
-        """Changes the mode; it stays where it is until it is told otherwise."""
-        self._mode, self._told_s = mode, self._time_s
-        self._target = Target((0.0, 0.0, 0.0), 0.0, self._place, self._heading_deg)
+    def _change_mode(self, mode: str) -> None:
+        """Changes the mode. It holds its position until it gets a target."""
+        self._mode, self._target_s = mode, self._time_s
+        self._target = Target((0.0, 0.0, 0.0), 0.0, self._position, self._heading_deg)
 
     def _step(self, dt: float) -> None:
         self._time_s += dt
-        if self._mode == "follow" and self._landed_s == 0.0 and self._time_s - self._told_s > _GIVES_UP_S:
-            self._switch("hold")
-        north, east, down = self._wanted()
+        if self._mode == "follow" and self._landed_s == 0.0 and self._time_s - self._target_s > _TARGET_TIMEOUT_S:
+            self._change_mode("hold")
+        north, east, down = self._wanted_velocity()
         slower = max(1.0, math.hypot(north, east) / HORIZONTAL_M_S, abs(down) / VERTICAL_M_S)
         wanted = (north / slower, east / slower, down / slower)
         self._velocity = _add(self._velocity, wanted, self._velocity, dt / _RESPONSE_S)
-        rests = self._place[2] >= 0.0 and (down >= 0.0 or not self._is_armed)
+        rests = self._position[2] >= 0.0 and (down >= 0.0 or not self._is_armed)
         if rests:
-            self._velocity, self._turn_deg_s = (0.0, 0.0, 0.0), 0.0
-        self._place = _add(self._place, self._velocity, (0.0, 0.0, 0.0), dt)
-        self._place = (self._place[0], self._place[1], min(0.0, self._place[2]))
-        self._heading_deg = (self._heading_deg + self._turn_deg_s * dt) % 360.0
+            self._velocity, self._yaw_rate_deg_s = (0.0, 0.0, 0.0), 0.0
+        self._position = _add(self._position, self._velocity, (0.0, 0.0, 0.0), dt)
+        self._position = (self._position[0], self._position[1], min(0.0, self._position[2]))
+        self._heading_deg = (self._heading_deg + self._yaw_rate_deg_s * dt) % 360.0
         self._landed_s = self._landed_s + dt if rests else 0.0
-        if self._mode == "land" and self._landed_s > _DISARMS_S:
+        if self._mode == "land" and self._landed_s > _DISARM_AFTER_S:
             self._is_armed = False
-            self._switch("hold")
+            self._change_mode("hold")
 
-    def _wanted(self) -> Triple:
-        """The velocity to have; sets the turn, too."""
-        target, velocity, turn = self._target, self._target.velocity, self._target.turn_deg_s
-        if target.place is not None:
-            velocity = _add(velocity, target.place, self._place, _GAIN)
-            turn += _GAIN * math.remainder(target.heading_deg - self._heading_deg, 360.0)
-        self._turn_deg_s = max(-TURN_DEG_S, min(TURN_DEG_S, turn))
+    def _wanted_velocity(self) -> Triple:
+        """Returns the velocity to reach, and sets the yaw rate."""
+        target, velocity, yaw_rate_deg_s = self._target, self._target.velocity, self._target.yaw_rate_deg_s
+        if target.position is not None:
+            velocity = _add(velocity, target.position, self._position, _GAIN)
+            yaw_rate_deg_s += _GAIN * math.remainder(target.heading_deg - self._heading_deg, 360.0)
+        self._yaw_rate_deg_s = max(-YAW_RATE_DEG_S, min(YAW_RATE_DEG_S, yaw_rate_deg_s))
         return (velocity[0], velocity[1], _LANDING_M_S) if self._mode == "land" else velocity
 
 

@@ -1,4 +1,4 @@
-"""The backend: what the imaginary autopilot says and understands, in the words of UAL."""
+"""The backend: translates between the imaginary autopilot and UAL."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from ual_daemon.backends.values import (
     VehicleInfo,
 )
 from ual_daemon.settings import Settings, convert
-from ual_hover.autopilot import HORIZONTAL_M_S, TURN_DEG_S, VERTICAL_M_S, Autopilot, Packet, Target, Triple
+from ual_hover.autopilot import HORIZONTAL_M_S, VERTICAL_M_S, YAW_RATE_DEG_S, Autopilot, Packet, Target, Triple
 
 CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND, "hold": Control.OTHER}
 INFO = VehicleInfo(
     autopilot="hover",
-    capabilities=frozenset(Capability) - {Capability.GEO},  # it does not know where on Earth it is
-    limits=Limits(HORIZONTAL_M_S, VERTICAL_M_S, VERTICAL_M_S, yaw_rate_rad_s=math.radians(TURN_DEG_S)),
+    capabilities=frozenset(Capability) - {Capability.GEO},  # it does not know its position on Earth
+    limits=Limits(HORIZONTAL_M_S, VERTICAL_M_S, VERTICAL_M_S, yaw_rate_rad_s=math.radians(YAW_RATE_DEG_S)),
 )
 
 
 class HoverSettings(Settings, frozen=True, kw_only=True):
-    """Section ``hover`` of the configuration. `speed` is how fast the autopilot's time runs."""
+    """Section ``hover`` of the configuration. The autopilot's time runs `speed` times as fast as real time."""
 
     speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
 
 
 class HoverClock:
-    """The autopilot's time, as far as we can tell it by our own clock."""
+    """The autopilot's time, derived from this computer's clock."""
 
     def __init__(self, speed: float) -> None:
         self._begin_s, self._speed = time.monotonic(), speed
@@ -54,7 +54,7 @@ class HoverClock:
 
 
 class HoverBackend(Backend):
-    """One thread receives what the autopilot sends, and tells it on."""
+    """One thread receives the autopilot's packets and calls `on_update`."""
 
     name = "hover"
     freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
@@ -63,7 +63,7 @@ class HoverBackend(Backend):
         super().__init__(options)
         settings = convert(options.settings, HoverSettings, self.name)
         self.clock = HoverClock(settings.speed)
-        self._patience_s = 0.1 / settings.speed
+        self._packet_timeout_s = 0.1 / settings.speed
         self._epoch_s = time.time()
         self._autopilot = Autopilot(settings.speed)
         self._newest: Sample[Packet] | None = None
@@ -81,10 +81,10 @@ class HoverBackend(Backend):
 
     def _receive(self, on_update: UpdateCallback) -> None:
         while not self._is_closing.is_set():
-            packet = self._autopilot.receive(self._patience_s)
+            packet = self._autopilot.receive(self._packet_timeout_s)
             if packet is not None:
                 self._newest = Sample(packet, self.clock.now_s())
-            on_update(self.snapshot())  # also when nothing came: that, too, is news
+            on_update(self.snapshot())  # also when no packet came: that is information, too
 
     def info(self) -> VehicleInfo:
         return INFO
@@ -94,7 +94,7 @@ class HoverBackend(Backend):
         if newest is None:
             return Snapshot(time_s=now_s)
         packet, received_s = newest.value, newest.time_s
-        turn = Vector3(0.0, 0.0, -math.radians(packet.turn_deg_s))
+        rotation = Vector3(0.0, 0.0, -math.radians(packet.yaw_rate_deg_s))
         return Snapshot(
             time_s=now_s,
             heard_s=received_s,
@@ -103,18 +103,20 @@ class HoverBackend(Backend):
             landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
             mode=Sample(Mode(packet.mode, CONTROLS[packet.mode]), received_s),
             estimator=Sample(Estimator(True), received_s),
-            pose=Sample(Pose(_swap(packet.place), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s),
-            velocity=Sample(Twist(_swap(packet.velocity), turn), received_s),
+            pose=Sample(
+                Pose(_ned_to_enu(packet.position), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s
+            ),
+            velocity=Sample(Twist(_ned_to_enu(packet.velocity), rotation), received_s),
         )
 
     def send(self, setpoint: Setpoint) -> None:
-        velocity = _triple(setpoint.velocity)
-        turn_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
+        velocity = _enu_to_ned(setpoint.velocity)
+        yaw_rate_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
         if isinstance(setpoint, PositionSetpoint):
             heading_deg = 90.0 - math.degrees(setpoint.yaw_rad)
-            self._autopilot.follow(Target(velocity, turn_deg_s, _triple(setpoint.position), heading_deg))
+            self._autopilot.follow(Target(velocity, yaw_rate_deg_s, _enu_to_ned(setpoint.position), heading_deg))
         else:
-            self._autopilot.follow(Target(velocity, turn_deg_s))
+            self._autopilot.follow(Target(velocity, yaw_rate_deg_s))
 
     def arm(self) -> Future[None]:
         return self._command("arm")
@@ -144,16 +146,20 @@ class HoverBackend(Backend):
         return answer
 
 
-def _swap(triple: Triple) -> Vector3:
-    """North, east, down as east, north, up."""
+def _pose(packet: Packet) -> Pose:
+    return Pose(_ned_to_enu(packet.position), Quaternion.from_yaw(_yaw_rad(packet.heading_deg)))
+
+
+def _ned_to_enu(triple: Triple) -> Vector3:
+    """Converts north, east, down to east, north, up."""
     return Vector3(triple[1], triple[0], -triple[2])
 
 
-def _triple(vector: Vector3) -> Triple:
-    """East, north, up as north, east, down."""
+def _enu_to_ned(vector: Vector3) -> Triple:
+    """Converts east, north, up to north, east, down."""
     return (vector.y, vector.x, -vector.z)
 
 
 def _yaw_rad(heading_deg: float) -> float:
-    """Clockwise from north as counter-clockwise from east."""
+    """Converts clockwise from north to counter-clockwise from east."""
     return math.radians(90.0 - heading_deg)
