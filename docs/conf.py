@@ -30,6 +30,7 @@ include_patterns = [
     "SECURITY.md",
     "benchmarks/*.md",
     "clients/*/README.md",
+    "clients/third_party/*/README.md",
     "deploy/**.md",
     "docs/**",
     "examples/**.md",

@@ -1,7 +1,7 @@
-// Mission flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+// Mission flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a refused request, landing.
 //
-// Ctrl-C ends the call that is under way. The daemon then cancels a waypoint, and stops a UAV that gets no more
-// velocities; the UAV holds its position. A take-off or a landing goes on.
+// Ctrl-C cancels the running call. The daemon then cancels a waypoint, and stops a UAV that gets no more
+// velocities; the UAV holds its position. A take-off or a landing continues.
 package main
 
 import (
@@ -29,10 +29,10 @@ import (
 //go:generate buf generate
 
 const (
-	answerLimit    = 5 * time.Second // of what the daemon answers at once
+	answerLimit    = 5 * time.Second // for calls that the daemon answers at once
 	armLimit       = time.Minute     // for the safety pilot
 	manoeuvreLimit = time.Minute
-	setpointPeriod = 50 * time.Millisecond // the UAV stops when none comes for 0.5 s
+	setpointPeriod = 50 * time.Millisecond // the UAV stops after 0.5 s without a setpoint
 	setpointCount  = 40
 )
 
@@ -139,7 +139,7 @@ func waitUntilArmed(ctx context.Context, uav ualv1.UalServiceClient) error {
 	}
 }
 
-// watch shows where the UAV is, until ctx is cancelled.
+// watch prints the position of the UAV until ctx is cancelled.
 func watch(ctx context.Context, uav ualv1.UalServiceClient) error {
 	stream, err := uav.StreamTelemetry(ctx, &ualv1.StreamTelemetryRequest{RateHz: 2})
 	if err != nil {
@@ -168,7 +168,7 @@ func takeOff(ctx context.Context, uav ualv1.UalServiceClient, heightM float64) e
 	return err
 }
 
-// goTo flies to a position (m) and heading in the frame <ns>/odom. When ctx ends before, the UAV holds.
+// goTo flies to a position (m) and heading in the frame <ns>/odom. If ctx ends early, the UAV holds its position.
 func goTo(ctx context.Context, uav ualv1.UalServiceClient, x, y, z, yawRad float64) error {
 	fmt.Printf("waypoint %g %g %g m, heading %.2f rad\n", x, y, z, yawRad)
 	ctx, cancel := context.WithTimeout(ctx, manoeuvreLimit)
@@ -181,7 +181,7 @@ func goTo(ctx context.Context, uav ualv1.UalServiceClient, x, y, z, yawRad float
 	return err
 }
 
-// streamVelocities flies 0.5 m/s to the UAV's own front for setpointCount periods.
+// streamVelocities flies forward at 0.5 m/s for setpointCount periods.
 func streamVelocities(ctx context.Context, uav ualv1.UalServiceClient, ns string) error {
 	fmt.Println("0.5 m/s forward for 2 s")
 	ctx, cancel := context.WithTimeout(ctx, setpointCount*setpointPeriod+answerLimit)
@@ -200,7 +200,7 @@ func streamVelocities(ctx context.Context, uav ualv1.UalServiceClient, ns string
 	defer ticker.Stop()
 	for range setpointCount {
 		if err := stream.Send(setpoint); errors.Is(err, io.EOF) {
-			break // the daemon has ended the stream; CloseAndRecv says why
+			break // the daemon has ended the stream; CloseAndRecv returns the reason
 		} else if err != nil {
 			return err
 		}
@@ -219,7 +219,7 @@ func streamVelocities(ctx context.Context, uav ualv1.UalServiceClient, ns string
 	return nil
 }
 
-// showRefusal asks for what is not allowed in FLYING_AUTO, and reads why it is refused.
+// showRefusal sends a command that is not allowed in FLYING_AUTO and reads the reason of the refusal.
 func showRefusal(ctx context.Context, uav ualv1.UalServiceClient) error {
 	ctx, cancel := context.WithTimeout(ctx, answerLimit)
 	defer cancel()
@@ -244,7 +244,7 @@ func land(ctx context.Context, uav ualv1.UalServiceClient) error {
 	return err
 }
 
-// errorInfo returns why UAL refused, or nil where the error is not UAL's: no connection, a deadline, a cancellation.
+// errorInfo returns UAL's reason, or nil if the error comes from gRPC: no connection, a deadline, a cancellation.
 func errorInfo(err error) *errdetails.ErrorInfo {
 	for _, detail := range status.Convert(err).Details() {
 		if info, ok := detail.(*errdetails.ErrorInfo); ok && info.GetDomain() == "ual" {
@@ -254,7 +254,7 @@ func errorInfo(err error) *errdetails.ErrorInfo {
 	return nil
 }
 
-// explain says what failed, with UAL's reason where it has one.
+// explain describes the failure, with UAL's reason if there is one.
 func explain(what string, err error) error {
 	if info := errorInfo(err); info != nil {
 		return fmt.Errorf("%s: %s: %s", what, info.GetReason(), status.Convert(err).Message())

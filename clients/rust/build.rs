@@ -1,4 +1,4 @@
-//! The stubs of ../../proto.
+//! Generates the stubs of ../../proto.
 
 use std::error::Error;
 

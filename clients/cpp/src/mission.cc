@@ -1,7 +1,7 @@
-// Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+// Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a refused request, landing.
 //
-// Ctrl-C cancels the calls that are under way. The daemon then cancels a waypoint, and stops a UAV that gets no more
-// velocities; the UAV holds its position. A take-off or a landing goes on.
+// Ctrl-C cancels the running calls. The daemon then cancels a waypoint, and stops a UAV that gets no more
+// velocities; the UAV holds its position. A take-off or a landing continues.
 
 #include <google/rpc/error_details.pb.h>
 #include <google/rpc/status.pb.h>
@@ -33,13 +33,13 @@ using std::chrono::milliseconds;
 using std::chrono::system_clock;
 using ual::v1::UalService;
 
-constexpr auto kAnswerLimit = 5s;  // of what the daemon answers at once
+constexpr auto kAnswerLimit = 5s;  // for calls that the daemon answers at once
 constexpr auto kArmLimit = 60s;    // for the safety pilot
 constexpr auto kManoeuvreLimit = 60s;
-constexpr auto kSetpointPeriod = 50ms;  // the UAV stops when none comes for 0.5 s
+constexpr auto kSetpointPeriod = 50ms;  // the UAV stops after 0.5 s without a setpoint
 constexpr int kSetpointCount = 40;
 
-// The calls that are under way, so that Ctrl-C can cancel them.
+// The running calls, so that Ctrl-C can cancel them.
 class Calls {
  public:
   void Add(grpc::ClientContext* call) {
@@ -53,7 +53,7 @@ class Calls {
     running_.erase(call);
   }
 
-  // Cancels those under way, and those to come.
+  // Cancels the running calls and all later ones.
   void CancelAll() {
     const std::lock_guard lock(mutex_);
     are_cancelled_ = true;
@@ -88,7 +88,7 @@ class Call {
   grpc::ClientContext context_;
 };
 
-// Why UAL refused; nothing where the error is not UAL's: no connection, a deadline, a cancellation.
+// Returns UAL's reason, or nothing if the error comes from gRPC: no connection, a deadline, a cancellation.
 std::optional<google::rpc::ErrorInfo> ErrorInfoOf(const grpc::Status& status) {
   google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return std::nullopt;
@@ -137,7 +137,7 @@ class Mission {
       ShowRefusal();
       Land();
     } catch (...) {
-      watching.Cancel();  // else `watched` would wait for the end of the telemetry, which has none
+      watching.Cancel();  // otherwise `watched` would wait forever: telemetry does not end by itself
       throw;
     }
     watching.Cancel();
@@ -166,7 +166,7 @@ class Mission {
       const auto state = sample.telemetry().state();
       if (state == ual::v1::STATE_LANDED_ARMED) {
         call.Cancel();
-        stream->Finish();  // says that it was cancelled
+        stream->Finish();  // reports that it was cancelled
         return;
       }
       if (state != shown) {
@@ -177,7 +177,7 @@ class Mission {
     throw Failure("waiting for the safety pilot", stream->Finish());
   }
 
-  // Shows where the UAV is, until the call is cancelled.
+  // Prints the position of the UAV until the call is cancelled.
   void Watch(Call& call) {
     ual::v1::StreamTelemetryRequest request;
     request.set_rate_hz(2.0);
@@ -201,7 +201,7 @@ class Mission {
     Check("take-off", uav_->TakeOff(call.context(), request, &response));
   }
 
-  // Flies to a position (m) and heading in the frame <ns>/odom. When the call ends before, the UAV holds.
+  // Flies to a position (m) and heading in the frame <ns>/odom. If the call ends early, the UAV holds.
   void GoTo(double x, double y, double z, double yaw_rad) {
     std::printf("waypoint %g %g %g m, heading %.2f rad\n", x, y, z, yaw_rad);
     Call call(calls_, kManoeuvreLimit);
@@ -216,7 +216,7 @@ class Mission {
     Check("waypoint", uav_->GoToWaypoint(call.context(), request, &response));
   }
 
-  // Flies 0.5 m/s to the UAV's own front for kSetpointCount periods.
+  // Flies forward at 0.5 m/s for kSetpointCount periods.
   void StreamVelocities(const std::string& ns) {
     std::puts("0.5 m/s forward for 2 s");
     Call call(calls_, kSetpointCount * kSetpointPeriod + kAnswerLimit);
@@ -227,7 +227,7 @@ class Mission {
     const auto stream = uav_->StreamSetpoints(call.context(), &response);
     auto next = std::chrono::steady_clock::now();
     for (int sent = 0; sent < kSetpointCount; ++sent) {
-      if (!stream->Write(setpoint)) break;  // the daemon has ended the stream; Finish says why
+      if (!stream->Write(setpoint)) break;  // the daemon has ended the stream; Finish returns the reason
       next += kSetpointPeriod;
       std::this_thread::sleep_until(next);
     }
@@ -239,7 +239,7 @@ class Mission {
     }
   }
 
-  // Asks for what is not allowed in FLYING_AUTO, and reads why it is refused.
+  // Sends a command that is not allowed in FLYING_AUTO and reads the reason of the refusal.
   void ShowRefusal() {
     Call call(calls_, kAnswerLimit);
     ual::v1::RecoverFromManualResponse response;
@@ -275,7 +275,7 @@ int main(int argc, char** argv) {
   }
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
 
-  // One thread waits for the signals, which no thread handles: gRPC may not be called from a signal handler.
+  // One thread waits for signals that are blocked in all threads: a signal handler must not call gRPC.
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
@@ -302,6 +302,6 @@ int main(int argc, char** argv) {
     }
   }
   has_ended = true;
-  pthread_kill(interrupt.native_handle(), SIGTERM);  // it may wait still
+  pthread_kill(interrupt.native_handle(), SIGTERM);  // it may still be waiting
   return exit_status;
 }

@@ -1,9 +1,9 @@
-//! Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+//! Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a refused request, landing.
 //!
-//! Ctrl-C drops the call that is under way, which cancels it. The daemon then cancels a waypoint, and stops a UAV that
-//! gets no more velocities; the UAV holds its position. A take-off or a landing goes on.
+//! Ctrl-C drops the running call, which cancels it. The daemon then cancels a waypoint, and stops a UAV that
+//! gets no more velocities; the UAV holds its position. A take-off or a landing continues.
 
-#![allow(clippy::needless_update)] // the contract grows: `..Default::default()` is for the fields to come
+#![allow(clippy::needless_update)] // the contract grows: `..Default::default()` is for future fields
 
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
@@ -33,12 +33,12 @@ mod ual {
 
 type Uav = UalServiceClient<Channel>;
 
-/// Of what the daemon answers at once.
+/// For calls that the daemon answers at once.
 const ANSWER_LIMIT: Duration = Duration::from_secs(5);
 /// For the safety pilot.
 const ARM_LIMIT: Duration = Duration::from_secs(60);
 const MANOEUVRE_LIMIT: Duration = Duration::from_secs(60);
-/// The UAV stops when no setpoint comes for 0.5 s.
+/// The UAV stops after 0.5 s without a setpoint.
 const SETPOINT_PERIOD: Duration = Duration::from_millis(50);
 const SETPOINT_COUNT: u32 = 40;
 
@@ -85,7 +85,7 @@ async fn run(address: &str) -> Result<()> {
     println!("{}: backend {}, UAL {}", info.namespace, info.backend, info.ual_version);
     timeout(ARM_LIMIT, wait_until_armed(&mut uav)).await.context("the safety pilot did not arm")??;
 
-    // Telemetry has no end of its own: when the flight ends, dropping `watch` ends its stream.
+    // Telemetry does not end by itself: when the flight ends, dropping `watch` ends its stream.
     let mut watcher = uav.clone();
     tokio::select! {
         flown = fly(&mut uav, &info.namespace) => flown?,
@@ -120,7 +120,7 @@ async fn wait_until_armed(uav: &mut Uav) -> Result<()> {
     bail!("the daemon ended the telemetry before the UAV was armed")
 }
 
-/// Shows where the UAV is; returns only when the telemetry ends.
+/// Prints the position of the UAV. Returns only when the telemetry ends.
 async fn watch(uav: &mut Uav) -> Result<()> {
     let request = StreamTelemetryRequest { rate_hz: 2.0, ..Default::default() };
     let mut samples = uav.stream_telemetry(request).await.map_err(explain)?.into_inner();
@@ -149,7 +149,7 @@ async fn take_off(uav: &mut Uav, height_m: f64) -> Result<(), Status> {
     Ok(())
 }
 
-/// Flies to a position (m) and heading in the frame <ns>/odom. When this future is dropped before, the UAV holds.
+/// Flies to a position (m) and heading in the frame <ns>/odom. If this future is dropped early, the UAV holds.
 async fn go_to(uav: &mut Uav, [x, y, z]: [f64; 3], yaw_rad: f64) -> Result<(), Status> {
     println!("waypoint {x} {y} {z} m, heading {yaw_rad:.2} rad");
     let (sine, cosine) = (yaw_rad / 2.0).sin_cos();
@@ -165,7 +165,7 @@ async fn go_to(uav: &mut Uav, [x, y, z]: [f64; 3], yaw_rad: f64) -> Result<(), S
     Ok(())
 }
 
-/// Flies 0.5 m/s to the UAV's own front for SETPOINT_COUNT periods.
+/// Flies forward at 0.5 m/s for SETPOINT_COUNT periods.
 async fn stream_velocities(uav: &mut Uav, ns: &str) -> Result<()> {
     println!("0.5 m/s forward for 2 s");
     let setpoint = StreamSetpointsRequest {
@@ -183,7 +183,7 @@ async fn stream_velocities(uav: &mut Uav, ns: &str) -> Result<()> {
     Ok(())
 }
 
-/// Asks for what is not allowed in FLYING_AUTO, and reads why it is refused.
+/// Sends a command that is not allowed in FLYING_AUTO and reads the reason of the refusal.
 async fn show_refusal(uav: &mut Uav) -> Result<()> {
     let request = within(ANSWER_LIMIT, RecoverFromManualRequest::default());
     let Err(status) = uav.recover_from_manual(request).await else {
@@ -205,19 +205,19 @@ async fn land(uav: &mut Uav) -> Result<()> {
     Ok(())
 }
 
-/// A request with a deadline, which the daemon learns, too.
+/// Returns a request with a deadline, which gRPC also sends to the daemon.
 fn within<T>(limit: Duration, message: T) -> Request<T> {
     let mut request = Request::new(message);
     request.set_timeout(limit);
     request
 }
 
-/// Why UAL refused; `None` where the error is not UAL's: no connection, a deadline, a cancellation.
+/// Returns UAL's reason, or `None` if the error comes from gRPC: no connection, a deadline, a cancellation.
 fn error_info(status: &Status) -> Option<ErrorInfo> {
     status.get_details_error_info().filter(|info| info.domain == "ual")
 }
 
-/// What failed, with UAL's reason where it has one.
+/// Describes the failure, with UAL's reason if there is one.
 fn explain(status: Status) -> anyhow::Error {
     match error_info(&status) {
         Some(info) => anyhow::anyhow!("{}: {}", info.reason, status.message()),

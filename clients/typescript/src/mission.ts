@@ -1,7 +1,7 @@
-// Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+// Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a refused request, landing.
 //
-// Ctrl-C ends the call that is under way. The daemon then cancels a waypoint, and stops a UAV that gets no more
-// velocities; the UAV holds its position. A take-off or a landing goes on.
+// Ctrl-C cancels the running call. The daemon then cancels a waypoint, and stops a UAV that gets no more
+// velocities; the UAV holds its position. A take-off or a landing continues.
 
 import { setTimeout as sleep } from "node:timers/promises";
 import { parseArgs } from "node:util";
@@ -13,10 +13,10 @@ import { createGrpcTransport } from "@connectrpc/connect-node";
 import { ErrorInfoSchema, type ErrorInfo } from "./gen/google/rpc/error_details_pb.js";
 import { State, UalService, type StreamSetpointsRequestSchema } from "./gen/ual/v1/ual_pb.js";
 
-const ANSWER_LIMIT_MS = 5_000; // of what the daemon answers at once
+const ANSWER_LIMIT_MS = 5_000; // for calls that the daemon answers at once
 const ARM_LIMIT_MS = 60_000; // for the safety pilot
 const MANOEUVRE_LIMIT_MS = 60_000;
-const SETPOINT_PERIOD_MS = 50; // the UAV stops when none comes for 0.5 s
+const SETPOINT_PERIOD_MS = 50; // the UAV stops after 0.5 s without a setpoint
 const SETPOINT_COUNT = 40;
 
 type Uav = Client<typeof UalService>;
@@ -68,7 +68,7 @@ async function fly(uav: Uav, ns: string, signal: AbortSignal): Promise<void> {
 
 async function waitUntilArmed(uav: Uav, signal: AbortSignal): Promise<void> {
   const armed = new AbortController();
-  // Not timeoutMs, whose timer would keep the program running after a stream that is left early.
+  // Not timeoutMs: its timer would keep the program running after the stream was left early.
   const limit = AbortSignal.timeout(ARM_LIMIT_MS);
   const options = { signal: AbortSignal.any([signal, armed.signal, limit]) };
   let shown = State.UNSPECIFIED;
@@ -84,12 +84,12 @@ async function waitUntilArmed(uav: Uav, signal: AbortSignal): Promise<void> {
       }
     }
   } finally {
-    armed.abort(); // leaving the loop alone would leave the stream open
+    armed.abort(); // leaving the loop does not close the stream
   }
   throw new Error("the daemon ended the telemetry before the UAV was armed");
 }
 
-/** Shows where the UAV is, until the signal. */
+/** Prints the position of the UAV until the signal aborts it. */
 async function watch(uav: Uav, signal: AbortSignal): Promise<void> {
   try {
     for await (const { telemetry } of uav.streamTelemetry({ rateHz: 2 }, { signal })) {
@@ -104,12 +104,12 @@ async function watch(uav: Uav, signal: AbortSignal): Promise<void> {
   }
 }
 
-/** Never resolves; rejects when the promise does. */
+/** Never resolves. Rejects when the promise rejects. */
 function failureOf(promise: Promise<void>): Promise<never> {
   return new Promise((_, reject) => promise.catch(reject));
 }
 
-/** 0.5 m/s to the UAV's own front, SETPOINT_COUNT times. */
+/** Yields 0.5 m/s forward, SETPOINT_COUNT times. */
 async function* velocities(
   ns: string,
   signal: AbortSignal,
@@ -125,7 +125,7 @@ async function* velocities(
   }
 }
 
-/** Asks for what is not allowed in FLYING_AUTO, and reads why it is refused. */
+/** Sends a command that is not allowed in FLYING_AUTO and reads the reason of the refusal. */
 async function showRefusal(uav: Uav, signal: AbortSignal): Promise<void> {
   try {
     await uav.recoverFromManual({}, { timeoutMs: ANSWER_LIMIT_MS, signal });
@@ -141,7 +141,7 @@ async function showRefusal(uav: Uav, signal: AbortSignal): Promise<void> {
   throw new Error("recover was not refused in FLYING_AUTO");
 }
 
-/** Why UAL refused; undefined where the error is not UAL's: no connection, a deadline, a cancellation. */
+/** Returns UAL's reason, or undefined if the error comes from gRPC: no connection, a deadline, a cancellation. */
 function errorInfo(error: unknown): ErrorInfo | undefined {
   return ConnectError.from(error)
     .findDetails(ErrorInfoSchema)

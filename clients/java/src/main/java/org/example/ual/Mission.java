@@ -37,13 +37,13 @@ import ual.v1.UalServiceGrpc;
 import ual.v1.UalServiceGrpc.UalServiceBlockingStub;
 
 /**
- * Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a request that is refused, landing.
+ * Flies a UAV through its UAL daemon: take-off, a waypoint, velocities, a refused request, landing.
  *
- * <p>Ctrl-C ends the call that is under way. The daemon then cancels a waypoint, and stops a UAV that gets no more
- * velocities; the UAV holds its position. A take-off or a landing goes on.
+ * <p>Ctrl-C cancels the running call. The daemon then cancels a waypoint, and stops a UAV that gets no more
+ * velocities; the UAV holds its position. A take-off or a landing continues.
  */
 public final class Mission {
-  /** Of what the daemon answers at once. */
+  /** For calls that the daemon answers at once. */
   private static final long ANSWER_LIMIT_MS = 5_000;
 
   /** For the safety pilot. */
@@ -51,7 +51,7 @@ public final class Mission {
 
   private static final long MANOEUVRE_LIMIT_MS = 60_000;
 
-  /** The UAV stops when no setpoint comes for 0.5 s. */
+  /** The UAV stops after 0.5 s without a setpoint. */
   private static final long SETPOINT_PERIOD_MS = 50;
 
   private static final int SETPOINT_COUNT = 40;
@@ -71,7 +71,7 @@ public final class Mission {
       System.exit(2);
     }
 
-    // The JVM runs this hook at its end. At that by Ctrl-C `main` still goes on: every call is cancelled and waited for.
+    // The JVM runs this hook at exit. After Ctrl-C `main` still runs: cancel every call and wait for its end.
     Context.CancellableContext flight = Context.current().withCancellation();
     CountDownLatch ended = new CountDownLatch(1);
     Runtime.getRuntime().addShutdownHook(new Thread(() -> {
@@ -99,7 +99,7 @@ public final class Mission {
       channel.shutdownNow().awaitTermination(ANSWER_LIMIT_MS, TimeUnit.MILLISECONDS);
       ended.countDown();
     }
-    System.exit(exitStatus); // of an interrupted JVM the status stays that of the signal
+    System.exit(exitStatus); // an interrupted JVM keeps the status of the signal
   }
 
   private void run() throws Exception {
@@ -123,7 +123,7 @@ public final class Mission {
   }
 
   private void waitUntilArmed() {
-    // The telemetry has no end of its own: leaving this method cancels it.
+    // Telemetry does not end by itself: leaving this method cancels it.
     Context.CancellableContext waiting = Context.current().withCancellation();
     waiting.run(() -> {
       var request = StreamTelemetryRequest.newBuilder().setRateHz(10).build();
@@ -146,7 +146,7 @@ public final class Mission {
     });
   }
 
-  /** Shows where the UAV is, until its context is cancelled. */
+  /** Prints the position of the UAV until its context is cancelled. */
   private void watch() {
     try {
       var samples = UalServiceGrpc.newBlockingStub(channel)
@@ -169,7 +169,7 @@ public final class Mission {
     within(MANOEUVRE_LIMIT_MS).takeOff(TakeOffRequest.newBuilder().setHeightM(heightM).build());
   }
 
-  /** Flies to a position (m) and heading in the frame {@code <ns>/odom}. When the call ends before, the UAV holds. */
+  /** Flies to a position (m) and heading in the frame {@code <ns>/odom}. If the call ends early, the UAV holds. */
   private void goTo(double x, double y, double z, double yawRad) {
     System.out.printf(Locale.ROOT, "waypoint %.0f %.0f %.0f m, heading %.2f rad%n", x, y, z, yawRad);
     Pose pose = Pose.newBuilder()
@@ -180,7 +180,7 @@ public final class Mission {
         GoToWaypointRequest.newBuilder().setWaypoint(PoseStamped.newBuilder().setPose(pose)).build());
   }
 
-  /** Flies 0.5 m/s to the UAV's own front for SETPOINT_COUNT periods. */
+  /** Flies forward at 0.5 m/s for SETPOINT_COUNT periods. */
   private void streamVelocities(String ns) throws Exception {
     System.out.println("0.5 m/s forward for 2 s");
     StreamSetpointsRequest setpoint = StreamSetpointsRequest.newBuilder()
@@ -192,7 +192,7 @@ public final class Mission {
     UalServiceGrpc.newStub(channel)
         .withDeadlineAfter(SETPOINT_COUNT * SETPOINT_PERIOD_MS + ANSWER_LIMIT_MS, TimeUnit.MILLISECONDS)
         .streamSetpoints(stream);
-    // A stream that has ended says why below, in `answer`.
+    // If the stream has ended, `answer` below returns the reason.
     for (int sent = 0; sent < SETPOINT_COUNT && !stream.answer.isDone(); sent++) {
       stream.requests.onNext(setpoint);
       Thread.sleep(SETPOINT_PERIOD_MS);
@@ -206,7 +206,7 @@ public final class Mission {
     }
   }
 
-  /** A stream of setpoints, and its one answer. */
+  /** A stream of setpoints and its single answer. */
   private static final class SetpointStream
       implements ClientResponseObserver<StreamSetpointsRequest, StreamSetpointsResponse> {
     final CompletableFuture<StreamSetpointsResponse> answer = new CompletableFuture<>();
@@ -233,7 +233,7 @@ public final class Mission {
     }
   }
 
-  /** Asks for what is not allowed in FLYING_AUTO, and reads why it is refused. */
+  /** Sends a command that is not allowed in FLYING_AUTO and reads the reason of the refusal. */
   private void showRefusal() {
     try {
       within(ANSWER_LIMIT_MS).recoverFromManual(RecoverFromManualRequest.getDefaultInstance());
@@ -251,12 +251,12 @@ public final class Mission {
     within(MANOEUVRE_LIMIT_MS).land(LandRequest.getDefaultInstance());
   }
 
-  /** A stub for one call: the deadline runs from now. */
+  /** Returns a stub for one call. Its deadline counts from now. */
   private UalServiceBlockingStub within(long limitMs) {
     return UalServiceGrpc.newBlockingStub(channel).withDeadlineAfter(limitMs, TimeUnit.MILLISECONDS);
   }
 
-  /** Why UAL refused; empty where the error is not UAL's: no connection, a deadline, a cancellation. */
+  /** Returns UAL's reason, or nothing if the error comes from gRPC: no connection, a deadline, a cancellation. */
   private static Optional<ErrorInfo> errorInfo(Throwable error) {
     com.google.rpc.Status status = StatusProto.fromThrowable(error);
     if (status == null) {
