@@ -16,6 +16,8 @@ import click
 import msgspec
 import pytest
 
+import ual
+from tests.conftest import DaemonProcess
 from tests.pages import (
     ROOT,
     Page,
@@ -207,6 +209,29 @@ def test_the_excerpts_of_write_a_backend_are_the_example() -> None:
 def test_the_programs_of_the_light_backends_page_run(program: str) -> None:
     done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=100.0)
     assert done.returncode == 0, done.stderr
+
+
+def run(program: str, **names: object) -> None:
+    exec(compile(program, "a program of the page", "exec"), {"__name__": "page", **names})
+
+
+def test_the_programs_of_the_python_clients_page_run(daemon: DaemonProcess) -> None:
+    programs = blocks(DOCS / "clients" / "python.md", "python")
+    whole = [program for program in programs if "import ual" in program]
+    parts = [program for program in programs if "import ual" not in program]
+    assert (len(whole), len(parts)) == (2, 7)
+    armed = daemon.wait_for("state", new="LANDED_ARMED")
+    for program in whole:  # each takes off and lands, which ends disarmed
+        run(program)
+        disarmed = daemon.wait_for("state", new="LANDED_DISARMED", after=armed)
+        armed = daemon.wait_for("state", new="LANDED_ARMED", after=disarmed)
+    with ual.Uav(daemon.ns) as uav:
+        uav.take_off(3.0)
+        uav.add_frame(ual.Transform(ual.Vector3(5.0, 5.0, 0.0), frame_id="map", child_frame_id="car/base_link"))
+        for program in parts[:-1]:
+            run(program, uav=uav, ual=ual)
+        uav.land()
+        run(parts[-1], uav=uav)  # the safety pilot arms, the link is lost
 
 
 # --- Tables that must be complete -------------------------------------------------------------------------------------
