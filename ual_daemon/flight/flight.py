@@ -20,8 +20,9 @@ from ual.types import Limits, State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Control, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.flight.command import Command
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command, Manoeuvre, Step
+from ual_daemon.flight.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.tracker.references import (
     VELOCITY_TIMEOUT_S,

@@ -18,14 +18,19 @@ from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHe
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot, Takes
+from ual_daemon.flight.catch_up import CatchUp
+from ual_daemon.flight.command import Command
 from ual_daemon.flight.flight import Flight, Turn
+from ual_daemon.flight.follow import FollowTrajectory
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command, FollowTrajectory, Land, Recover, TakeOff
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.recover import Recover
+from ual_daemon.flight.take_off import TakeOff
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.resolver import Goal, Places
 from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.tracker import limits
-from ual_daemon.tracker.moving_goal import CatchUp, Chase
+from ual_daemon.tracker.moving_goal import Chase
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Follow, Hold, Reference, Velocity, measured_motion
 from ual_daemon.trajectory import Line, Motion, Trajectory, path

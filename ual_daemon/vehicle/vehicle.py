@@ -17,9 +17,9 @@ from ual.types import Capability, Frame, Info, Limits, State, TaskKind, Telemetr
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.command import Command
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.resolver import Places

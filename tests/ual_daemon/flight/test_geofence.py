@@ -13,7 +13,8 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.flight.geofence import Fence, Geofence
+from ual_daemon.flight.geofence import Geofence
+from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import Places
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import ConfigError, FrameSettings, GeofenceSettings, VehicleSettings

@@ -21,17 +21,13 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.manoeuvre import (
-    COMMAND_PATIENCE_S,
-    Command,
-    FollowTrajectory,
-    Land,
-    Manoeuvre,
-    Recover,
-    Step,
-    TakeOff,
-)
+from ual_daemon.flight.command import COMMAND_PATIENCE_S, Command
+from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.manoeuvre import Manoeuvre, Step
+from ual_daemon.flight.recover import Recover
 from ual_daemon.flight.state import estimate
+from ual_daemon.flight.take_off import TakeOff
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Hold

@@ -12,7 +12,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.flight.geofence import Fence
+from ual_daemon.frames.fence import Fence
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 from ual_daemon.vehicle.commands import Motions, Prepared
 
