@@ -16,23 +16,23 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.types import AltitudeReference, GeoWaypoint, PathHeading, Plan, Waypoints
-from ual_daemon.vehicle.commands import Motions
+from ual_daemon.vehicle.commands import Commands
 
 
 class DryRun:
     """What would happen; see `ual.interface.DryRun`."""
 
-    def __init__(self, motions: Motions) -> None:
-        self._motions = motions
+    def __init__(self, motions: Commands) -> None:
+        self._commands = motions
 
     def take_off(self, height_m: float) -> Plan:
-        return self._motions.take_off(height_m).plan
+        return self._commands.take_off(height_m).plan
 
     def land(self) -> Plan:
-        return self._motions.land().plan
+        return self._commands.land().plan
 
     def go_to_waypoint(self, waypoint: PoseStamped | Pose, *, max_speed_m_s: float | None = None) -> Plan:
-        return self._motions.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s).plan
+        return self._commands.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s).plan
 
     def go_to_waypoint_geo(
         self,
@@ -44,7 +44,7 @@ class DryRun:
         yaw_rad: float | None = None,
         max_speed_m_s: float | None = None,
     ) -> Plan:
-        return self._motions.go_to_waypoint_geo(
+        return self._commands.go_to_waypoint_geo(
             latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad=yaw_rad, max_speed_m_s=max_speed_m_s
         ).plan
 
@@ -58,7 +58,7 @@ class DryRun:
         heading: PathHeading = PathHeading.WAYPOINTS,
         point_of_interest: PointStamped | Vector3 | None = None,
     ) -> Plan:
-        return self._motions.follow_path(
+        return self._commands.follow_path(
             stamped_waypoints(waypoints),
             corner_radius_m=corner_radius_m,
             max_speed_m_s=max_speed_m_s,
@@ -68,13 +68,13 @@ class DryRun:
         ).plan
 
     def set_pose(self, pose: PoseStamped | Pose) -> Plan:
-        return self._motions.set_pose(stamped_pose(pose)).plan
+        return self._commands.set_pose(stamped_pose(pose)).plan
 
     def set_velocity(self, velocity: TwistStamped | Twist) -> Plan:
-        return self._motions.set_velocity(stamped_twist(velocity)).plan
+        return self._commands.set_velocity(stamped_twist(velocity)).plan
 
     def recover_from_manual(self) -> Plan:
-        return self._motions.recover_from_manual().plan
+        return self._commands.recover_from_manual().plan
 
 
 def stamped_waypoints(waypoints: Waypoints) -> list[PoseStamped | GeoWaypoint]:

@@ -153,10 +153,10 @@ class UAL:
         _run(self.vehicle.disarm, timeout_s, "disarm")
 
     def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.motions.take_off(height_m).begin, blocking, timeout_s)
+        return _handle(self.vehicle.commands.take_off(height_m).begin, blocking, timeout_s)
 
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> _Task:
-        return _handle(self.vehicle.motions.land().begin, blocking, timeout_s)
+        return _handle(self.vehicle.commands.land().begin, blocking, timeout_s)
 
     def go_to_waypoint(
         self,
@@ -166,7 +166,7 @@ class UAL:
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> _Task:
-        motion = self.vehicle.motions.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s)
+        motion = self.vehicle.commands.go_to_waypoint(stamped_pose(waypoint), max_speed_m_s=max_speed_m_s)
         return _handle(motion.begin, blocking, timeout_s)
 
     def go_to_waypoint_geo(
@@ -181,7 +181,7 @@ class UAL:
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> _Task:
-        motion = self.vehicle.motions.go_to_waypoint_geo(
+        motion = self.vehicle.commands.go_to_waypoint_geo(
             latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad=yaw_rad, max_speed_m_s=max_speed_m_s
         )
         return _handle(motion.begin, blocking, timeout_s)
@@ -198,7 +198,7 @@ class UAL:
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> _Task:
-        motion = self.vehicle.motions.follow_path(
+        motion = self.vehicle.commands.follow_path(
             stamped_waypoints(waypoints),
             corner_radius_m=corner_radius_m,
             max_speed_m_s=max_speed_m_s,
@@ -209,13 +209,13 @@ class UAL:
         return _handle(motion.begin, blocking, timeout_s)
 
     def set_pose(self, pose: PoseStamped | Pose) -> None:
-        self.vehicle.motions.tell_pose(stamped_pose(pose))
+        self.vehicle.commands.tell_pose(stamped_pose(pose))
 
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self.vehicle.motions.tell_velocity(stamped_twist(velocity))
+        self.vehicle.commands.tell_velocity(stamped_twist(velocity))
 
     def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.motions.recover_from_manual().begin, timeout_s, "recover_from_manual")
+        _run(self.vehicle.commands.recover_from_manual().begin, timeout_s, "recover_from_manual")
 
     def set_home(self, set_z: bool = False) -> None:
         self.vehicle.set_home(set_z)
@@ -229,7 +229,7 @@ class UAL:
     @property
     def dry_run(self) -> DryRun:
         """The motions, as questions: what would happen, without anything moving."""
-        return DryRun(self.vehicle.motions)
+        return DryRun(self.vehicle.commands)
 
     @property
     def simulation(self) -> Simulation:

@@ -52,7 +52,7 @@ class Stepped:
     def fly(self, height_m: float = 3.0) -> None:
         """Into the air."""
         self.arm()
-        self.end(self.vehicle.motions.take_off(height_m).begin().future)
+        self.end(self.vehicle.commands.take_off(height_m).begin().future)
         assert self.state is State.FLYING_AUTO
         self.samples.clear()
 

@@ -10,7 +10,7 @@ from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_not_ours
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.moving_goal import Chase
+from ual_daemon.tracker.moving_goal import MovingGoal
 from ual_daemon.tracker.references import Reference, measured_motion
 from ual_daemon.trajectory import Motion
 
@@ -22,7 +22,7 @@ class CatchUp(Manoeuvre):
     """A go-to whose goal moves: it ends when the UAV goes with the goal, and goes on doing so."""
 
     def __init__(
-        self, name: str, task: VehicleTask, chase: Chase, limits: Limits, tolerance: ToleranceSettings
+        self, name: str, task: VehicleTask, chase: MovingGoal, limits: Limits, tolerance: ToleranceSettings
     ) -> None:
         """`limits` are those that the chase keeps: they tell how long it may take."""
         super().__init__(name, task)

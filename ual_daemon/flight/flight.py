@@ -20,7 +20,7 @@ from ual.types import Limits, State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Control, Setpoint, Snapshot, VelocitySetpoint
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.state import Estimate, estimate
@@ -34,7 +34,7 @@ from ual_daemon.tracker.references import (
     brake,
     measured_motion,
 )
-from ual_daemon.tracker.setpoint_adaptation import fitted
+from ual_daemon.tracker.setpoint_adaptation import adapted
 from ual_daemon.trajectory import Motion, Trajectory
 
 _log = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ _HOLD_PATIENCE_S = 5.0
 class _Watch:
     """A command that is no manoeuvre (arming), until its effect shows."""
 
-    def __init__(self, command: Command, is_done: Callable[[Snapshot], bool]) -> None:
+    def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> None:
         self.command = command
         self.is_done = is_done
         self.future: Future[None] = Future()
@@ -79,7 +79,7 @@ class Flight:
         self._reference: Reference | None = None
         self._watches: tuple[_Watch, ...] = ()
         self._closing: Future[None] | None = None
-        self._hold: Command | None = None
+        self._hold: AutopilotCommand | None = None
         self._sent_s = float("-inf")
         self._turn = Turn(0, "")
 
@@ -214,7 +214,7 @@ class Flight:
             self._manoeuvre = None
         self._end(old, _replaced(old, by))
 
-    def watch(self, command: Command, is_done: Callable[[Snapshot], bool]) -> Future[None]:
+    def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
         """Waits for the effect of a command; the future ends when it shows, or with the error that it failed by."""
         watch = _Watch(command, is_done)
         with self._lock:
@@ -243,7 +243,7 @@ class Flight:
         if closing.done() or self._manoeuvre is not None:
             return
         if self.raw_estimate(snapshot).state is State.FLYING_AUTO and self._hold is None:
-            self._hold = Command("hold its position", snapshot.time_s)
+            self._hold = AutopilotCommand("hold its position", snapshot.time_s)
             logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
             self._hold.send(self._backend.hold)
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
@@ -360,7 +360,7 @@ class Flight:
         """Sends a setpoint as the autopilot takes it."""
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
-            setpoint = fitted(setpoint, self._backend.info().takes, snapshot, self._limits())
+            setpoint = adapted(setpoint, self._backend.info().takes, snapshot, self._limits())
         self._backend.send(setpoint)
 
     def _step_watch(self, watch: _Watch, snapshot: Snapshot) -> None:

@@ -14,7 +14,7 @@ from ual.geometry import Transform, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames.fence import Fence
-from ual_daemon.frames.resolver import Places
+from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import ConfigError, GeofenceSettings
 from ual_daemon.tracker.references import Reference, Velocity, measured_motion
 from ual_daemon.trajectory import Brake, Motion, Trajectory, acceleration_limit
@@ -34,11 +34,11 @@ _SAME_PLACE_M = 1e-6
 class Geofence:
     """The configured fence, wherever the frame in which it is given lies in the local frame. Any thread may call."""
 
-    def __init__(self, settings: GeofenceSettings, places: Places) -> None:
+    def __init__(self, settings: GeofenceSettings, resolver: FrameResolver) -> None:
         """Raises `ConfigError` where the settings make no fence."""
         self._settings = settings
-        self._places = places
-        self._frame_id = settings.frame_id or places.tree.odom
+        self._resolver = resolver
+        self._frame_id = settings.frame_id or resolver.tree.odom
         corners = settings.polygon or settings.polygon_geo
         if settings.polygon and settings.polygon_geo:
             raise ConfigError("give the polygon either in metres or by latitude and longitude", "geofence.polygon_geo")
@@ -49,11 +49,11 @@ class Geofence:
             raise ConfigError("a polygon has at least three corners", key)
         if not self._lowest_m() < self._highest_m():
             raise ConfigError("is not above min_height_m", "geofence.max_height_m")
-        if not places.tree.is_fixed(self._frame_id):
+        if not resolver.tree.is_fixed(self._frame_id):
             raise ConfigError(f"{self._frame_id} is no fixed frame of the configuration", "geofence.frame_id")
         # In odom it moves with `set_home`, as it is told to. Elsewhere it stays: else any client could walk it away.
-        is_carried = places.is_moved_by_set_home(self._frame_id) and not places.tree.is_below_odom(self._frame_id)
-        self._stays_at = places.frame_to_local(self._frame_id) if is_carried else None
+        is_carried = resolver.is_moved_by_set_home(self._frame_id) and not resolver.tree.is_below_odom(self._frame_id)
+        self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
         Fence(corners)  # refuses a polygon that crosses itself now, not in the air
         self._made: tuple[object, Fence] | None = None
 
@@ -67,7 +67,7 @@ class Geofence:
         """The fence in the local frame. Raises `WrongStateError` while it is not known where it lies there."""
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
-        to_local = self._stays_at or self._places.frame_to_local(self._frame_id)
+        to_local = self._stays_at or self._resolver.frame_to_local(self._frame_id)
         key = (to_local.translation, to_local.rotation, snapshot.projection if self._settings.polygon_geo else None)
         made = self._made
         if made is None or made[0] != key:
@@ -148,8 +148,8 @@ class Geofence:
             raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(left)}")
 
     def _text(self, local: Vector3) -> str:
-        p = self._places.frame_to_local(self._places.tree.odom).inverse().apply(local)
-        return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {self._places.tree.odom}"
+        p = self._resolver.frame_to_local(self._resolver.tree.odom).inverse().apply(local)
+        return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {self._resolver.tree.odom}"
 
 
 def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:

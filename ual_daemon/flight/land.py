@@ -5,7 +5,7 @@ from __future__ import annotations
 from ual.errors import UalTimeoutError
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -20,7 +20,7 @@ class Land(Manoeuvre):
     declares = State.LANDING
     is_replaceable = False
 
-    def __init__(self, task: VehicleTask, command: Command, reference: Reference, start: Snapshot) -> None:
+    def __init__(self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot) -> None:
         super().__init__("land", task)
         self._command = self.command = command
         self._reference: Reference | None = reference

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -54,7 +54,7 @@ class Manoeuvre(ABC):
     def __init__(self, name: str, task: VehicleTask | None) -> None:
         self.name = name
         self.task = task
-        self.command: Command | None = None
+        self.command: AutopilotCommand | None = None
         self.future: Future[None] = Future() if task is None else task.future
         if task is None:
             self.future.set_running_or_notify_cancel()  # nobody but `end` ends it

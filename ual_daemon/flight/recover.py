@@ -5,7 +5,7 @@ from __future__ import annotations
 from ual.errors import TaskAbortedError
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, brake, measured_motion
@@ -16,7 +16,7 @@ class Recover(Manoeuvre):
 
     is_replaceable = False
 
-    def __init__(self, command: Command, limits: Limits) -> None:
+    def __init__(self, command: AutopilotCommand, limits: Limits) -> None:
         super().__init__("recover_from_manual", None)
         self._command = self.command = command
         self._limits = limits

@@ -8,7 +8,7 @@ from ual.errors import TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
     TIMEOUT_MARGIN_S,
@@ -38,7 +38,7 @@ class TakeOff(Manoeuvre):
     def __init__(
         self,
         task: VehicleTask,
-        command: Command,
+        command: AutopilotCommand,
         start: Snapshot,
         height_m: float,
         limits: Limits,

@@ -72,19 +72,19 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return _after(self._vehicle.disarm(), pb.DisarmResponse())
 
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
-        motion = self._vehicle.motions.take_off(request.height_m)
+        motion = self._vehicle.commands.take_off(request.height_m)
         if request.dry_run:
             return pb.TakeOffResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.TakeOffResponse, request.non_blocking)
 
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
-        motion = self._vehicle.motions.land()
+        motion = self._vehicle.commands.land()
         if request.dry_run:
             return pb.LandResponse(plan=_convert.plan_to_proto(motion.plan))
         return _outcome(motion.begin(), pb.LandResponse, request.non_blocking)
 
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
-        motion = self._vehicle.motions.go_to_waypoint(
+        motion = self._vehicle.commands.go_to_waypoint(
             _convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
         )
         if request.dry_run:
@@ -94,7 +94,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: object
     ) -> _Maybe[pb.GoToWaypointGeoResponse]:
-        motion = self._vehicle.motions.go_to_waypoint_geo(
+        motion = self._vehicle.commands.go_to_waypoint_geo(
             request.latitude_deg,
             request.longitude_deg,
             request.altitude_m,
@@ -107,12 +107,12 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return _outcome(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
 
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
-        return self._follow_path(request, self._vehicle.motions.turn)
+        return self._follow_path(request, self._vehicle.commands.turn)
 
     async def _follow_path(self, request: pb.FollowPathRequest, turn: Turn) -> pb.FollowPathResponse:
         # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
         motion = await asyncio.to_thread(
-            self._vehicle.motions.follow_path,
+            self._vehicle.commands.follow_path,
             _convert.waypoints_from_proto(request),
             corner_radius_m=request.corner_radius_m,
             max_speed_m_s=request.max_speed_m_s or None,
@@ -128,37 +128,37 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = _convert.pose_from_proto(request)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
-        self._vehicle.motions.tell_pose(pose)
+            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._vehicle.commands.set_pose(pose).plan))
+        self._vehicle.commands.tell_pose(pose)
         return pb.SetPoseResponse()
 
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
         velocity = _convert.velocity_from_proto(request)
         if request.dry_run:
             return pb.SetVelocityResponse(
-                plan=_convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan)
+                plan=_convert.plan_to_proto(self._vehicle.commands.set_velocity(velocity).plan)
             )
-        self._vehicle.motions.tell_velocity(velocity)
+        self._vehicle.commands.tell_velocity(velocity)
         return pb.SetVelocityResponse()
 
     def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `answers`
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
-        motions = self._vehicle.motions
+        commands = self._vehicle.commands
         while (request := (yield)) is not None:
             setpoint = _convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
-                motions.tell_velocity(setpoint)
+                commands.tell_velocity(setpoint)
             else:
-                motions.tell_pose(setpoint)
+                commands.tell_pose(setpoint)
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
-        motion = self._vehicle.motions.recover_from_manual()
+        motion = self._vehicle.commands.recover_from_manual()
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(motion.plan))
         return _after(motion.begin(), pb.RecoverFromManualResponse())

@@ -35,7 +35,7 @@ Admit = Callable[[Sequence[Vector3], Snapshot], None]
 """Raises a `UalError` where a way leaves the fence, or where it is not known any more where that lies."""
 
 
-class Chase(Reference):
+class MovingGoal(Reference):
     """Catches up with a goal that moves, and goes with it. It waits for a UAV that lags, at the geofence's edge, and
     while it is not known where the goal is.
     """

@@ -17,19 +17,19 @@ from ual.types import Capability, Frame, Info, Limits, State, TaskKind, Telemetr
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.command import Command
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.frames.resolver import Places
+from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.references import Hold, Reference, measured_motion
-from ual_daemon.vehicle.commands import Motions
-from ual_daemon.vehicle.preconditions import Checks, accepted
-from ual_daemon.vehicle.telemetry import make_sample
+from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.preconditions import Preconditions, accepted
+from ual_daemon.vehicle.telemetry import make_telemetry
 from ual_daemon.version import __version__
 
 _log = logging.getLogger(__name__)
@@ -60,16 +60,16 @@ class Vehicle:
         self.backend = backend
         self._settings = settings or VehicleSettings()
         self._allow_arming = allow_arming
-        self._places = Places(self.ns, self._settings)
+        self._resolver = FrameResolver(self.ns, self._settings)
         fence = self._settings.geofence
-        geofence = None if fence is None else Geofence(fence, self._places)
+        geofence = None if fence is None else Geofence(fence, self._resolver)
         self._flight = Flight(backend, self._limits, geofence)
-        self._checks = Checks(backend, self._flight)
-        self.motions = Motions(
+        self._preconditions = Preconditions(backend, self._flight)
+        self.commands = Commands(
             backend,
             self._flight,
-            self._places,
-            self._checks,
+            self._resolver,
+            self._preconditions,
             self._settings,
             self._limits,
             self._new_task,
@@ -162,11 +162,11 @@ class Vehicle:
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         """What takes coordinates in the source frame (default the body) to the target (default ``map``)."""
         snapshot = self.backend.snapshot()
-        return replace(self._places.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
+        return replace(self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
 
     def frames(self) -> list[Frame]:
         """All frames."""
-        return self._places.tree.frames(self._places.body(self.backend.snapshot()))
+        return self._resolver.tree.frames(self._resolver.body(self.backend.snapshot()))
 
     def task(self, task_id: str) -> VehicleTask:
         """A task by its id, running or ended lately."""
@@ -184,16 +184,16 @@ class Vehicle:
 
     def _sample(self, snapshot: Snapshot, found: Estimate) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
-        return make_sample(snapshot, found, self._places, self._flight, self._settings.pose_frame_id, sequence)
+        return make_telemetry(snapshot, found, self._resolver, self._flight, self._settings.pose_frame_id, sequence)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     def add_frame(self, transform: Transform) -> None:
         """Adds a frame, or moves one that was added; that may come often, and is not logged."""
-        with self._checks.refusing("add_frame"):
+        with self._preconditions.refusing("add_frame"):
             transform = validation.transform(transform, "transform")
-            is_new = transform.child_frame_id not in self._places.tree.names()
-            self._places.tree.add(transform, self.backend.clock.now_s())
+            is_new = transform.child_frame_id not in self._resolver.tree.names()
+            self._resolver.tree.add(transform, self.backend.clock.now_s())
             if is_new:
                 accepted("add_frame", frame=transform.child_frame_id, parent=transform.frame_id or MAP)
 
@@ -206,17 +206,17 @@ class Vehicle:
         return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
 
     def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
-        with self._checks.refusing(name):
-            self._checks.require_capability(Capability.ARM, name)
+        with self._preconditions.refusing(name):
+            self._preconditions.require_capability(Capability.ARM, name)
             if not self._is_arming_allowed():
                 raise PermissionDeniedError(
                     f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
                     "--allow-arming"
                 )
-            snapshot = self._checks.require_state(name, needed)
+            snapshot = self._preconditions.require_state(name, needed)
             if not is_armed:
                 self._flight.require_replaceable(name)  # a take-off that has begun
-            command = Command(name, snapshot.time_s)
+            command = AutopilotCommand(name, snapshot.time_s)
             future = self._flight.watch(
                 command, lambda newer: newer.armed is not None and newer.armed.value is is_armed
             )
@@ -226,17 +226,17 @@ class Vehicle:
 
     def set_home(self, set_z: bool = False) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
-        with self._checks.refusing("set_home"):
-            snapshot = self._checks.require_state("set_home", *_LANDED)
-            self._places.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
+        with self._preconditions.refusing("set_home"):
+            snapshot = self._preconditions.require_state("set_home", *_LANDED)
+            self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)
 
     def abort(self, freeze: bool = False, task_id: str = "") -> None:
         """Cancels the running task (or, with `task_id`, only that one) or reference, and stops."""
-        with self._checks.refusing("abort"):
+        with self._preconditions.refusing("abort"):
             if task_id and self.task(task_id).future.done():
                 return
-            snapshot = self._checks.require_state("abort", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
             motion = measured_motion(snapshot)
             stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
             self._flight.refer(stop, "abort", snapshot, only_task_id=task_id)
@@ -291,7 +291,7 @@ class Vehicle:
 
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
-        self._places.update(snapshot)
+        self._resolver.update(snapshot)
         self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
         self._tell_change(found)

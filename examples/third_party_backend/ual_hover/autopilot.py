@@ -19,7 +19,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Packet:
-    """What it sends 50 times a second. Places are north, east, down (m); headings clockwise from north."""
+    """What it sends 50 times a second. FrameResolver are north, east, down (m); headings clockwise from north."""
 
     time_s: float
     mode: str

@@ -21,7 +21,7 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.command import COMMAND_PATIENCE_S, Command
+from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCommand
 from ual_daemon.flight.follow import FollowTrajectory
 from ual_daemon.flight.land import Land
 from ual_daemon.flight.manoeuvre import Manoeuvre, Step
@@ -95,8 +95,8 @@ def ack() -> Future[None]:
     return Future()
 
 
-def sent(ack: Future[None], autopilot: Autopilot) -> Command:
-    command = Command("do it", autopilot.time_s)
+def sent(ack: Future[None], autopilot: Autopilot) -> AutopilotCommand:
+    command = AutopilotCommand("do it", autopilot.time_s)
     command.send(lambda: ack)
     return command
 
@@ -135,7 +135,7 @@ def test_a_backend_that_raises_has_refused(autopilot: Autopilot) -> None:
     def refuse() -> Future[None]:
         raise LinkLostError("the port is gone")
 
-    command = Command("do it", 0.0)
+    command = AutopilotCommand("do it", 0.0)
     command.send(refuse)
     assert isinstance(command.failure(autopilot.snapshot()), LinkLostError)
 
@@ -144,14 +144,14 @@ def test_a_backend_that_raises_has_refused(autopilot: Autopilot) -> None:
 
 
 def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
-    command = Command("arm", 0.0)
+    command = AutopilotCommand("arm", 0.0)
     command.withdraw()
     command.send(lambda: pytest.fail("it was sent"))
     assert not command.is_answered
 
 
 def test_a_command_that_is_withdrawn_while_it_is_sent_is_taken_back(ack: Future[None]) -> None:
-    command = Command("arm", 0.0)
+    command = AutopilotCommand("arm", 0.0)
 
     def send() -> Future[None]:
         command.withdraw()  # by another thread, which sees no future yet

@@ -50,7 +50,7 @@ class FakeVehicle:
         self.callers: list[str] = []
         self.setpoints: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
-        self.motions = self
+        self.commands = self
         self.watched = VehicleTask(TaskKind.LAND, "a task that runs", StandingClock(), lambda _: None)
 
     def telemetry(self) -> Telemetry:

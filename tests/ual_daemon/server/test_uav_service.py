@@ -25,7 +25,7 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
     with stepped() as uav:
         uav.fly()
         is_planned, may_go_on = threading.Event(), threading.Event()
-        follow_path = uav.vehicle.motions.follow_path
+        follow_path = uav.vehicle.commands.follow_path
 
         def slowly(*args: Any, **options: Any) -> Prepared[VehicleTask]:
             prepared = follow_path(*args, **options)
@@ -33,7 +33,7 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
             assert may_go_on.wait(LIMIT_S)
             return prepared
 
-        monkeypatch.setattr(uav.vehicle.motions, "follow_path", slowly)
+        monkeypatch.setattr(uav.vehicle.commands, "follow_path", slowly)
         request = pb.FollowPathRequest(non_blocking=True)
         request.waypoints.add().pose.position.x = 9.0
 

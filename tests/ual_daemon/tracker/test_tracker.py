@@ -40,11 +40,11 @@ def flying(light: Mapping[str, Any] | None = None) -> Iterator[Stepped]:
 
 
 def go_to(uav: Stepped, goal: PoseStamped) -> VehicleTask:
-    return uav.vehicle.motions.go_to_waypoint(goal).begin()
+    return uav.vehicle.commands.go_to_waypoint(goal).begin()
 
 
 def follow(uav: Stepped, goals: Sequence[PoseStamped], corner_radius_m: float) -> VehicleTask:
-    return uav.vehicle.motions.follow_path(goals, corner_radius_m=corner_radius_m).begin()
+    return uav.vehicle.commands.follow_path(goals, corner_radius_m=corner_radius_m).begin()
 
 
 def places(samples: Sequence[Telemetry]) -> list[Vector3]:

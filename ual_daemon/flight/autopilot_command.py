@@ -12,7 +12,7 @@ COMMAND_PATIENCE_S = 5.0
 """How long a command may take to show its effect. A PX4 answers within 15 ms, and shows a mode within 1 s."""
 
 
-class Command:
+class AutopilotCommand:
     """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only tells refusals."""
 
     def __init__(self, what: str, now_s: float) -> None:
