@@ -82,7 +82,7 @@ class Autopilot:
         raise AssertionError("it does not end")
 
     def task(self, kind: TaskKind) -> VehicleTask:
-        return VehicleTask(kind, "", self, lambda _: None)
+        return VehicleTask(kind, "", self)
 
 
 @pytest.fixture
