@@ -119,7 +119,7 @@ class _Uav:
         self.ual = UAL(
             "mavlink", "uav_1", url=os.environ[autopilot.url_variable], settings=VehicleSettings(tracker=tracker)
         )
-        self._places: list[Place] = []
+        self._resolver: list[Place] = []
         self.ual.subscribe(self._keep)
 
     def __enter__(self) -> Self:
@@ -159,23 +159,23 @@ class _Uav:
 
     def fly(self, way: str, start: Pose, goal: Pose) -> Flown:
         """From one hover to the next."""
-        self._places = []
+        self._resolver = []
         if way == FAR:
             self.ual.set_pose(goal)
         else:
             self.ual.go_to_waypoint(goal, blocking=False)
         self._until(lambda: self._is_near(goal.position), f"at its goal ({way})", _LONGEST_S)
         time.sleep(_AFTER_S)
-        return Flown(start.position, goal.position, list(self._places))
+        return Flown(start.position, goal.position, list(self._resolver))
 
     def _is_near(self, goal: Vector3) -> bool:
-        return bool(self._places) and (self._places[-1].position - goal).norm() <= NEAR_M
+        return bool(self._resolver) and (self._resolver[-1].position - goal).norm() <= NEAR_M
 
     def _keep(self, telemetry: Telemetry) -> None:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
         if pose is not None and velocity is not None:
             reference = None if wanted is None else wanted.position
-            self._places.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
+            self._resolver.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
 
     def _until(self, condition: Callable[[], bool], what: str, limit_s: float = _PATIENCE_S) -> None:
         until_s = time.monotonic() + limit_s

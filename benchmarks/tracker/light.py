@@ -13,7 +13,7 @@ from benchmarks.tracker import optimal
 from benchmarks.tracker.flown import Flown, Place
 from benchmarks.tracker.ways import FAR, PURSUIT, WAYS
 from ual.geometry import Pose, PoseStamped, Vector3
-from ual.types import Limits, Telemetry
+from ual.types import FollowPathRequest, GoToWaypointRequest, Limits, TakeOffRequest, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
@@ -67,7 +67,7 @@ class _Uav:
         self.run(STEP_S)
         self._simulation.pilot_arm()
         self.run(STEP_S)
-        self.end(self.vehicle.motions.take_off(HEIGHT_M).begin())
+        self.end(self.vehicle.commands.prepare(TakeOffRequest(HEIGHT_M)).begin())
         self.run(_AFTER_S)
 
     @property
@@ -122,13 +122,13 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Li
         end = start + DIAGONAL
         goal = Pose.at(end.x, end.y, end.z, TURN_RAD)
         del uav.places[:-1]
-        prepared = uav.vehicle.motions.go_to_waypoint(PoseStamped(goal))
+        prepared = uav.vehicle.commands.prepare(GoToWaypointRequest(PoseStamped(goal)))
         planned_s = prepared.plan.duration_s
         if planned_s is None:
             raise AssertionError("a go-to was planned without a duration")
         least_s = optimal.line_s(DIAGONAL, uav.limits)
         if way == FAR:
-            uav.vehicle.motions.set_pose(PoseStamped(goal)).begin()
+            uav.vehicle.commands.setpoints.set_pose(PoseStamped(goal))
             uav.run(least_s * 2.0)
         else:
             uav.end(prepared.begin())
@@ -159,7 +159,7 @@ def zigzag(tracker: Tracker) -> Zigzag:
         corners = list(itertools.accumulate((legs[i % 2] for i in range(CORNERS + 1)), initial=here))
         uav.places.clear()
         path = [PoseStamped(Pose.at(*corner)) for corner in corners[1:]]
-        motion = uav.vehicle.motions.follow_path(path, corner_radius_m=CORNER_RADIUS_M, max_speed_m_s=ZIGZAG_M_S)
+        motion = uav.vehicle.commands.prepare(FollowPathRequest(path, CORNER_RADIUS_M, ZIGZAG_M_S))
         uav.end(motion.begin())
         flown = [place.position for place in uav.places]
         off = [_off_rounded_m(position, corners) for position in flown]
@@ -203,7 +203,7 @@ def changing_goals(seed: int = 1) -> Goals:
             off = Vector3(*(chance.uniform(-GOALS_WITHIN_M, GOALS_WITHIN_M) for _ in range(3)))
             place = centre + off
             goal = Pose.at(place.x, place.y, place.z, chance.uniform(-math.pi, math.pi))
-            uav.vehicle.motions.go_to_waypoint(PoseStamped(goal)).begin()
+            uav.vehicle.commands.prepare(GoToWaypointRequest(PoseStamped(goal))).begin()
             uav.run(GOAL_PERIOD_S)
         sent = [(time_s, setpoint) for time_s, setpoint in uav.backend.sent if isinstance(setpoint, PositionSetpoint)]
         if len(sent) != len(uav.backend.sent):

@@ -16,7 +16,6 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
 from ual import TaskStatus, aio, errors, interface
-from ual.aio._dry_run import DryRun
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Plan, State, Telemetry
 
@@ -61,7 +60,6 @@ async def take_off(uav: aio.Uav) -> None:
 def test_it_has_the_members_of_the_interface() -> None:
     for protocol, kind in (
         (interface.Uav, aio.Uav),
-        (interface.DryRun, DryRun),
         (interface.Simulation, aio.Simulation),
         (interface.Task, aio.Task),
     ):
@@ -69,8 +67,21 @@ def test_it_has_the_members_of_the_interface() -> None:
             if name.startswith("_") or (protocol is interface.Uav and name == "subscribe"):
                 continue
             ours = getattr(kind, name)
-            assert inspect.iscoroutinefunction(ours) or inspect.isasyncgenfunction(ours), name
+            is_command = hasattr(interface.TaskCommands, name)  # the same function for both, of what `_begin` returns
+            is_coroutine = inspect.iscoroutinefunction(aio.Uav._begin if is_command else ours)
+            assert is_coroutine or inspect.isasyncgenfunction(ours), name
             assert list(inspect.signature(ours).parameters) == list(inspect.signature(member).parameters), name
+
+
+def test_its_commands_and_dry_runs_are_coroutines() -> None:
+    async def ask() -> None:
+        uav = aio.Uav(address="127.0.0.1:1")
+        for called in (uav.take_off(3.0), uav.land(), uav.dry_run.take_off(3.0), uav.dry_run.recover_from_manual()):
+            assert inspect.iscoroutine(called)
+            called.close()
+        await uav.close()
+
+    asyncio.run(ask())
 
 
 def test_a_whole_flight(daemon: DaemonProcess) -> None:

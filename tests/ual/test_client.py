@@ -19,8 +19,15 @@ from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
 from ual import TaskStatus, _calls, _connection, errors
 from ual._target import CHANNEL_OPTIONS
-from ual.geometry import Pose, Twist, Vector3
-from ual.types import State, Telemetry
+from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
+from ual.types import (
+    FollowPathRequest,
+    GeoWaypoint,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
+    State,
+    Telemetry,
+)
 from ual.v1 import ual_pb2 as pb
 
 
@@ -55,9 +62,9 @@ def take_off(uav: ual.Uav, height_m: float = 3.0) -> None:
 
 def test_a_speed_of_zero_is_not_taken_for_none() -> None:
     calls: list[Callable[[], object]] = [
-        lambda: _calls.go_to_waypoint(Pose(), 0.0),
-        lambda: _calls.go_to_waypoint_geo(0.0, 0.0, 3.0, ual.AltitudeReference.HOME, None, 0.0),
-        lambda: _calls.follow_path([Pose()], 0.0, 0.0, (), ual.PathHeading.WAYPOINTS, None),
+        lambda: _calls.begin_task(GoToWaypointRequest(PoseStamped(Pose()), 0.0)),
+        lambda: _calls.begin_task(GoToWaypointGeoRequest(GeoWaypoint(0.0, 0.0, 3.0), 0.0)),
+        lambda: _calls.begin_task(FollowPathRequest([PoseStamped(Pose())], 0.0, 0.0)),
     ]
     for call in calls:
         with pytest.raises(errors.InvalidArgumentError) as refused:
@@ -192,7 +199,7 @@ def test_where_the_daemon_moved_the_calls_that_run_go_on_until_they_end(monkeypa
         may_answer.set()
         calling.join(LIMIT_S)
         assert failures == []
-        setpoints.put(_calls.velocity_setpoint(Twist()))
+        setpoints.put(_calls.setpoint(TwistStamped(Twist()), "velocity"))
         first.wait_for_streamed(1)
         setpoints.put(None)
         stream.result(LIMIT_S)
@@ -378,7 +385,9 @@ def keep_flying(uav: ual.Uav) -> None:
 def test_setpoints_do_not_pile_up_before_a_daemon_that_does_not_read(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         take_off(uav)
-        waiting = [_calls.velocity_setpoint(Twist(Vector3(0.01 * number, 0.0, 0.0))) for number in range(200)]
+        waiting = [
+            _calls.setpoint(TwistStamped(Twist(Vector3(0.01 * number, 0.0, 0.0))), "velocity") for number in range(200)
+        ]
         sent: list[float] = []
 
         def setpoints() -> Iterator[pb.StreamSetpointsRequest]:

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -16,6 +16,7 @@ from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
+from ual.interface import Uav
 from ual.types import Capability, Plan, State, Telemetry
 from ual_daemon import UAL
 
@@ -49,7 +50,7 @@ EXACT, REAL = replace(Tolerances.of_simulation(), patience=1.0), replace(Toleran
 
 
 def run(sabotaged: Sabotaged, name: str, tolerances: Tolerances = EXACT) -> None:
-    conformance.run_check(Flight(sabotaged, tolerances), CHECKS[name])
+    conformance.run_check(Flight(cast("Uav", sabotaged), tolerances), CHECKS[name])
 
 
 def plain(pose: PoseStamped | Pose) -> Pose:
@@ -258,7 +259,7 @@ def test_a_check_of_a_real_uav_whose_estimate_wanders_finds_it_too(
 
 
 def test_a_check_that_cannot_run_is_skipped_and_says_why(sabotaged: Sabotaged) -> None:
-    flight = Flight(sabotaged)
+    flight = Flight(cast("Uav", sabotaged))
     flight.info = replace(flight.info, capabilities=frozenset({Capability.VELOCITY}))
     with pytest.raises(CannotRunError, match="this UAV cannot GEO"):
         conformance.run_check(flight, CHECKS["goes_to_a_geographic_waypoint"])
@@ -275,7 +276,7 @@ def test_an_error_fails_the_check_and_the_run_goes_on(sabotaged: Sabotaged) -> N
 
     sabotaged.replaced["frames"] = fail
     checks = [CHECKS["frames_form_a_tree"], CHECKS["says_who_it_is"]]
-    results = list(conformance.run(Flight(sabotaged), checks))
+    results = list(conformance.run(Flight(cast("Uav", sabotaged)), checks))
     assert [result.outcome for result in results] == [Outcome.FAILED, Outcome.PASSED]
     assert results[0].why == "INTERNAL: lost"
 
@@ -288,7 +289,9 @@ def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:
         sabotaged.replaced[name] = refuse
     if sabotaged.uav.state() is State.FLYING_AUTO:
         sabotaged.uav.land()
-    results = list(conformance.run(Flight(sabotaged), [c for c in conformance.CHECKS if c.moves], may_move=False))
+    results = list(
+        conformance.run(Flight(cast("Uav", sabotaged)), [c for c in conformance.CHECKS if c.moves], may_move=False)
+    )
     assert {result.outcome for result in results} == {Outcome.SKIPPED}
 
 
@@ -306,7 +309,7 @@ def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) 
         deadline_s = time.monotonic() + 30.0
         while sabotaged.uav.state() is not State.LANDED_DISARMED and time.monotonic() < deadline_s:
             time.sleep(0.01)
-    flight = Flight(sabotaged, ask_operator=ask)
+    flight = Flight(cast("Uav", sabotaged), ask_operator=ask)
     flight.has_pilot, flight.info = False, replace(flight.info, is_arming_allowed=False)
     conformance.run_check(flight, CHECKS["bad_heights_are_refused"])
     assert asked == ["arm the UAV"]
@@ -318,7 +321,7 @@ def test_checks_have_names_and_descriptions_of_their_own() -> None:
 
 
 def test_a_real_safety_pilot_who_takes_over_ends_the_run(sabotaged: Sabotaged) -> None:
-    flight = Flight(sabotaged)
+    flight = Flight(cast("Uav", sabotaged))
     with flight.observing():
         flight.bring_to([State.FLYING_AUTO])
     flight.has_pilot = False
@@ -335,7 +338,7 @@ def test_a_daemon_that_may_not_arm_must_say_so(sabotaged: Sabotaged) -> None:
     def refuse() -> None:
         raise PermissionDeniedError("arming belongs to the safety pilot")
 
-    flight = Flight(sabotaged)
+    flight = Flight(cast("Uav", sabotaged))
     flight.info = replace(flight.info, is_arming_allowed=False)
     with pytest.raises(CheckFailedError, match="but it was accepted"):
         conformance.run_check(flight, CHECKS["arming_belongs_to_the_pilot"])

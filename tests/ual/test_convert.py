@@ -28,8 +28,10 @@ from ual.simulation import Fault
 from ual.types import (
     AltitudeReference,
     Capability,
+    FollowPathRequest,
     Frame,
     GeoWaypoint,
+    GoToWaypointGeoRequest,
     GpsFix,
     Info,
     PathHeading,
@@ -83,8 +85,8 @@ def test_poses_come_back_as_they_were(pose: PoseStamped) -> None:
 @pytest.mark.parametrize("reference", AltitudeReference)
 def test_geographic_waypoints_come_back_as_they_were(reference: AltitudeReference, yaw_rad: float | None) -> None:
     waypoints = [GeoWaypoint(37.4, -6.0, 12.5, reference, yaw_rad), GeoWaypoint(0.0, 0.0, 0.0)]
-    request = pb.FollowPathRequest(geo_waypoints=[_convert.geo_waypoint_to_proto(each) for each in waypoints])
-    assert _convert.waypoints_from_proto(wire(request)) == waypoints
+    request = FollowPathRequest(waypoints)
+    assert _convert.task_request_from_proto(wire(_convert.task_request_to_proto(request))) == request
 
 
 @given(values.velocities)
@@ -212,10 +214,11 @@ def test_a_frame_without_rotation_is_not_rotated() -> None:
 
 
 def test_no_altitude_reference_is_home() -> None:
-    assert _convert.altitude_reference_from_proto(pb.GoToWaypointGeoRequest()) is AltitudeReference.HOME
+    unset = _convert.task_request_from_proto(pb.GoToWaypointGeoRequest())
+    assert unset == GoToWaypointGeoRequest(GeoWaypoint(0.0, 0.0, 0.0, AltitudeReference.HOME))
     for reference in AltitudeReference:
-        request = pb.GoToWaypointGeoRequest(altitude_reference=_convert.altitude_reference_to_proto(reference))
-        assert _convert.altitude_reference_from_proto(request) is reference
+        request = GoToWaypointGeoRequest(GeoWaypoint(1.0, 2.0, 3.0, reference), max_speed_m_s=4.0)
+        assert _convert.task_request_from_proto(_convert.task_request_to_proto(request)) == request
 
 
 @given(values.plans)
@@ -229,16 +232,15 @@ def test_plans_come_back_as_they_were(plan: Plan) -> None:
 @given(values.vectors, values.frame_ids)
 def test_points_of_interest_come_back_as_they_were(place: Vector3, frame_id: str) -> None:
     point = PointStamped(place, frame_id)
-    request = pb.FollowPathRequest(point_of_interest=_convert.point_stamped_to_proto(point))
-    assert _convert.point_of_interest_from_proto(wire(request)) == point
-    assert _convert.point_of_interest_from_proto(pb.FollowPathRequest()) is None
+    request = FollowPathRequest([PoseStamped(Pose())], point_of_interest=point)
+    assert _convert.task_request_from_proto(wire(_convert.task_request_to_proto(request))) == request
 
 
 def test_no_path_heading_is_that_of_the_waypoints() -> None:
-    assert _convert.path_heading_from_proto(pb.FollowPathRequest()) is PathHeading.WAYPOINTS
+    assert _convert.task_request_from_proto(pb.FollowPathRequest()) == FollowPathRequest([])
     for heading in PathHeading:
-        request = pb.FollowPathRequest(heading=_convert.path_heading_to_proto(heading))
-        assert _convert.path_heading_from_proto(request) is heading
+        request = FollowPathRequest([PoseStamped(Pose())], heading=heading)
+        assert _convert.task_request_from_proto(_convert.task_request_to_proto(request)) == request
 
 
 pose_without_position = pb.PoseStamped(pose=pb.Pose(orientation=pb.Quaternion(w=1.0)))
@@ -248,14 +250,14 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
 @pytest.mark.parametrize(
     ("read", "field"),
     [
-        (lambda: _convert.waypoint_from_proto(pb.GoToWaypointRequest()), "waypoint"),
-        (lambda: _convert.waypoint_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_pose)), "waypoint.pose"),
+        (lambda: _convert.task_request_from_proto(pb.GoToWaypointRequest()), "waypoint"),
+        (lambda: _convert.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_pose)), "waypoint.pose"),
         (
-            lambda: _convert.waypoint_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_position)),
+            lambda: _convert.task_request_from_proto(pb.GoToWaypointRequest(waypoint=pose_without_position)),
             "waypoint.pose.position",
         ),
         (
-            lambda: _convert.waypoints_from_proto(
+            lambda: _convert.task_request_from_proto(
                 pb.FollowPathRequest(
                     waypoints=[_convert.pose_stamped_to_proto(PoseStamped(Pose())), pose_without_position]
                 )
@@ -274,11 +276,11 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
         (lambda: _convert.setpoint_from_proto(pb.StreamSetpointsRequest(pose=pb.PoseStamped())), "pose.pose"),
         (lambda: _convert.new_frame_from_proto(pb.AddFrameRequest()), "transform"),
         (
-            lambda: _convert.point_of_interest_from_proto(pb.FollowPathRequest(point_of_interest=pb.PointStamped())),
+            lambda: _convert.task_request_from_proto(pb.FollowPathRequest(point_of_interest=pb.PointStamped())),
             "point_of_interest.point",
         ),
         (
-            lambda: _convert.path_heading_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
+            lambda: _convert.task_request_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
             "heading",
         ),
         (lambda: _convert.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
@@ -288,7 +290,7 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
             "fault.estimator_jumps.offset",
         ),
         (
-            lambda: _convert.altitude_reference_from_proto(
+            lambda: _convert.task_request_from_proto(
                 pb.GoToWaypointGeoRequest(altitude_reference=pb.AltitudeReference.ValueType(7))
             ),
             "altitude_reference",

@@ -15,7 +15,7 @@ from ual._connection import Connection
 from ual._setpoints import STALE_S, Setpoints, _Stream
 from ual._target import Target
 from ual.errors import InvalidArgumentError, WrongStateError
-from ual.geometry import Pose, Twist, Vector3
+from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.v1 import ual_pb2 as pb
 
 LIMIT_S = 30.0
@@ -56,7 +56,7 @@ def setpoints(
 
 
 def forward(speed_m_s: float) -> pb.StreamSetpointsRequest:
-    return _calls.velocity_setpoint(Twist(Vector3(speed_m_s, 0.0, 0.0)))
+    return _calls.setpoint(TwistStamped(Twist(Vector3(speed_m_s, 0.0, 0.0))), "velocity")
 
 
 def speeds(daemon: FakeDaemon) -> list[float]:
@@ -85,10 +85,10 @@ def test_after_a_pause_the_next_is_answered_again(daemon: FakeDaemon, setpoints:
 
 
 def test_poses_and_velocities_share_a_stream(daemon: FakeDaemon, setpoints: Setpoints) -> None:
-    setpoints.send(_calls.pose_setpoint(Pose.at(1.0, 2.0, 3.0)))
+    setpoints.send(_calls.setpoint(PoseStamped(Pose.at(1.0, 2.0, 3.0)), "pose"))
     setpoints.send(forward(1.0))
     daemon.wait_for_streamed(1)
-    setpoints.send(_calls.pose_setpoint(Pose.at(4.0, 5.0, 6.0)))
+    setpoints.send(_calls.setpoint(PoseStamped(Pose.at(4.0, 5.0, 6.0)), "pose"))
     daemon.wait_for_streamed(2)
     assert isinstance(daemon.answered[0], pb.SetPoseRequest)
     assert [request.WhichOneof("setpoint") for request in daemon.streamed] == ["velocity", "pose"]

@@ -8,13 +8,26 @@ from contextlib import contextmanager
 from typing import Any
 
 from ual.geometry import Pose, PoseStamped
-from ual.types import State, Telemetry
+from ual.interface import TaskCommands
+from ual.types import State, TaskRequest, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
+from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
+from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.vehicle import Vehicle
 
 STEP_S = 0.02
+
+
+class Prepare(TaskCommands[Prepared[VehicleTask]]):
+    """The tasks of a vehicle, planned but not begun."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+
+    def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Prepared[VehicleTask]:
+        return self._vehicle.commands.prepare(request)
 
 
 class Stepped:
@@ -22,6 +35,7 @@ class Stepped:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
+        self.prepare = Prepare(vehicle)
         self.sim = vehicle.simulation()
         self.samples: list[Telemetry] = []
         vehicle.subscribe(self.samples.append)
@@ -52,7 +66,7 @@ class Stepped:
     def fly(self, height_m: float = 3.0) -> None:
         """Into the air."""
         self.arm()
-        self.end(self.vehicle.motions.take_off(height_m).begin().future)
+        self.end(self.prepare.take_off(height_m).begin().future)
         assert self.state is State.FLYING_AUTO
         self.samples.clear()
 

@@ -162,7 +162,7 @@ def test_all_zeros_keep_the_heading_but_are_no_rotation_of_a_frame(value: Quater
     refusal(lambda: validation.rotation(value, "q"), "q")
 
 
-# --- Places, names, transforms ----------------------------------------------------------------------------------------
+# --- Names of frames, transforms --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

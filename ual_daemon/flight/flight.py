@@ -16,13 +16,15 @@ from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose
-from ual.types import Limits, State, TaskInfo
+from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Control, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import Control, Setpoint, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command, Manoeuvre, Step
+from ual_daemon.flight.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.state import Estimate, estimate
+from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import (
     VELOCITY_TIMEOUT_S,
     Follow,
@@ -33,7 +35,7 @@ from ual_daemon.tracker.references import (
     brake,
     measured_motion,
 )
-from ual_daemon.tracker.setpoint_adaptation import fitted
+from ual_daemon.tracker.setpoint_adaptation import adapted
 from ual_daemon.trajectory import Motion, Trajectory
 
 _log = logging.getLogger(__name__)
@@ -48,39 +50,39 @@ _HOLD_PATIENCE_S = 5.0
 class _Watch:
     """A command that is no manoeuvre (arming), until its effect shows."""
 
-    def __init__(self, command: Command, is_done: Callable[[Snapshot], bool]) -> None:
+    def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> None:
         self.command = command
         self.is_done = is_done
         self.future: Future[None] = Future()
         self.future.set_running_or_notify_cancel()  # nobody but us ends it
 
 
-class Turn(NamedTuple):
-    """The how manieth command it was, and which."""
+class LastCommand(NamedTuple):
+    """The newest command that began: its number, counted from the start, and its name."""
 
     number: int
-    command: str
+    name: str
 
-    def after(self, command: str) -> Turn:
-        """The next one."""
-        return Turn(self.number + 1, command)
+    def followed_by(self, name: str) -> LastCommand:
+        """Returns the next one."""
+        return LastCommand(self.number + 1, name)
 
 
 class Flight:
     """What one UAV is busy with. Every member may be called from any thread, but `step` from the update thread only."""
 
-    def __init__(self, backend: Backend, limits: Callable[[], Limits], geofence: Geofence | None = None) -> None:
+    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: Geofence | None = None) -> None:
         self._backend = backend
-        self._limits = limits
-        self._geofence = geofence
+        self.limits = limits
+        self.geofence = geofence
         self._lock = threading.Lock()
         self._manoeuvre: Manoeuvre | None = None
         self._reference: Reference | None = None
         self._watches: tuple[_Watch, ...] = ()
         self._closing: Future[None] | None = None
-        self._hold: Command | None = None
+        self._hold: AutopilotCommand | None = None
         self._sent_s = float("-inf")
-        self._turn = Turn(0, "")
+        self._last_command = LastCommand(0, "")
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -92,6 +94,11 @@ class Flight:
         """The state that a snapshot says, our own manoeuvre considered."""
         manoeuvre = self._manoeuvre
         return estimate(snapshot, self._backend.freshness, None if manoeuvre is None else manoeuvre.declares)
+
+    @property
+    def takes(self) -> Takes:
+        """Which setpoints the autopilot takes."""
+        return self._backend.info().takes
 
     @property
     def is_busy(self) -> bool:
@@ -122,17 +129,17 @@ class Flight:
         start = None if isinstance(flown, Hold) else _near(flown, snapshot)
         if start is not None and isinstance(flown, Follow) and self._inner_brake(start, snapshot) is None:
             return StopAlong(flown, self._inner_brake)
-        return brake(snapshot, self._limits(), start)
+        return brake(snapshot, self.limits.get(), start)
 
     def _inner_brake(self, start: Motion, snapshot: Snapshot) -> Follow | None:
         """What comes to rest from a motion straight ahead; None where it would leave the fence."""
-        stop = brake(snapshot, self._limits(), start)
+        stop = brake(snapshot, self.limits.get(), start)
         return None if self._leaves(stop.trajectory, snapshot) else stop
 
     def _leaves(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
         """Whether a trajectory leaves the fence, as far as it is known where that lies."""
         try:
-            return self._geofence is not None and self._geofence.is_left_by(trajectory, self._limits(), snapshot)
+            return self.geofence is not None and self.geofence.is_left_by(trajectory, self.limits.get(), snapshot)
         except WrongStateError:
             return False
 
@@ -154,15 +161,22 @@ class Flight:
             raise _not_replaceable(manoeuvre, command)
 
     @property
-    def turn(self) -> Turn:
-        """The command that was the last to begin; see `begin`."""
-        return self._turn
+    def last_command(self) -> LastCommand:
+        """The newest command that began; see `begin`."""
+        return self._last_command
 
-    def begin(self, manoeuvre: Manoeuvre, turn: Turn | None = None) -> None:
-        """Makes a manoeuvre what is flown, and ends the one that was; see `require_replaceable` and `shutting_down`.
+    def begin(self, manoeuvre: Manoeuvre, since: LastCommand | None = None) -> None:
+        """Makes a manoeuvre what is flown, and ends the one before.
 
-        With the `turn` at which it was commanded, `TaskAbortedError` where another command (an abort, too) began since:
-        that one was the newer.
+        Args:
+            manoeuvre: What to fly.
+            since: The last command when this one was received. A command that took long to plan must not replace one
+                that was received later.
+
+        Raises:
+            WrongStateError: UAL is shutting down, or the manoeuvre before may not be replaced.
+            TaskAbortedError: Another command, such as an abort, began after `since`.
+
         """
         error: UalError | None = None
         with self._lock:
@@ -171,12 +185,12 @@ class Flight:
                 error = shutting_down(manoeuvre.name)
             elif old is not None and not old.is_replaceable:
                 error = _not_replaceable(old, manoeuvre.name)
-            elif turn is not None and turn is not self._turn:
-                by = self._turn.command
+            elif since is not None and since is not self._last_command:
+                by = self._last_command.name
                 error = TaskAbortedError(f"{manoeuvre.name}: replaced by {by}, while it was planned", {"by": by})
             else:
                 self._manoeuvre, self._reference = manoeuvre, None
-                self._turn = self._turn.after(manoeuvre.name)
+                self._last_command = self._last_command.followed_by(manoeuvre.name)
         if error is not None:
             self._end(manoeuvre, error)
             raise error
@@ -199,8 +213,8 @@ class Flight:
             if old is not None and not old.is_replaceable:
                 raise _not_replaceable(old, by)
             self._manoeuvre, self._reference = None, reference
-            self._turn = self._turn.after(by)
-        self._tell(setpoint, snapshot)
+            self._last_command = self._last_command.followed_by(by)
+        self._transmit(setpoint, snapshot)
         if old is not None:
             self._end(old, _replaced(old, by))
 
@@ -213,7 +227,7 @@ class Flight:
             self._manoeuvre = None
         self._end(old, _replaced(old, by))
 
-    def watch(self, command: Command, is_done: Callable[[Snapshot], bool]) -> Future[None]:
+    def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
         """Waits for the effect of a command; the future ends when it shows, or with the error that it failed by."""
         watch = _Watch(command, is_done)
         with self._lock:
@@ -242,7 +256,7 @@ class Flight:
         if closing.done() or self._manoeuvre is not None:
             return
         if self.raw_estimate(snapshot).state is State.FLYING_AUTO and self._hold is None:
-            self._hold = Command("hold its position", snapshot.time_s)
+            self._hold = AutopilotCommand("hold its position", snapshot.time_s)
             logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
             self._hold.send(self._backend.hold)
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
@@ -315,9 +329,9 @@ class Flight:
             return
         flown = reference
         if reference is None:
-            flown = brake(snapshot, self._limits())
+            flown = brake(snapshot, self.limits.get())
         elif isinstance(reference, Velocity) and (why := self._why_ended(reference, snapshot)):
-            flown = brake(snapshot, self._limits())
+            flown = brake(snapshot, self.limits.get())
             logs.event(_log, logging.INFO, "velocity_ended", why=why)
         assert flown is not None
         if flown is reference or self._exchange(reference, flown):
@@ -326,7 +340,7 @@ class Flight:
             except Exception:  # noqa: BLE001  told loudly
                 # The UAV must not be left without references: it stops.
                 _log.exception("a reference failed; this is a defect of UAL, please report it")
-                stop = brake(snapshot, self._limits())
+                stop = brake(snapshot, self.limits.get())
                 if not self._exchange(flown, stop):
                     return
                 setpoint = stop.setpoint(snapshot)
@@ -336,9 +350,9 @@ class Flight:
         """Why a velocity may not go on; empty while it may."""
         if snapshot.time_s > velocity.expires_s:
             return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
-        if self._geofence is not None:
+        if self.geofence is not None:
             try:
-                self._geofence.admit("velocity", velocity, self._limits(), snapshot)
+                self.geofence.admit("velocity", velocity, self.limits.get(), snapshot)
             except UalError as error:  # the fence, or that it is not known any more where it lies
                 return str(error)
         return ""
@@ -353,13 +367,13 @@ class Flight:
 
     def _send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
-            self._tell(setpoint, snapshot)
+            self._transmit(setpoint, snapshot)
 
-    def _tell(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
+    def _transmit(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint as the autopilot takes it."""
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
-            setpoint = fitted(setpoint, self._backend.info().takes, snapshot, self._limits())
+            setpoint = adapted(setpoint, self.takes, snapshot, self.limits.get())
         self._backend.send(setpoint)
 
     def _step_watch(self, watch: _Watch, snapshot: Snapshot) -> None:

@@ -44,7 +44,7 @@ class Goal:
     field: str
 
 
-class Places:
+class FrameResolver:
     """The frames of one UAV, and what is commanded and reported in them. Any thread may call."""
 
     def __init__(self, ns: str, settings: VehicleSettings) -> None:
@@ -69,7 +69,7 @@ class Places:
     # --- Commanded ----------------------------------------------------------------------------------------------------
 
     def goal(self, goal: PoseStamped, field: str) -> Goal:
-        """Checks a goal, as far as that can be done without knowing where the UAV is."""
+        """Preconditions a goal, as far as that can be done without knowing where the UAV is."""
         if not isinstance(goal, PoseStamped):
             raise validation.refuse(field, f"{goal!r} is neither a PoseStamped nor a Pose")
         validation.require_type(goal.pose, Pose, f"{field}.pose")
@@ -82,7 +82,7 @@ class Places:
         )
 
     def point(self, point: PointStamped, field: str) -> Goal:
-        """Checks a point, as `goal` does."""
+        """Preconditions a point, as `goal` does."""
         if not isinstance(point, PointStamped):
             raise validation.refuse(field, f"{point!r} is neither a PointStamped nor a Vector3")
         self._require_frame(point.frame_id, field)
@@ -141,7 +141,7 @@ class Places:
         return self._map_origin is None or self.tree.is_below_odom(frame_id)
 
     def velocity(self, velocity: TwistStamped, field: str) -> tuple[Twist, str]:
-        """Checks a velocity; with the frame that it is in."""
+        """Preconditions a velocity; with the frame that it is in."""
         if not isinstance(velocity, TwistStamped):
             raise validation.refuse(field, f"{velocity!r} is neither a TwistStamped nor a Twist")
         self._require_frame(velocity.frame_id, field)

@@ -12,14 +12,16 @@ from typing import TypeAlias, TypeVar
 from ual import _convert
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
+from ual.types import TaskKind
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
-from ual_daemon.flight.flight import Turn
+from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.transport.core import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
+from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.vehicle import Vehicle
 
 R = TypeVar("R")
@@ -38,6 +40,8 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     def __init__(self, vehicle: Vehicle, updates: Updates) -> None:
         self._vehicle = vehicle
+        self._commands = vehicle.commands
+        self._setpoints = vehicle.commands.setpoints
         self._updates = updates
 
     # Names and order are those of the contract.
@@ -49,7 +53,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
         return pb.GetTelemetryResponse(telemetry=_convert.telemetry_to_proto(self._vehicle.telemetry()))
 
-    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `answers`
+    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
         self, request: pb.StreamTelemetryRequest, context: Call
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
@@ -62,113 +66,110 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.ListFramesResponse(frames=[_convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
-        self._vehicle.add_frame(_convert.new_frame_from_proto(request))
+        self._commands.add_frame(_convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
-        return _after(self._vehicle.arm(), pb.ArmResponse())
+        return _after(self._commands.arm(), pb.ArmResponse())
 
     def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
-        return _after(self._vehicle.disarm(), pb.DisarmResponse())
+        return _after(self._commands.disarm(), pb.DisarmResponse())
 
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
-        motion = self._vehicle.motions.take_off(request.height_m)
-        if request.dry_run:
-            return pb.TakeOffResponse(plan=_convert.plan_to_proto(motion.plan))
-        return _outcome(motion.begin(), pb.TakeOffResponse, request.non_blocking)
+        return self._task(request, pb.TakeOffResponse)
 
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
-        motion = self._vehicle.motions.land()
-        if request.dry_run:
-            return pb.LandResponse(plan=_convert.plan_to_proto(motion.plan))
-        return _outcome(motion.begin(), pb.LandResponse, request.non_blocking)
+        return self._task(request, pb.LandResponse)
 
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
-        motion = self._vehicle.motions.go_to_waypoint(
-            _convert.waypoint_from_proto(request), max_speed_m_s=request.max_speed_m_s or None
-        )
-        if request.dry_run:
-            return pb.GoToWaypointResponse(plan=_convert.plan_to_proto(motion.plan))
-        return _outcome(motion.begin(), pb.GoToWaypointResponse, request.non_blocking, ends_with_caller=True)
+        return self._task(request, pb.GoToWaypointResponse)
 
     def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: object
     ) -> _Maybe[pb.GoToWaypointGeoResponse]:
-        motion = self._vehicle.motions.go_to_waypoint_geo(
-            request.latitude_deg,
-            request.longitude_deg,
-            request.altitude_m,
-            _convert.altitude_reference_from_proto(request),
-            yaw_rad=request.yaw_rad if request.HasField("yaw_rad") else None,
-            max_speed_m_s=request.max_speed_m_s or None,
-        )
-        if request.dry_run:
-            return pb.GoToWaypointGeoResponse(plan=_convert.plan_to_proto(motion.plan))
-        return _outcome(motion.begin(), pb.GoToWaypointGeoResponse, request.non_blocking, ends_with_caller=True)
+        return self._task(request, pb.GoToWaypointGeoResponse)
 
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
-        return self._follow_path(request, self._vehicle.motions.turn)
+        return self._follow_path(request, self._commands.last_command)
 
-    async def _follow_path(self, request: pb.FollowPathRequest, turn: Turn) -> pb.FollowPathResponse:
+    async def _follow_path(self, request: pb.FollowPathRequest, since: LastCommand) -> pb.FollowPathResponse:
         # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
-        motion = await asyncio.to_thread(
-            self._vehicle.motions.follow_path,
-            _convert.waypoints_from_proto(request),
-            corner_radius_m=request.corner_radius_m,
-            max_speed_m_s=request.max_speed_m_s or None,
-            leg_speeds_m_s=request.leg_speeds_m_s,
-            heading=_convert.path_heading_from_proto(request),
-            point_of_interest=_convert.point_of_interest_from_proto(request),
-            turn=turn,
-        )
+        prepared = await asyncio.to_thread(self._commands.prepare, _convert.task_request_from_proto(request), since)
+        response = self._begun(prepared, request, pb.FollowPathResponse)
+        return await response if isinstance(response, Awaitable) else response
+
+    def _task(self, request: _convert.TaskRequestMessage, make: Callable[..., R]) -> _Maybe[R]:
+        prepared = self._commands.prepare(_convert.task_request_from_proto(request))
+        return self._begun(prepared, request, make)
+
+    def _begun(
+        self, prepared: Prepared[VehicleTask], request: _convert.TaskRequestMessage, make: Callable[..., R]
+    ) -> _Maybe[R]:
+        """The response with the plan of a dry run, or with the task that begins now."""
         if request.dry_run:
-            return pb.FollowPathResponse(plan=_convert.plan_to_proto(motion.plan))
-        return await _outcome(motion.begin(), pb.FollowPathResponse, request.non_blocking, ends_with_caller=True)
+            return make(plan=_convert.plan_to_proto(prepared.plan))
+        return self._outcome(prepared.begin(), make, request.non_blocking)
+
+    async def _outcome(self, task: VehicleTask, make: Callable[..., R], non_blocking: bool) -> R:
+        """The response with a task that has begun: at once, or when it has ended. Its error where it did not succeed.
+
+        A go-to or path is cancelled when its caller stops waiting: its deadline passed, or it vanished.
+        """
+        if not non_blocking:
+            try:
+                await ended(task.future)
+            except asyncio.CancelledError:
+                is_cancelled = task.kind not in (TaskKind.TAKE_OFF, TaskKind.LAND)
+                logs.event(
+                    _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
+                )
+                if is_cancelled:
+                    self._commands.cancel(task)
+                raise
+        return make(task=_convert.task_to_proto(task.info()))
 
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = _convert.pose_from_proto(request)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._vehicle.motions.set_pose(pose).plan))
-        self._vehicle.motions.tell_pose(pose)
+            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._commands.plan(pose)))
+        self._setpoints.set_pose(pose)
         return pb.SetPoseResponse()
 
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
         velocity = _convert.velocity_from_proto(request)
         if request.dry_run:
-            return pb.SetVelocityResponse(
-                plan=_convert.plan_to_proto(self._vehicle.motions.set_velocity(velocity).plan)
-            )
-        self._vehicle.motions.tell_velocity(velocity)
+            return pb.SetVelocityResponse(plan=_convert.plan_to_proto(self._commands.plan(velocity)))
+        self._setpoints.set_velocity(velocity)
         return pb.SetVelocityResponse()
 
-    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `answers`
+    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `dispatch`
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
-        motions = self._vehicle.motions
+        setpoints = self._setpoints
         while (request := (yield)) is not None:
             setpoint = _convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
-                motions.tell_velocity(setpoint)
+                setpoints.set_velocity(setpoint)
             else:
-                motions.tell_pose(setpoint)
+                setpoints.set_pose(setpoint)
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
-        motion = self._vehicle.motions.recover_from_manual()
+        prepared = self._commands.recover_from_manual()
         if request.dry_run:
-            return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(motion.plan))
-        return _after(motion.begin(), pb.RecoverFromManualResponse())
+            return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(prepared.plan))
+        return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
-        self._vehicle.set_home(request.set_z)
+        self._commands.set_home(request.set_z)
         return pb.SetHomeResponse()
 
     def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
-        self._vehicle.abort(request.freeze, request.task_id)
+        self._commands.abort(request.freeze, request.task_id)
         return pb.AbortResponse()
 
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
@@ -188,26 +189,6 @@ async def _after(future: Future[None], response: R) -> R:
     """The response once the future has ended; its error where it failed."""
     await ended(future)
     return response
-
-
-async def _outcome(
-    task: VehicleTask, make: Callable[..., R], non_blocking: bool, *, ends_with_caller: bool = False
-) -> R:
-    """The response with a task that has begun: at once, or when it has ended; its error where it did not succeed.
-
-    `ends_with_caller` cancels it when the caller gives up waiting: the deadline passed, or he vanished.
-    """
-    if not non_blocking:
-        try:
-            await ended(task.future)
-        except asyncio.CancelledError:
-            logs.event(
-                _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=ends_with_caller
-            )
-            if ends_with_caller:
-                task.cancel()
-            raise
-    return make(task=_convert.task_to_proto(task.info()))
 
 
 def _rate_hz(rate_hz: float) -> float:

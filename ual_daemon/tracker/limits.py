@@ -1,4 +1,4 @@
-"""The limits that a UAV flies within, made narrower."""
+"""The limits that a UAV flies within: those in force, and how they are made narrower."""
 
 from __future__ import annotations
 
@@ -6,7 +6,26 @@ from dataclasses import fields, replace
 
 from ual.geometry import Twist, Vector3
 from ual.types import Limits
+from ual_daemon.backends.base import Backend
 from ual_daemon.settings import LimitSettings
+
+
+class CurrentLimits:
+    """The limits in force: the smaller of the autopilot's, which may change while it is connected, and the user's."""
+
+    def __init__(self, backend: Backend, users: LimitSettings) -> None:
+        self._backend = backend
+        self._users = users
+        self._cached: tuple[Limits | None, Limits] = (None, Limits())
+
+    def get(self) -> Limits:
+        """Returns them. Any thread may call. Computed only where the autopilot's have changed: each setpoint asks."""
+        own = self._backend.info().limits
+        of, limits = self._cached
+        if of is not own:
+            limits = smaller(own, self._users)
+            self._cached = (own, limits)
+        return limits
 
 
 def smaller(own: Limits, users: LimitSettings) -> Limits:

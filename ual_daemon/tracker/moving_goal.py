@@ -1,4 +1,4 @@
-"""Goals that move: a reference that catches up with one and then goes with it, and the go-to that ends when it has.
+"""Goals that move: a reference that catches up with one and then goes with it.
 
 While a goal moves on at one velocity, the way to it is planned as if it stood still, in axes that move with it: the
 velocity relative to it then has what the goal's leaves of the limits, and accelerations are the same. So a goal at a
@@ -11,14 +11,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from ual.errors import UalError, UalTimeoutError
+from ual.errors import UalError
 from ual.geometry import Pose, Quaternion, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Setpoint, Snapshot
-from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_not_ours
-from ual_daemon.flight.state import Estimate
-from ual_daemon.flight.tasks import Progress, VehicleTask
-from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Reference, measured_motion, setpoint_of
 from ual_daemon.trajectory import Brake, Line, Motion, Trajectory
 
@@ -30,8 +26,6 @@ _SHARED = 0.02
 _MET_M, _MET_M_S = 0.1, 0.2
 _FREE_LAG_M = 1.0
 _FREE_LAG_S = 0.5
-_TIMEOUT_S = 60.0
-_TIMEOUT_FACTOR = 10.0
 
 Goal = Callable[[float], Motion]
 """Where a goal is and how it moves at a time of the backend's clock, in the local frame. Raises a `UalError` where that
@@ -41,7 +35,7 @@ Admit = Callable[[Sequence[Vector3], Snapshot], None]
 """Raises a `UalError` where a way leaves the fence, or where it is not known any more where that lies."""
 
 
-class Chase(Reference):
+class MovingGoal(Reference):
     """Catches up with a goal that moves, and goes with it. It waits for a UAV that lags, at the geofence's edge, and
     while it is not known where the goal is.
     """
@@ -180,71 +174,3 @@ def _relative_limits(goal: Motion, limits: Limits) -> Limits:
 
 def _left(limit: float, used: float) -> float:
     return max(_SHARED * limit, limit - used)
-
-
-class CatchUp(Manoeuvre):
-    """A go-to whose goal moves: it ends when the UAV goes with the goal, and goes on doing so."""
-
-    def __init__(
-        self, name: str, task: VehicleTask, chase: Chase, limits: Limits, tolerance: ToleranceSettings
-    ) -> None:
-        """`limits` are those that the chase keeps: they tell how long it may take."""
-        super().__init__(name, task)
-        self._task = task
-        self._chase = chase
-        self._limits = limits
-        self._tolerance = tolerance
-        self._started_s: float | None = None
-        self._longest_s = _TIMEOUT_S
-        self._begin_m = 0.0
-        self._there_since_s: float | None = None
-
-    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        lost = why_not_ours(snapshot, estimate, self.name)
-        if lost is not None:
-            return failed(lost)
-        try:
-            goal = self._chase.goal(snapshot.time_s)
-        except UalError as error:
-            return failed(error)
-        measured = measured_motion(snapshot)
-        left_m = (goal.position - measured.position).norm()
-        if self._started_s is None:
-            self._started_s, self._begin_m = snapshot.time_s, left_m
-            limits = self._limits
-            slowest_m_s = min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
-            self._longest_s += _TIMEOUT_FACTOR * left_m / slowest_m_s
-        setpoint = self._chase.setpoint(snapshot)
-        if self._chase.stopped is not None:
-            return failed(self._chase.stopped)
-        begin_m = self._begin_m
-        self._task.report(lambda: Progress(max(0.0, 1.0 - left_m / begin_m) if begin_m > 0.0 else None, left_m))
-        if self._is_there(goal, measured, snapshot.time_s):
-            return Step(setpoint, has_ended=True, then=self._chase)
-        if snapshot.time_s - self._started_s > self._longest_s:
-            return failed(
-                UalTimeoutError(
-                    f"{self.name}: has not caught up with its goal after {self._longest_s:.0f} s: {left_m:.2f} m off, "
-                    f"which moves at {goal.velocity.norm():.2f} m/s",
-                    {"state": estimate.state.name},
-                )
-            )
-        return Step(setpoint)
-
-    def _is_there(self, goal: Motion, measured: Motion, now_s: float) -> bool:
-        """Within tolerance, and slow against the goal, for a while."""
-        limit = self._tolerance
-        there = (
-            self._chase.has_met
-            and (measured.position - goal.position).norm() <= limit.position_m
-            and abs(wrap_angle(measured.yaw_rad - goal.yaw_rad)) <= limit.heading_rad
-            and (measured.velocity - goal.velocity).norm() <= limit.speed_m_s
-        )
-        if not there:
-            self._there_since_s = None
-        elif self._there_since_s is None:
-            self._there_since_s = now_s
-        return self._there_since_s is not None and now_s - self._there_since_s >= limit.dwell_s
-
-    def pose_reference(self) -> Reference | None:
-        return self._chase

@@ -10,7 +10,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.time_scaling import Pace
+from ual_daemon.tracker.time_scaling import TimeScaling
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
 VELOCITY_TIMEOUT_S = 0.5
@@ -93,7 +93,7 @@ class Follow(Reference):
         self._stops_s = [*trajectory.stops_s, math.inf]
         self._stopped_since_s: float | None = None
         self._updated_s = now_s
-        self._pace = Pace(trajectory)
+        self._pace = TimeScaling(trajectory)
         self.is_stopping = False
         """Whether it comes to rest where it is on the trajectory, as soon as the limits allow."""
 

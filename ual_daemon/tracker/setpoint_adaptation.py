@@ -12,7 +12,7 @@ _POSITION_GAIN = 0.8
 _YAW_GAIN = 1.5
 
 
-def fitted(setpoint: Setpoint, takes: Takes, snapshot: Snapshot, limits: Limits) -> Setpoint:
+def adapted(setpoint: Setpoint, takes: Takes, snapshot: Snapshot, limits: Limits) -> Setpoint:
     """The setpoint, or the nearest to it that the autopilot takes. The snapshot must have a pose."""
     if takes is Takes.ALL or isinstance(setpoint, VelocitySetpoint):
         return setpoint

@@ -52,7 +52,7 @@ class _Change:
         )
 
 
-class Pace:
+class TimeScaling:
     """The time of a trajectory, and what is sent of it."""
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -75,7 +75,7 @@ class Pace:
             self._change, self._changing_s = self._try(wanted), 0.0
         self._pass(passed_s)
         self.time_s = min(self.time_s, limit_s, self._trajectory.duration_s)
-        self.motion = paced(self._trajectory.at(self.time_s), self._pace, self._rate)
+        self.motion = scaled(self._trajectory.at(self.time_s), self._pace, self._rate)
 
     def _stands(self) -> bool:
         return (
@@ -131,7 +131,7 @@ class Pace:
             look_s = min(look * LOOK_S, change.duration_s)
             time_s, pace, rate = change.at(look_s)
             own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, look_s - last_s), look_s
-            sent = paced(own, pace, rate)
+            sent = scaled(own, pace, rate)
             if (
                 speed_share(sent.velocity, limits) > max(1.0, speed_share(own.velocity, limits)) + _MARGIN
                 or acceleration_share(sent.acceleration, limits)
@@ -151,7 +151,7 @@ class Pace:
         return True
 
 
-def paced(motion: Motion, pace: float, rate: float) -> Motion:
+def scaled(motion: Motion, pace: float, rate: float) -> Motion:
     """A motion whose time passes at a pace, and the pace changes at a rate."""
     if pace == 1.0 and rate == 0.0:
         return motion

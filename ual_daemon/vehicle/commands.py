@@ -1,101 +1,134 @@
-"""Every command that moves the UAV: checked, planned, and then begun, or not (a dry run).
-
-Each member of `Motions` takes all the checks of its command and gives a `Prepared`: what the motion would be, and what
-begins it. Nothing has happened until then.
-"""
+"""Every command: checked, planned, and then begun, or not (a dry run)."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
 
-from ual.errors import UalError, WrongStateError
-from ual.geometry import PointStamped, PoseStamped, TwistStamped, Vector3
-from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskKind
+from ual.errors import PermissionDeniedError, WrongStateError
+from ual.geometry import Transform, TwistStamped, Vector3
+from ual.types import (
+    Capability,
+    FollowPathRequest,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
+    LandRequest,
+    MotionRequest,
+    Plan,
+    RecoverFromManualRequest,
+    State,
+    TakeOffRequest,
+    TaskKind,
+    TaskRequest,
+)
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot, Takes
-from ual_daemon.flight.flight import Flight, Turn
-from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command, FollowTrajectory, Land, Recover, TakeOff
-from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.frames.resolver import Goal, Places
-from ual_daemon.settings import Tracker, VehicleSettings
-from ual_daemon.tracker import limits
-from ual_daemon.tracker.moving_goal import CatchUp, Chase
-from ual_daemon.tracker.pure_pursuit import Pursuit
-from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Follow, Hold, Reference, Velocity, measured_motion
-from ual_daemon.trajectory import Line, Motion, Trajectory, path
-from ual_daemon.vehicle.preconditions import Checks, accepted
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.flight import Flight, LastCommand
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.recover import Recover
+from ual_daemon.flight.take_off import TakeOff
+from ual_daemon.flight.tasks import Tasks, VehicleTask
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.frames.tree import MAP
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.tracker.references import Hold, Reference, measured_motion
+from ual_daemon.trajectory import Line
+from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.planner import Planner
+from ual_daemon.vehicle.preconditions import Preconditions, accepted
+from ual_daemon.vehicle.prepared import Prepared
+from ual_daemon.vehicle.setpoints import Setpoints
 
-T = TypeVar("T")
-
-_MAX_WAYPOINTS = 100_000
-_FLOWN_ON_M, _FLOWN_ON_S = 1.0, 0.5
-"""How far a UAV may have flown on while its next trajectory was planned: so far, and at its speed for so long."""
-
-
-@dataclass(frozen=True, slots=True)
-class Prepared(Generic[T]):
-    """A motion that may begin: what it would be, and what begins it (to be called at once, and once)."""
-
-    plan: Plan
-    begin: Callable[[], T]
+_LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
 
 
-class Motions:
-    """The commands that move one UAV. Every member may be called from any thread and returns at once; refusals raise
-    errors of `ual.errors`. See `ual.interface.Uav` for their meaning.
+class Commands:
+    """The commands of one UAV. Any thread may call; nothing blocks but the planning of a long path.
+
+    Refusals raise errors of `ual.errors`. What takes time ends a future or a `VehicleTask`. `ual.interface.Uav` says
+    what each command means.
     """
 
     def __init__(
         self,
         backend: Backend,
         flight: Flight,
-        places: Places,
-        checks: Checks,
+        resolver: FrameResolver,
+        tasks: Tasks,
         settings: VehicleSettings,
-        current_limits: Callable[[], Limits],
-        new_task: Callable[[TaskKind, str], VehicleTask],
-        geofence: Geofence | None,
+        *,
+        allow_arming: bool,
     ) -> None:
+        self._preconditions = preconditions = Preconditions(backend, flight)
         self._backend = backend
         self._flight = flight
-        self._places = places
-        self._checks = checks
-        self._settings = settings
+        self._resolver = resolver
+        self._tasks = tasks
         self._tolerance = settings.tolerance
-        self._limits = current_limits
-        self._new_task = new_task
-        self._geofence = geofence
+        self._allow_arming = allow_arming
+        self._planner = Planner(flight, resolver, preconditions, tasks, settings)
+        self.setpoints = Setpoints(flight, resolver, preconditions)
+        """The references that are sent as they are."""
+
+    # --- What moves it ------------------------------------------------------------------------------------------------
 
     @property
-    def turn(self) -> Turn:
-        """The command that was the last to begin."""
-        return self._flight.turn
+    def last_command(self) -> LastCommand:
+        """The newest command that began; see `prepare`."""
+        return self._flight.last_command
 
-    def take_off(self, height_m: float) -> Prepared[VehicleTask]:
-        """Climbs to a height above where it stands."""
-        with self._checks.refusing("take_off"):
-            self._checks.require_capability(Capability.TAKE_OFF, "take_off")
-            height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
+    def prepare(self, request: TaskRequest, since: LastCommand | None = None) -> Prepared[VehicleTask]:
+        """Takes all checks of a task, and plans it. Nothing has happened yet when this returns.
+
+        Args:
+            request: What is asked for.
+            since: The `last_command` when the request was received, where that was earlier than this call. What is
+                prepared does not replace a command that began after it.
+
+        """
+        since = since or self._flight.last_command
+        if isinstance(request, TakeOffRequest):
+            return self._take_off(request)
+        if isinstance(request, LandRequest):
+            return self._land()
+        if isinstance(request, GoToWaypointRequest):
+            return self._planner.go_to_waypoint(request, since)
+        if isinstance(request, GoToWaypointGeoRequest):
+            return self._planner.go_to_waypoint_geo(request, since)
+        assert isinstance(request, FollowPathRequest)
+        return self._planner.follow_path(request, since)
+
+    def plan(self, motion: MotionRequest) -> Plan:
+        """Returns what a motion would be, or raises what keeps it from beginning: a dry run."""
+        if isinstance(motion, RecoverFromManualRequest):
+            return self.recover_from_manual().plan
+        if isinstance(motion, (TakeOffRequest, LandRequest, GoToWaypointRequest, GoToWaypointGeoRequest)):
+            return self.prepare(motion).plan
+        if isinstance(motion, FollowPathRequest):
+            return self.prepare(motion).plan
+        if isinstance(motion, TwistStamped):
+            return self.setpoints.plan_velocity(motion)
+        return self.setpoints.plan_pose(motion)
+
+    def _take_off(self, request: TakeOffRequest) -> Prepared[VehicleTask]:
+        """A climb to a height above where the UAV stands."""
+        with self._preconditions.refusing("take_off"):
+            self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
+            height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
-            snapshot = self._checks.require_state("take_off", State.LANDED_ARMED)
-            ground, bounds = measured_motion(snapshot), self._limits()
+            snapshot = self._preconditions.require_state("take_off", State.LANDED_ARMED)
+            ground, bounds = measured_motion(snapshot), self._flight.limits.get()
             top = ground.position + Vector3(0.0, 0.0, height_m)
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
             line = Line(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
-            plan = self._admit("take_off", line, snapshot)
-            if not on_setpoints:  # the autopilot climbs as it likes
+            plan = admit(self._flight, "take_off", line, snapshot)
+            if not on_setpoints:  # the autopilot climbs at its own speed
                 plan = Plan(plan.length_m)
 
         def begin() -> VehicleTask:
-            with self._checks.refusing("take_off"):
-                task = self._new_task(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
-                command = Command("take off", snapshot.time_s)
+            with self._preconditions.refusing("take_off"):
+                task = self._tasks.new(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
+                command = AutopilotCommand("take off", snapshot.time_s)
                 climb = TakeOff(task, command, snapshot, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
                 self._flight.begin(climb)
                 command.send(lambda: self._backend.take_off(height_m))
@@ -104,17 +137,17 @@ class Motions:
 
         return Prepared(plan, begin)
 
-    def land(self) -> Prepared[VehicleTask]:
-        """Lands where it is."""
-        with self._checks.refusing("land"):
-            self._checks.require_capability(Capability.LAND, "land")
+    def _land(self) -> Prepared[VehicleTask]:
+        """A landing where the UAV is."""
+        with self._preconditions.refusing("land"):
+            self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
-            snapshot = self._checks.require_state("land", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_state("land", State.FLYING_AUTO)
 
         def begin() -> VehicleTask:
-            with self._checks.refusing("land"):
-                task = self._new_task(TaskKind.LAND, "land")
-                command = Command("land", snapshot.time_s)
+            with self._preconditions.refusing("land"):
+                task = self._tasks.new(TaskKind.LAND, "land")
+                command = AutopilotCommand("land", snapshot.time_s)
                 self._flight.begin(Land(task, command, self._flight.brake(snapshot), snapshot))
                 command.send(self._backend.land)
                 accepted("land", task_id=task.id)
@@ -122,228 +155,17 @@ class Motions:
 
         return Prepared(Plan(), begin)
 
-    def go_to_waypoint(self, waypoint: PoseStamped, *, max_speed_m_s: float | None = None) -> Prepared[VehicleTask]:
-        """Flies straight to a pose in any frame."""
-        with self._checks.refusing("go_to_waypoint"):
-            self._checks.require_capability(Capability.POSITION, "go_to_waypoint")
-            turn = self._flight.turn
-            goal = self._places.goal(waypoint, "waypoint")
-            max_speed_m_s = validation.max_speed(max_speed_m_s)
-            bounds = limits.at_most(self._limits(), max_speed_m_s)
-            snapshot = self._checks.require_state("go_to_waypoint", State.FLYING_AUTO)
-            what = f"go to {_text(goal)}"
-            if self._places.is_moving(goal):
-                chase = self._chase(goal, bounds, snapshot, max_speed_m_s)
-                return self._catch_up(TaskKind.GO_TO_WAYPOINT, what, chase, bounds, snapshot)
-            local = replace(self._places.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT, what, trajectory, snapshot, turn)
-
-    def go_to_waypoint_geo(
-        self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_m: float,
-        altitude_reference: AltitudeReference = AltitudeReference.HOME,
-        *,
-        yaw_rad: float | None = None,
-        max_speed_m_s: float | None = None,
-    ) -> Prepared[VehicleTask]:
-        """Flies straight to a geographic position."""
-        with self._checks.refusing("go_to_waypoint_geo"):
-            self._checks.require_capability(Capability.GEO, "go_to_waypoint_geo")
-            turn = self._flight.turn
-            goal = validation.geo_waypoint(
-                GeoWaypoint(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
-            )
-            max_speed_m_s = validation.max_speed(max_speed_m_s)
-            bounds = limits.at_most(self._limits(), max_speed_m_s)
-            snapshot = self._checks.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
-            local = replace(self._places.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT_GEO, f"go to {_text(goal)}", trajectory, snapshot, turn)
-
-    def follow_path(
-        self,
-        waypoints: Sequence[PoseStamped | GeoWaypoint],
-        *,
-        corner_radius_m: float = 0.0,
-        max_speed_m_s: float | None = None,
-        leg_speeds_m_s: Sequence[float] = (),
-        heading: PathHeading = PathHeading.WAYPOINTS,
-        point_of_interest: PointStamped | None = None,
-        turn: Turn | None = None,
-    ) -> Prepared[VehicleTask]:
-        """Flies through waypoints, unless another command has begun since a turn (default: since this call)."""
-        with self._checks.refusing("follow_path"):
-            self._checks.require_capability(Capability.POSITION, "follow_path")
-            turn = turn or self._flight.turn  # first: reading many waypoints takes long, too
-            if not waypoints:
-                raise validation.refuse("waypoints", "there are none; a path needs at least one")
-            if len(waypoints) > _MAX_WAYPOINTS:
-                raise validation.refuse("waypoints", f"{len(waypoints)} are more than {_MAX_WAYPOINTS}")
-            radius_m = validation.not_negative(corner_radius_m, "corner_radius_m", at_most=validation.MAX_DISTANCE_M)
-            max_speed_m_s = validation.max_speed(max_speed_m_s)
-            bounds = limits.at_most(self._limits(), max_speed_m_s)
-            speeds_m_s = validation.leg_speeds(leg_speeds_m_s, len(waypoints))
-            heading = validation.path_heading(heading, has_point=point_of_interest is not None)
-            goals = self._goals(waypoints)
-            interest = None if point_of_interest is None else self._places.point(point_of_interest, "point_of_interest")
-            snapshot = self._checks.require_state("follow_path", State.FLYING_AUTO)
-            local = [
-                replace(waypoint, max_speed_m_s=limits.slower(speed_m_s, max_speed_m_s))
-                for waypoint, speed_m_s in zip(self._places.all_to_local(goals, snapshot), speeds_m_s, strict=True)
-            ]
-            target = None if interest is None else self._places.to_local(interest, snapshot).position
-            trajectory = path(self._flight.start(snapshot), local, radius_m, bounds, heading, target)
-            what = f"follow {len(waypoints)} waypoints to {_text(goals[-1])}"
-            return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, turn)
-
-    def _goals(self, waypoints: Sequence[PoseStamped | GeoWaypoint]) -> Sequence[Goal] | Sequence[GeoWaypoint]:
-        """The waypoints of a path, checked as far as that can be done without knowing where the UAV is."""
-        geo = [waypoint for waypoint in waypoints if isinstance(waypoint, GeoWaypoint)]
-        poses = [waypoint for waypoint in waypoints if not isinstance(waypoint, GeoWaypoint)]
-        if geo and poses:
-            raise validation.refuse("waypoints", "poses and geographic positions cannot be mixed in one path")
-        if geo:
-            self._checks.require_capability(Capability.GEO, "follow_path")
-            return [validation.geo_waypoint(each, f"geo_waypoints[{i}].") for i, each in enumerate(geo)]
-        return [self._places.goal(each, f"waypoints[{i}]") for i, each in enumerate(poses)]
-
-    def _follow(
-        self, kind: TaskKind, what: str, trajectory: Trajectory, snapshot: Snapshot, turn: Turn
-    ) -> Prepared[VehicleTask]:
-        """A trajectory that was planned since a turn, in the state of a snapshot. Planning a long one takes seconds, in
-        which others may command, and the UAV flies on.
-        """
-        name = kind.name.lower()
-        plan = self._admit(name, trajectory, snapshot)
-
-        def begin() -> VehicleTask:
-            with self._checks.refusing(name):
-                self._require_near(name, trajectory)
-                task = self._new_task(kind, what)
-                tolerance, tracker = self._tolerance, self._tracker()
-                follow = FollowTrajectory(name, task, trajectory, tolerance, tracker, snapshot.time_s)
-                self._flight.begin(follow, turn)
-                accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
-                return task
-
-        return Prepared(plan, begin)
-
-    def _require_near(self, name: str, trajectory: Trajectory) -> None:
-        """Raises `WrongStateError` where the UAV is not ours any more, or not where a trajectory begins any more: it
-        would be told to jump back.
-        """
-        here = self._flight.start(self._checks.require_state(name, State.FLYING_AUTO))
-        flown_on_m = (here.position - trajectory.at(0.0).position).norm()
-        if flown_on_m > _FLOWN_ON_M + _FLOWN_ON_S * here.velocity.norm():
-            raise WrongStateError(
-                f"{name}: the UAV flew on by {flown_on_m:.1f} m while the way was planned; stop it (abort), and then "
-                "command this again"
-            )
-
-    def _chase(self, goal: Goal, bounds: Limits, snapshot: Snapshot, max_speed_m_s: float | None = None) -> Chase:
-        """What follows a goal in a frame that moves."""
-        start, geofence = self._flight.start(snapshot), self._geofence
-
-        def admit(way: Sequence[Vector3], now: Snapshot) -> None:
-            if geofence is not None:
-                geofence.require_inside(way, "the goal in the moving frame", now)
-
-        def where(now_s: float) -> Motion:
-            return self._places.moving_to_local(goal, now_s, start.yaw_rad)
-
-        return Chase(where, start, snapshot.time_s, bounds, admit, max_speed_m_s or math.inf)
-
-    def _catch_up(
-        self, kind: TaskKind, what: str, chase: Chase, bounds: Limits, snapshot: Snapshot
-    ) -> Prepared[VehicleTask]:
-        name = kind.name.lower()
-        self._admit(name, chase, snapshot)
-        goal = chase.goal(snapshot.time_s)
-
-        def begin() -> VehicleTask:
-            with self._checks.refusing(name):
-                task = self._new_task(kind, what)
-                self._flight.begin(CatchUp(name, task, chase, bounds, self._tolerance))
-                accepted(name, task_id=task.id, what=what, speed_m_s=round(goal.velocity.norm(), 2))
-                return task
-
-        return Prepared(Plan((goal.position - measured_motion(snapshot).position).norm()), begin)
-
-    def set_pose(self, pose: PoseStamped) -> Prepared[None]:
-        """A pose reference, sent as it is; it has left when it has begun."""
-        return self._setpoint("set_pose", self._pose, pose)
-
-    def set_velocity(self, velocity: TwistStamped) -> Prepared[None]:
-        """A velocity reference; it has left when it has begun."""
-        return self._setpoint("set_velocity", self._velocity, velocity)
-
-    def tell_pose(self, pose: PoseStamped) -> None:
-        """Begins `set_pose` at once, by the short way: see `_tell`."""
-        self._tell("set_pose", self._pose, pose)
-
-    def tell_velocity(self, velocity: TwistStamped) -> None:
-        """Begins `set_velocity` at once, by the short way: see `_tell`."""
-        self._tell("set_velocity", self._velocity, velocity)
-
-    def _tell(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> None:
-        """As `_setpoint` and its `begin`, through the same checks, but each once: every setpoint of a stream comes by
-        here.
-        """
-        try:
-            reference, snapshot = make(setpoint)
-            self._require_inside(name, reference, snapshot)
-            self._flight.refer(reference, name, snapshot)
-        except UalError as error:
-            self._checks.log_refusal(name, error)
-            raise
-
-    def _setpoint(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> Prepared[None]:
-        with self._checks.refusing(name):
-            reference, snapshot = make(setpoint)
-            plan = self._admit(name, reference, snapshot)
-
-        def begin() -> None:
-            with self._checks.refusing(name):
-                self._flight.refer(reference, name, snapshot)
-
-        return Prepared(plan, begin)
-
-    def _pose(self, pose: PoseStamped) -> tuple[Reference, Snapshot]:
-        """The reference of a pose, in the state of a snapshot."""
-        self._checks.require_capability(Capability.POSITION, "set_pose")
-        goal = self._places.goal(pose, "pose")
-        snapshot = self._checks.require_state("set_pose", State.FLYING_AUTO)
-        if self._places.is_moving(goal):  # within the limits: wherever it may go
-            return self._chase(goal, self._limits(), snapshot), snapshot
-        local = self._places.to_local(goal, snapshot)
-        yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
-        return Hold(local.position, yaw_rad), snapshot
-
-    def _velocity(self, velocity: TwistStamped) -> tuple[Reference, Snapshot]:
-        """The reference of a velocity, in the state of a snapshot."""
-        self._checks.require_capability(Capability.VELOCITY, "set_velocity")
-        twist, frame_id = self._places.velocity(velocity, "velocity")
-        snapshot = self._checks.require_state("set_velocity", State.FLYING_AUTO)
-        in_body = frame_id == self._places.tree.body
-        if not in_body:
-            twist = self._places.velocity_to_local(twist, frame_id, snapshot)
-        scaled = limits.scaled_down(twist, self._limits())
-        return Velocity(scaled, in_body=in_body, expires_s=snapshot.time_s + VELOCITY_TIMEOUT_S), snapshot
-
     def recover_from_manual(self) -> Prepared[Future[None]]:
         """Takes control back; the future ends when the state is FLYING_AUTO."""
-        with self._checks.refusing("recover_from_manual"):
-            self._checks.require_capability(Capability.RECOVER, "recover_from_manual")
+        with self._preconditions.refusing("recover_from_manual"):
+            self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             self._flight.require_replaceable("recover_from_manual")
-            snapshot = self._checks.require_state("recover_from_manual", State.FLYING_MANUAL)
+            snapshot = self._preconditions.require_state("recover_from_manual", State.FLYING_MANUAL)
 
         def begin() -> Future[None]:
-            with self._checks.refusing("recover_from_manual"):
-                command = Command("take our references", snapshot.time_s)
-                recover = Recover(command, self._limits())
+            with self._preconditions.refusing("recover_from_manual"):
+                command = AutopilotCommand("take our references", snapshot.time_s)
+                recover = Recover(command, self._flight.limits.get())
                 self._flight.begin(recover)
                 command.send(self._backend.take_control)
                 accepted("recover_from_manual")
@@ -351,33 +173,85 @@ class Motions:
 
         return Prepared(Plan(), begin)
 
-    def _admit(self, command: str, motion: Trajectory | Reference, snapshot: Snapshot) -> Plan:
-        """Where every trajectory and every reference that is commanded passes before it begins, dry or not.
+    # --- What stops it ------------------------------------------------------------------------------------------------
 
-        Raises what keeps it from beginning; tells what it would be.
+    def abort(self, freeze: bool = False, task_id: str = "") -> None:
+        """Cancels the running task or reference (with `task_id` only that task), and stops the UAV."""
+        with self._preconditions.refusing("abort"):
+            if task_id and self._tasks.get(task_id).future.done():
+                return
+            snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
+            motion = measured_motion(snapshot)
+            stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
+            self._flight.refer(stop, "abort", snapshot, only_task_id=task_id)
+            accepted("abort", freeze=freeze, task_id=task_id or "any")
+
+    def cancel(self, task: VehicleTask) -> None:
+        """Ends a task: the UAV stops and holds its position. Does nothing if it has ended.
+
+        Raises:
+            WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
+
         """
-        self._flight.require_replaceable(command)
-        self._require_inside(command, motion, snapshot)
-        return Plan(motion.length_m, motion.duration_s) if isinstance(motion, Trajectory) else Plan()
-
-    def _require_inside(self, command: str, motion: Trajectory | Reference, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` for what would leave the fence."""
-        if self._geofence is None:
+        if task.future.done():
             return
-        if isinstance(motion, Chase):
-            way = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
-            self._geofence.require_inside(way, command, snapshot)
+        if task.kind in (TaskKind.TAKE_OFF, TaskKind.LAND):
+            raise WrongStateError(f"{task.kind.name.lower()} can be aborted by the safety pilot only")
+        snapshot = self._backend.snapshot()
+        if self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
+            self._flight.refer(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
         else:
-            self._geofence.admit(command, motion, self._limits(), snapshot)
+            self._flight.drop(task.id, "cancel")
+        accepted("cancel", task_id=task.id)
 
-    def _tracker(self) -> type[Follow | Pursuit]:
-        takes_motion = self._backend.info().takes is Takes.ALL
-        return Follow if takes_motion and self._settings.tracker is Tracker.REFERENCE else Pursuit
+    # --- Frames -------------------------------------------------------------------------------------------------------
 
+    def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position the origin of ``<ns>/odom``."""
+        with self._preconditions.refusing("set_home"):
+            snapshot = self._preconditions.require_state("set_home", *_LANDED)
+            self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
+            accepted("set_home", set_z=set_z)
 
-def _text(goal: Goal | GeoWaypoint) -> str:
-    if isinstance(goal, GeoWaypoint):
-        above = goal.altitude_reference.name
-        return f"{goal.latitude_deg:.7f}, {goal.longitude_deg:.7f} at {goal.altitude_m:g} m ({above})"
-    p = goal.position
-    return f"{p.x:g}, {p.y:g}, {p.z:g} in {goal.frame_id}"
+    def add_frame(self, transform: Transform) -> None:
+        """Adds a frame, or moves one that was added. Moves may come often, and are not logged."""
+        with self._preconditions.refusing("add_frame"):
+            transform = validation.transform(transform, "transform")
+            is_new = transform.child_frame_id not in self._resolver.tree.names()
+            self._resolver.tree.add(transform, self._backend.clock.now_s())
+            if is_new:
+                accepted("add_frame", frame=transform.child_frame_id, parent=transform.frame_id or MAP)
+
+    # --- Motors -------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_arming_allowed(self) -> bool:
+        """Whether callers may arm: always in a simulation."""
+        return self._allow_arming or self._backend.simulation() is not None
+
+    def arm(self) -> Future[None]:
+        """Arms; the future ends when the autopilot says that it is armed."""
+        return self._arm_or_disarm("arm", State.LANDED_DISARMED, is_armed=True)
+
+    def disarm(self) -> Future[None]:
+        """Disarms; the future ends when the autopilot says that it is disarmed."""
+        return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
+
+    def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
+        with self._preconditions.refusing(name):
+            self._preconditions.require_capability(Capability.ARM, name)
+            if not self.is_arming_allowed:
+                raise PermissionDeniedError(
+                    f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
+                    "--allow-arming"
+                )
+            snapshot = self._preconditions.require_state(name, needed)
+            if not is_armed:
+                self._flight.require_replaceable(name)  # a take-off that has begun
+            command = AutopilotCommand(name, snapshot.time_s)
+            future = self._flight.watch(
+                command, lambda newer: newer.armed is not None and newer.armed.value is is_armed
+            )
+            command.send(self._backend.arm if is_armed else self._backend.disarm)
+            accepted(name)
+            return future

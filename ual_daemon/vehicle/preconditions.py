@@ -23,10 +23,10 @@ _REPEATED_REFUSAL_S = 1.0
 class _Refusing(AbstractContextManager[None]):
     """A class, as `contextlib.contextmanager` costs two to three times as much, and each setpoint comes by twice."""
 
-    __slots__ = ("_checks", "_command")
+    __slots__ = ("_command", "_preconditions")
 
-    def __init__(self, checks: Checks, command: str) -> None:
-        self._checks = checks
+    def __init__(self, preconditions: Preconditions, command: str) -> None:
+        self._preconditions = preconditions
         self._command = command
 
     def __enter__(self) -> None:
@@ -34,10 +34,10 @@ class _Refusing(AbstractContextManager[None]):
 
     def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
         if isinstance(error, UalError):
-            self._checks.log_refusal(self._command, error)
+            self._preconditions.log_refusal(self._command, error)
 
 
-class Checks:
+class Preconditions:
     """The checks of one UAV. Any thread may call."""
 
     def __init__(self, backend: Backend, flight: Flight) -> None:

@@ -8,21 +8,26 @@ from ual.types import GeoPoint, Odometry, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.state import Estimate
-from ual_daemon.frames.resolver import Places
+from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
 
-def make_sample(
-    snapshot: Snapshot, found: Estimate, places: Places, flight: Flight, pose_frame_id: str | None, sequence: int
+def make_telemetry(
+    snapshot: Snapshot,
+    found: Estimate,
+    resolver: FrameResolver,
+    flight: Flight,
+    pose_frame_id: str | None,
+    sequence: int,
 ) -> Telemetry:
     """A sample; poses in `pose_frame_id` (None: ``<ns>/odom``, which also stands in until that one is known)."""
-    odom = places.tree.odom
-    body = places.body(snapshot)
+    odom = resolver.tree.odom
+    body = resolver.body(snapshot)
     twist = None if snapshot.velocity is None else snapshot.velocity.value
     local_reference = flight.reference_pose()
-    reference = None if local_reference is None else places.to_odom(local_reference)
+    reference = None if local_reference is None else resolver.to_odom(local_reference)
     pose, velocity, frame_id = body, twist, odom
-    to_frame = _lookup(places, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
+    to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
     if to_frame is not None:
         frame_id = to_frame.frame_id
         pose = None if body is None else to_frame.apply_pose(body)
@@ -35,8 +40,8 @@ def make_sample(
         frame_id=frame_id,
         pose=pose,
         velocity=velocity,
-        odometry=_odometry(snapshot, places, body, twist),
-        transform=_in_map(places, body, snapshot.stamp_s),
+        odometry=_odometry(snapshot, resolver, body, twist),
+        transform=_in_map(resolver, body, snapshot.stamp_s),
         reference_pose=reference,
         position_geo=_position_geo(snapshot),
         battery=snapshot.battery,
@@ -49,14 +54,14 @@ def make_sample(
     )
 
 
-def _in_map(places: Places, body: Pose | None, stamp_s: float) -> Transform | None:
-    home = places.tree.odom_in_map()
+def _in_map(resolver: FrameResolver, body: Pose | None, stamp_s: float) -> Transform | None:
+    home = resolver.tree.odom_in_map()
     if home is None or body is None:
         return None
     position, orientation = body.position + home.translation, body.orientation
     if home.rotation is not IDENTITY:  # seldom
         position, orientation = home.apply(body.position), home.rotation * body.orientation
-    return Transform(position, orientation, MAP, places.tree.body, stamp_s)
+    return Transform(position, orientation, MAP, resolver.tree.body, stamp_s)
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
@@ -81,17 +86,17 @@ def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
     )
 
 
-def _lookup(places: Places, target: str | None, source: str, body: Pose | None) -> Transform | None:
+def _lookup(resolver: FrameResolver, target: str | None, source: str, body: Pose | None) -> Transform | None:
     if target is None:
         return None
     try:
-        return places.tree.lookup(target, source, body)
+        return resolver.tree.lookup(target, source, body)
     except WrongStateError:  # not known yet where it is
         return None
 
 
-def _odometry(snapshot: Snapshot, places: Places, body: Pose | None, twist: Twist | None) -> Odometry | None:
+def _odometry(snapshot: Snapshot, resolver: FrameResolver, body: Pose | None, twist: Twist | None) -> Odometry | None:
     if body is None or twist is None:
         return None
     in_body = Twist(body.orientation.inverse().rotate(twist.linear), twist.angular)
-    return Odometry(body, in_body, places.tree.odom, places.tree.body, snapshot.stamp_s)
+    return Odometry(body, in_body, resolver.tree.odom, resolver.tree.body, snapshot.stamp_s)

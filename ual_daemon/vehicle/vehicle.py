@@ -1,40 +1,32 @@
-"""One UAV above its backend: what may be commanded, and what is told of it. Nothing here blocks."""
+"""One UAV above its backend: its commands, and what is known of it."""
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import NamedTuple
 
-from ual.errors import InvalidArgumentError, NotSupportedError, PermissionDeniedError, WrongStateError
+from ual.errors import NotSupportedError
 from ual.geometry import Transform
 from ual.interface import Simulation
-from ual.types import Capability, Frame, Info, Limits, State, TaskKind, Telemetry
-from ual_daemon import __version__, logs, validation
+from ual.types import Frame, Info, State, Telemetry
+from ual_daemon import __version__, logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Command
 from ual_daemon.flight.state import Estimate
-from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.frames.resolver import Places
-from ual_daemon.frames.tree import MAP
+from ual_daemon.flight.tasks import Tasks, VehicleTask
+from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.tracker import limits
-from ual_daemon.tracker.references import Hold, Reference, measured_motion
-from ual_daemon.vehicle.commands import Motions
-from ual_daemon.vehicle.preconditions import Checks, accepted
-from ual_daemon.vehicle.telemetry import make_sample
+from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.telemetry import make_telemetry
 
 _log = logging.getLogger(__name__)
-
-_REMEMBERED_TASKS = 200
-_LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
 
 
 class _Subscriber(NamedTuple):
@@ -45,9 +37,9 @@ class _Subscriber(NamedTuple):
 
 
 class Vehicle:
-    """One UAV. Every member may be called from any thread and returns at once; see `ual.interface.Uav` for their
-    meaning. Refusals raise errors of `ual.errors`; what takes time ends a future or a `VehicleTask`. The commands
-    that move it are those of `motions`.
+    """One UAV. Any thread may call any member, and none blocks. `ual.interface.Uav` says what they mean.
+
+    `commands` has all commands; the other members say what is known.
     """
 
     def __init__(
@@ -57,31 +49,22 @@ class Vehicle:
         self.log_name = ""
         """What its lines in the log call it, where there are several in the process."""
         self.backend = backend
-        self._settings = settings or VehicleSettings()
-        self._allow_arming = allow_arming
-        self._places = Places(self.ns, self._settings)
-        fence = self._settings.geofence
-        geofence = None if fence is None else Geofence(fence, self._places)
+        settings = settings or VehicleSettings()
+        self._pose_frame_id = settings.pose_frame_id
+        self._resolver = FrameResolver(self.ns, settings)
+        self._limits = CurrentLimits(backend, settings.limits)
+        fence = settings.geofence
+        geofence = None if fence is None else Geofence(fence, self._resolver)
         self._flight = Flight(backend, self._limits, geofence)
-        self._checks = Checks(backend, self._flight)
-        self.motions = Motions(
-            backend,
-            self._flight,
-            self._places,
-            self._checks,
-            self._settings,
-            self._limits,
-            self._new_task,
-            geofence,
+        self._tasks = Tasks(backend.clock)
+        self.commands = Commands(
+            backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
         self._lock = threading.Lock()
-        self._tasks: OrderedDict[str, VehicleTask] = OrderedDict()
         self._subscribers: tuple[_Subscriber, ...] = ()
         self._state_listeners: tuple[Callable[[State], None], ...] = ()
         self._sequence = 0
         self._last_state: State | None = None
-        self._own_limits: Limits | None = None
-        self._smaller_limits = Limits()
 
     # --- Life ---------------------------------------------------------------------------------------------------------
 
@@ -113,9 +96,9 @@ class Vehicle:
             autopilot_version=vehicle.autopilot_version,
             is_simulation=vehicle.is_simulation,
             capabilities=vehicle.capabilities,
-            limits=self._limits(),
+            limits=self._limits.get(),
             ual_version=__version__,
-            is_arming_allowed=self._is_arming_allowed(),
+            is_arming_allowed=self.commands.is_arming_allowed,
             url=self.backend.options.url or "",
         )
 
@@ -161,18 +144,15 @@ class Vehicle:
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         """What takes coordinates in the source frame (default the body) to the target (default ``map``)."""
         snapshot = self.backend.snapshot()
-        return replace(self._places.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
+        return replace(self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
 
     def frames(self) -> list[Frame]:
         """All frames."""
-        return self._places.tree.frames(self._places.body(self.backend.snapshot()))
+        return self._resolver.tree.frames(self._resolver.body(self.backend.snapshot()))
 
     def task(self, task_id: str) -> VehicleTask:
-        """A task by its id, running or ended lately."""
-        found = self._tasks.get(task_id)
-        if found is None:
-            raise InvalidArgumentError(f"task_id: there is no task {task_id[:100]!r}", {"field": "task_id"})
-        return found
+        """Returns a task by its identifier, running or ended lately. Raises `InvalidArgumentError` if there is none."""
+        return self._tasks.get(task_id)
 
     def simulation(self) -> Simulation:
         """The world around a simulated UAV."""
@@ -183,95 +163,7 @@ class Vehicle:
 
     def _sample(self, snapshot: Snapshot, found: Estimate) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
-        return make_sample(snapshot, found, self._places, self._flight, self._settings.pose_frame_id, sequence)
-
-    # --- Commands -----------------------------------------------------------------------------------------------------
-
-    def add_frame(self, transform: Transform) -> None:
-        """Adds a frame, or moves one that was added; that may come often, and is not logged."""
-        with self._checks.refusing("add_frame"):
-            transform = validation.transform(transform, "transform")
-            is_new = transform.child_frame_id not in self._places.tree.names()
-            self._places.tree.add(transform, self.backend.clock.now_s())
-            if is_new:
-                accepted("add_frame", frame=transform.child_frame_id, parent=transform.frame_id or MAP)
-
-    def arm(self) -> Future[None]:
-        """Arms; the future ends when the autopilot says so."""
-        return self._arm_or_disarm("arm", State.LANDED_DISARMED, is_armed=True)
-
-    def disarm(self) -> Future[None]:
-        """Disarms; the future ends when the autopilot says so."""
-        return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
-
-    def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
-        with self._checks.refusing(name):
-            self._checks.require_capability(Capability.ARM, name)
-            if not self._is_arming_allowed():
-                raise PermissionDeniedError(
-                    f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
-                    "--allow-arming"
-                )
-            snapshot = self._checks.require_state(name, needed)
-            if not is_armed:
-                self._flight.require_replaceable(name)  # a take-off that has begun
-            command = Command(name, snapshot.time_s)
-            future = self._flight.watch(
-                command, lambda newer: newer.armed is not None and newer.armed.value is is_armed
-            )
-            command.send(self.backend.arm if is_armed else self.backend.disarm)
-            accepted(name)
-            return future
-
-    def set_home(self, set_z: bool = False) -> None:
-        """Makes the present position the origin of ``<ns>/odom``."""
-        with self._checks.refusing("set_home"):
-            snapshot = self._checks.require_state("set_home", *_LANDED)
-            self._places.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
-            accepted("set_home", set_z=set_z)
-
-    def abort(self, freeze: bool = False, task_id: str = "") -> None:
-        """Cancels the running task (or, with `task_id`, only that one) or reference, and stops."""
-        with self._checks.refusing("abort"):
-            if task_id and self.task(task_id).future.done():
-                return
-            snapshot = self._checks.require_state("abort", State.FLYING_AUTO)
-            motion = measured_motion(snapshot)
-            stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
-            self._flight.refer(stop, "abort", snapshot, only_task_id=task_id)
-            accepted("abort", freeze=freeze, task_id=task_id or "any")
-
-    def _cancel(self, task: VehicleTask) -> None:
-        if task.future.done():
-            return
-        if task.kind in (TaskKind.TAKE_OFF, TaskKind.LAND):
-            raise WrongStateError(f"{task.kind.name.lower()} can be aborted by the safety pilot only")
-        snapshot = self.backend.snapshot()
-        if self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
-            stop = self._flight.brake(snapshot)
-            self._flight.refer(stop, "cancel", snapshot, only_task_id=task.id)
-        else:
-            self._flight.drop(task.id, "cancel")
-        accepted("cancel", task_id=task.id)
-
-    def _new_task(self, kind: TaskKind, description: str) -> VehicleTask:
-        task = VehicleTask(kind, description, self.backend.clock, self._cancel)
-        with self._lock:
-            self._tasks[task.id] = task
-            if len(self._tasks) > _REMEMBERED_TASKS:
-                self._tasks.popitem(last=False)
-        return task
-
-    def _is_arming_allowed(self) -> bool:
-        return self._allow_arming or self.backend.simulation() is not None
-
-    def _limits(self) -> Limits:
-        """The smaller of the autopilot's limits, which it may tell anew, and the user's."""
-        own = self.backend.info().limits
-        if self._own_limits is not own:
-            self._smaller_limits = limits.smaller(own, self._settings.limits)
-            self._own_limits = own
-        return self._smaller_limits
+        return make_telemetry(snapshot, found, self._resolver, self._flight, self._pose_frame_id, sequence)
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 
@@ -290,17 +182,17 @@ class Vehicle:
 
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
-        self._places.update(snapshot)
+        self._resolver.update(snapshot)
         self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
-        self._tell_change(found)
+        self._publish_state(found)
         due = [each for each in self._subscribers if each.is_due()]
         if due:
             sample = self._sample(snapshot, found)
             for subscriber in due:
                 subscriber.callback(sample)
 
-    def _tell_change(self, found: Estimate) -> None:
+    def _publish_state(self, found: Estimate) -> None:
         last, self._last_state = self._last_state, found.state
         if last is not found.state:
             level = logging.WARNING if found.state in (State.UNINITIALIZED, State.FLYING_MANUAL) else logging.INFO

@@ -6,7 +6,7 @@ The client and its asyncio twin differ only in how they make a call, never in wh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
@@ -16,30 +16,24 @@ from google.protobuf.message import Message
 from ual import _convert
 from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
-from ual.geometry import (
-    PointStamped,
-    Pose,
-    PoseStamped,
-    Transform,
-    Twist,
-    TwistStamped,
-    Vector3,
-    stamped_point,
-    stamped_pose,
-    stamped_twist,
-)
+from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3
 from ual.simulation import Fault
 from ual.types import (
-    AltitudeReference,
+    FollowPathRequest,
     Frame,
-    GeoWaypoint,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
     Info,
-    PathHeading,
+    LandRequest,
+    MotionRequest,
     Plan,
+    RecoverFromManualRequest,
+    Setpoint,
+    TakeOffRequest,
     TaskInfo,
+    TaskRequest,
     TaskStatus,
     Telemetry,
-    Waypoints,
 )
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
@@ -185,93 +179,22 @@ def get_task(task_id: str) -> Call[TaskInfo]:
 
 # Tasks: as non-blocking they are answered at once
 
-
-def take_off(height_m: float, blocking: bool = True) -> Call[TaskInfo]:
-    request = _built(lambda: pb.TakeOffRequest(height_m=height_m, non_blocking=not blocking), "height_m")
-    return _task("TakeOff", request, blocking, _GOES_ON)
-
-
-def land(blocking: bool = True) -> Call[TaskInfo]:
-    return _task("Land", pb.LandRequest(non_blocking=not blocking), blocking, _GOES_ON)
-
-
-def go_to_waypoint(waypoint: PoseStamped | Pose, max_speed_m_s: float | None, blocking: bool = True) -> Call[TaskInfo]:
-    request = _built(
-        lambda: pb.GoToWaypointRequest(
-            waypoint=_convert.pose_stamped_to_proto(stamped_pose(waypoint)),
-            max_speed_m_s=_speed(max_speed_m_s),
-            non_blocking=not blocking,
-        ),
-        "waypoint",
-    )
-    return _task("GoToWaypoint", request, blocking)
+_TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
+    TakeOffRequest: ("TakeOff", "height_m", _GOES_ON),
+    LandRequest: ("Land", "land", _GOES_ON),
+    GoToWaypointRequest: ("GoToWaypoint", "waypoint", _IS_CANCELLED),
+    GoToWaypointGeoRequest: ("GoToWaypointGeo", "waypoint", _IS_CANCELLED),
+    FollowPathRequest: ("FollowPath", "waypoints", _IS_CANCELLED),
+}
+"""The method of each request, the field named where protobuf refuses a value, and what becomes of it at a time-out."""
 
 
-def go_to_waypoint_geo(
-    latitude_deg: float,
-    longitude_deg: float,
-    altitude_m: float,
-    altitude_reference: AltitudeReference,
-    yaw_rad: float | None,
-    max_speed_m_s: float | None,
-    blocking: bool = True,
-) -> Call[TaskInfo]:
-    request = _built(
-        lambda: pb.GoToWaypointGeoRequest(
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
-            altitude_m=altitude_m,
-            altitude_reference=_convert.altitude_reference_to_proto(altitude_reference),
-            yaw_rad=yaw_rad,
-            max_speed_m_s=_speed(max_speed_m_s),
-            non_blocking=not blocking,
-        ),
-        "waypoint",
-    )
-    return _task("GoToWaypointGeo", request, blocking)
-
-
-def follow_path(
-    waypoints: Waypoints,
-    corner_radius_m: float,
-    max_speed_m_s: float | None,
-    leg_speeds_m_s: Sequence[float],
-    heading: PathHeading,
-    point_of_interest: PointStamped | Vector3 | None,
-    blocking: bool = True,
-) -> Call[TaskInfo]:
-    request = _built(
-        lambda: pb.FollowPathRequest(
-            waypoints=[
-                _convert.pose_stamped_to_proto(stamped_pose(each))
-                for each in waypoints
-                if not isinstance(each, GeoWaypoint)
-            ],
-            geo_waypoints=[_convert.geo_waypoint_to_proto(each) for each in waypoints if isinstance(each, GeoWaypoint)],
-            corner_radius_m=corner_radius_m,
-            max_speed_m_s=_speed(max_speed_m_s),
-            leg_speeds_m_s=leg_speeds_m_s,
-            heading=_convert.path_heading_to_proto(heading),
-            point_of_interest=(
-                None if point_of_interest is None else _convert.point_stamped_to_proto(stamped_point(point_of_interest))
-            ),
-            non_blocking=not blocking,
-        ),
-        "waypoints",
-    )
-    return _task("FollowPath", request, blocking)
-
-
-def _speed(max_speed_m_s: float | None) -> float:
-    """In requests 0 stands for no speed; one that is given as 0 must not become that."""
-    if max_speed_m_s == 0.0:
-        raise InvalidArgumentError("max_speed_m_s: is zero; it must be more", {"field": "max_speed_m_s"})
-    return 0.0 if max_speed_m_s is None else max_speed_m_s
-
-
-def _task(method: str, request: Message, blocking: bool, at_timeout: str = _IS_CANCELLED) -> Call[TaskInfo]:
+def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
+    """The call that begins a task, and waits for its end where it is blocking."""
+    method, field, at_timeout = _TASK_METHODS[type(request)]
+    message = _built(lambda: _convert.task_request_to_proto(request, non_blocking=not blocking), field)
     quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
-    return Call(Service.UAL, method, request, _read_task, quick_s, at_timeout)
+    return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
 
 
 def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
@@ -286,8 +209,16 @@ def has_ended(task: TaskInfo) -> bool:
 # Dry runs
 
 
-def dry_run(call: Call[Any]) -> Call[Plan]:
-    """The same call as a question: nothing moves."""
+def dry_run(motion: MotionRequest) -> Call[Plan]:
+    """A motion as a question: nothing moves."""
+    if isinstance(motion, RecoverFromManualRequest):
+        call: Call[Any] = recover_from_manual()
+    elif isinstance(motion, (PoseStamped, TwistStamped)):
+        call = single_setpoint(setpoint(motion, "pose" if isinstance(motion, PoseStamped) else "velocity"))
+    elif type(motion) in _TASK_METHODS:
+        call = begin_task(motion)
+    else:
+        raise InvalidArgumentError(f"{motion!r:.100} is no motion")
     request: Any = call.request
     request.dry_run = True
     return Call(call.service, call.method, request, _read_plan)
@@ -304,28 +235,19 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 # Setpoints
 
 
-def pose_setpoint(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:
-    """`set_pose` as an element of the stream."""
-    return _setpoint(stamped_pose(pose), "pose")
-
-
-def velocity_setpoint(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
-    """`set_velocity` as an element of the stream."""
-    return _setpoint(stamped_twist(velocity), "velocity")
-
-
-def _setpoint(setpoint: PoseStamped | TwistStamped, what: str) -> pb.StreamSetpointsRequest:
+def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
+    """A reference as an element of the stream. `field` is named where protobuf refuses a value."""
     try:
-        return _convert.setpoint_to_proto(setpoint)
+        return _convert.setpoint_to_proto(reference)
     except (TypeError, ValueError, AttributeError) as error:
-        raise InvalidArgumentError(f"{what}: {error}", {"field": what}) from None
+        raise InvalidArgumentError(f"{field}: {error}", {"field": field}) from None
 
 
-def single_setpoint(setpoint: pb.StreamSetpointsRequest) -> Call[None]:
+def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
-    if setpoint.HasField("velocity"):
-        return Call(Service.UAL, "SetVelocity", pb.SetVelocityRequest(velocity=setpoint.velocity), _nothing)
-    return Call(Service.UAL, "SetPose", pb.SetPoseRequest(pose=setpoint.pose), _nothing)
+    if element.HasField("velocity"):
+        return Call(Service.UAL, "SetVelocity", pb.SetVelocityRequest(velocity=element.velocity), _nothing)
+    return Call(Service.UAL, "SetPose", pb.SetPoseRequest(pose=element.pose), _nothing)
 
 
 # Simulation

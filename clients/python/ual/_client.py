@@ -2,50 +2,56 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from typing_extensions import Self
+from typing_extensions import override
 
-from ual import _calls, _views
+from ual import _calls, interface
 from ual._connection import Connection
-from ual._dry_run import DryRun
 from ual._setpoints import Setpoints
 from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, Odometry, PathHeading, State, TaskInfo, Telemetry, Waypoints
-
-_log = logging.getLogger(__name__)
+from ual.types import Frame, Info, Plan, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
 
-class Uav:
-    """One UAV, flown through its daemon; its members are those of `ual.interface.Uav`.
+class Uav(interface.Uav):
+    """One UAV, flown through its daemon. Its members are those of `ual.interface.Uav`.
 
-    ``Uav("uav_2")`` finds the daemon of that namespace on this computer; ``Uav(address="host:50051")`` or
-    ``Uav(address="unix:/run/ual/uav_2.sock")`` goes elsewhere; ``$UAL_NS`` and ``$UAL_ADDRESS`` stand in for what is
-    not given, and where nothing is, it is the only UAV of this computer. `tls_ca` is a file with the certificates to
-    trust, for a daemon that uses TLS. Nothing is connected until the first call, and a daemon that was restarted is
-    found again.
+    Nothing is connected until the first call. A daemon that was restarted is found again.
+
+    Args:
+        ns: The namespace of a daemon on this computer, such as ``uav_2``. Default: ``$UAL_NS``.
+        address: Where the daemon is, ``host:50051`` or ``unix:/run/ual/uav_2.sock``. Default: ``$UAL_ADDRESS``. Where
+            neither is given, it is the only UAV of this computer.
+        tls_ca: A file with the certificates to trust, for a daemon that uses TLS.
+
+    Example:
+        >>> with ual.Uav("uav_1") as uav:
+        ...     uav.take_off(3.0)
+        ...     uav.go_to_waypoint(ual.Pose.at(4.0, 2.0, 3.0))
+        ...     uav.land()
+
     """
 
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
-        self._dry_run = DryRun(self._connection)
+        self._dry_run = interface.DryRun(lambda motion: self._connection.run(_calls.dry_run(motion)))
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
         self._subscriptions = Subscriptions(self._connection)
 
     @property
+    @override
     def ns(self) -> str:
-        """The namespace; asks the daemon where none was given."""
+        """The namespace. Asks the daemon where none was given."""
         return self._connection.target.ns or self.info().namespace
 
     @property
@@ -53,139 +59,81 @@ class Uav:
         """Where the daemon is, or would be."""
         return self._connection.target.address()
 
+    @override
     def close(self) -> None:
-        """Ends the setpoints, the subscriptions and the connection. The UAV goes on as the interface says."""
+        """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
         self._setpoints.settle()
         self._subscriptions.close()
         self._connection.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
+    @override
     def info(self) -> Info:
         return self._connection.run(_calls.get_info())
 
-    def is_ready(self) -> bool:
-        return _views.is_ready(self.telemetry())
-
-    def is_idle(self) -> bool:
-        return _views.is_idle(self.telemetry())
-
-    def state(self) -> State:
-        return self.telemetry().state
-
-    def pose(self) -> PoseStamped:
-        return _views.pose(self.telemetry())
-
-    def velocity(self) -> TwistStamped:
-        return _views.velocity(self.telemetry())
-
-    def odometry(self) -> Odometry:
-        return _views.odometry(self.telemetry())
-
-    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        return self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
-
-    def reference_pose(self) -> PoseStamped | None:
-        return _views.reference_pose(self.telemetry())
-
+    @override
     def telemetry(self) -> Telemetry:
         return self._connection.run(_calls.get_telemetry())
 
+    @override
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
         return self._subscriptions.open(callback, _calls.rate(rate_hz))
 
+    @override
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        return self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
+
+    @override
     def frames(self) -> list[Frame]:
         return self._connection.run(_calls.list_frames())
 
+    @override
     def add_frame(self, transform: Transform) -> None:
         self._connection.run(_calls.add_frame(transform))
 
-    def arm(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.arm(), timeout_s)
-
-    def disarm(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.disarm(), timeout_s)
-
-    def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return self._command_task(_calls.take_off(height_m, blocking), timeout_s)
-
-    def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return self._command_task(_calls.land(blocking), timeout_s)
-
-    def go_to_waypoint(
-        self,
-        waypoint: PoseStamped | Pose,
-        *,
-        max_speed_m_s: float | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        return self._command_task(_calls.go_to_waypoint(waypoint, max_speed_m_s, blocking), timeout_s)
-
-    def go_to_waypoint_geo(
-        self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_m: float,
-        altitude_reference: AltitudeReference = AltitudeReference.HOME,
-        *,
-        yaw_rad: float | None = None,
-        max_speed_m_s: float | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        call = _calls.go_to_waypoint_geo(
-            latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, max_speed_m_s, blocking
-        )
-        return self._command_task(call, timeout_s)
-
-    def follow_path(
-        self,
-        waypoints: Waypoints,
-        *,
-        corner_radius_m: float = 0.0,
-        max_speed_m_s: float | None = None,
-        leg_speeds_m_s: Sequence[float] = (),
-        heading: PathHeading = PathHeading.WAYPOINTS,
-        point_of_interest: PointStamped | Vector3 | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        call = _calls.follow_path(
-            waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, blocking
-        )
-        return self._command_task(call, timeout_s)
-
-    def set_pose(self, pose: PoseStamped | Pose) -> None:
-        self._setpoints.send(_calls.pose_setpoint(pose))
-
-    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        self._setpoints.send(_calls.velocity_setpoint(velocity))
-
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.recover_from_manual(), timeout_s)
-
+    @override
     def set_home(self, set_z: bool = False) -> None:
         self._command(_calls.set_home(set_z))
 
+    @override
+    def arm(self, *, timeout_s: float | None = None) -> None:
+        self._command(_calls.arm(), timeout_s)
+
+    @override
+    def disarm(self, *, timeout_s: float | None = None) -> None:
+        self._command(_calls.disarm(), timeout_s)
+
+    @override
+    def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
+        return Task(self._connection, self._command(_calls.begin_task(request, blocking), timeout_s))
+
+    @override
+    def set_pose(self, pose: PoseStamped | Pose) -> None:
+        self._setpoints.send(_calls.setpoint(stamped_pose(pose), "pose"))
+
+    @override
+    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
+
+    @override
+    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+        self._command(_calls.recover_from_manual(), timeout_s)
+
+    @override
     def abort(self, freeze: bool = False) -> None:
         self._command(_calls.abort(freeze))
 
+    @override
     def task(self, task_id: str) -> Task:
-        return self._task(_calls.get_task(task_id), None)
+        return Task(self._connection, self._connection.run(_calls.get_task(task_id)))
 
     @property
-    def dry_run(self) -> DryRun:
-        """The motions, as questions: what would happen, without anything moving."""
+    @override
+    def dry_run(self) -> interface.DryRun[Plan]:
         return self._dry_run
 
     @property
+    @override
     def simulation(self) -> Simulation:
-        """The world around a simulated UAV. `NotSupportedError` for a real one."""
         if not self._is_simulation:
             self._simulation.faults()
             self._is_simulation = True
@@ -196,51 +144,57 @@ class Uav:
         self._setpoints.settle()
         return self._connection.run(call, timeout_s)
 
-    def _command_task(self, call: _calls.Call[TaskInfo], timeout_s: float | None) -> Task:
-        return Task(self._connection, self._command(call, timeout_s))
 
-    def _task(self, call: _calls.Call[TaskInfo], timeout_s: float | None) -> Task:
-        return Task(self._connection, self._connection.run(call, timeout_s))
-
-
-class Simulation:
-    """The world around a simulated UAV; see ``ual/v1/simulation.proto``."""
+class Simulation(interface.Simulation):
+    """The world around a simulated UAV, over gRPC."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
+    @override
     def pilot_arm(self) -> None:
         self._connection.run(_calls.pilot_arm())
 
+    @override
     def pilot_disarm(self) -> None:
         self._connection.run(_calls.pilot_disarm())
 
+    @override
     def pilot_take_over(self) -> None:
         self._connection.run(_calls.pilot_take_over())
 
+    @override
     def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
         self._connection.run(_calls.pilot_move_sticks(forward, left, up, turn))
 
+    @override
     def pilot_give_back(self) -> None:
         self._connection.run(_calls.pilot_give_back())
 
+    @override
     def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         return self._connection.run(_calls.begin_fault(fault, duration_s))
 
+    @override
     def end_fault(self, fault_id: str = "") -> None:
         self._connection.run(_calls.end_fault(fault_id))
 
+    @override
     def faults(self) -> dict[str, Fault]:
         return self._connection.run(_calls.list_faults())
 
+    @override
     def set_speed_factor(self, speed_factor: float) -> None:
         self._connection.run(_calls.set_speed_factor(speed_factor))
 
+    @override
     def step(self, duration_s: float) -> None:
         self._connection.run(_calls.step(duration_s))
 
+    @override
     def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
         self._connection.run(_calls.set_noise(position_m, velocity_m_s))
 
+    @override
     def set_wind(self, velocity_m_s: Vector3) -> None:
         self._connection.run(_calls.set_wind(velocity_m_s))

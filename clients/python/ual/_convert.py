@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from google.protobuf.duration_pb2 import Duration
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -46,19 +46,25 @@ from ual.types import (
     AltitudeReference,
     Battery,
     Capability,
+    FollowPathRequest,
     Frame,
     GeoPoint,
     GeoWaypoint,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
     GpsFix,
     GpsInfo,
     Info,
+    LandRequest,
     Limits,
     Odometry,
     PathHeading,
     Plan,
     State,
+    TakeOffRequest,
     TaskInfo,
     TaskKind,
+    TaskRequest,
     TaskStatus,
     Telemetry,
 )
@@ -66,6 +72,10 @@ from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
 
 _E = TypeVar("_E", bound=Enum)
+
+TaskRequestMessage: TypeAlias = (
+    "pb.TakeOffRequest | pb.LandRequest | pb.GoToWaypointRequest | pb.GoToWaypointGeoRequest | pb.FollowPathRequest"
+)
 
 _STATE_TO_PROTO = {state: pb.State.ValueType(state.value) for state in State}
 _STATE_FROM_PROTO: Mapping[int, State] = {state.value: state for state in State}
@@ -223,51 +233,114 @@ def transform_from_proto(message: pb.Transform) -> Transform:
     )
 
 
-# The parts of requests that must be there
+# Requests of tasks
 
 
-def waypoint_from_proto(request: pb.GoToWaypointRequest) -> PoseStamped:
-    """The goal of GoToWaypoint."""
-    if not request.HasField("waypoint"):
-        raise _not_set("waypoint")
-    return pose_stamped_from_proto(request.waypoint, "waypoint")
+def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
+    """What begins a task, as the message of its method."""
+    if isinstance(request, TakeOffRequest):
+        return pb.TakeOffRequest(height_m=request.height_m, non_blocking=non_blocking)
+    if isinstance(request, LandRequest):
+        return pb.LandRequest(non_blocking=non_blocking)
+    if isinstance(request, GoToWaypointRequest):
+        return pb.GoToWaypointRequest(
+            waypoint=pose_stamped_to_proto(request.waypoint),
+            max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
+            non_blocking=non_blocking,
+        )
+    if isinstance(request, GoToWaypointGeoRequest):
+        return pb.GoToWaypointGeoRequest(
+            latitude_deg=request.waypoint.latitude_deg,
+            longitude_deg=request.waypoint.longitude_deg,
+            altitude_m=request.waypoint.altitude_m,
+            altitude_reference=_altitude_reference_to_proto(request.waypoint.altitude_reference),
+            yaw_rad=request.waypoint.yaw_rad,
+            max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
+            non_blocking=non_blocking,
+        )
+    return _follow_path_to_proto(request, non_blocking)
 
 
-def waypoints_from_proto(request: pb.FollowPathRequest) -> list[PoseStamped | GeoWaypoint]:
-    """The waypoints of FollowPath; none, and both kinds at once, are for the daemon's validation to refuse."""
-    poses = (pose_stamped_from_proto(message, f"waypoints[{i}]") for i, message in enumerate(request.waypoints))
-    return [*poses, *map(_geo_waypoint_from_proto, request.geo_waypoints)]
-
-
-def _geo_waypoint_from_proto(message: pb.GeoWaypoint) -> GeoWaypoint:
-    return GeoWaypoint(
-        message.latitude_deg,
-        message.longitude_deg,
-        message.altitude_m,
-        altitude_reference_from_proto(message),
-        message.yaw_rad if message.HasField("yaw_rad") else None,
+def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.FollowPathRequest:
+    interest = request.point_of_interest
+    return pb.FollowPathRequest(
+        waypoints=[pose_stamped_to_proto(each) for each in request.waypoints if not isinstance(each, GeoWaypoint)],
+        geo_waypoints=[_geo_waypoint_to_proto(each) for each in request.waypoints if isinstance(each, GeoWaypoint)],
+        corner_radius_m=request.corner_radius_m,
+        max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
+        leg_speeds_m_s=request.leg_speeds_m_s,
+        heading=_path_heading_to_proto(request.heading),
+        point_of_interest=None if interest is None else _point_stamped_to_proto(interest),
+        non_blocking=non_blocking,
     )
 
 
-def geo_waypoint_to_proto(waypoint: GeoWaypoint) -> pb.GeoWaypoint:
-    """A geographic position to fly to."""
+def task_request_from_proto(message: TaskRequestMessage) -> TaskRequest:
+    """What begins a task. Raises `InvalidArgumentError` for a part that is missing or unknown."""
+    if isinstance(message, pb.TakeOffRequest):
+        return TakeOffRequest(message.height_m)
+    if isinstance(message, pb.LandRequest):
+        return LandRequest()
+    if isinstance(message, pb.GoToWaypointRequest):
+        if not message.HasField("waypoint"):
+            raise _not_set("waypoint")
+        return GoToWaypointRequest(pose_stamped_from_proto(message.waypoint, "waypoint"), message.max_speed_m_s or None)
+    if isinstance(message, pb.GoToWaypointGeoRequest):
+        return GoToWaypointGeoRequest(_geo_waypoint_from_proto(message), message.max_speed_m_s or None)
+    return _follow_path_from_proto(message)
+
+
+def _follow_path_from_proto(message: pb.FollowPathRequest) -> FollowPathRequest:
+    poses = (pose_stamped_from_proto(each, f"waypoints[{i}]") for i, each in enumerate(message.waypoints))
+    heading: int = message.heading
+    return FollowPathRequest(
+        # None, and both kinds at once, are for the daemon's validation to refuse.
+        [*poses, *map(_geo_waypoint_from_proto, message.geo_waypoints)],
+        message.corner_radius_m,
+        message.max_speed_m_s or None,
+        tuple(message.leg_speeds_m_s),
+        _enum(PathHeading, heading or PathHeading.WAYPOINTS.value, "heading"),
+        _point_of_interest_from_proto(message),
+    )
+
+
+def _max_speed_to_proto(max_speed_m_s: float | None) -> float:
+    """In requests 0 stands for no speed. One that is given as 0 must not become that."""
+    if max_speed_m_s == 0.0:
+        raise InvalidArgumentError("max_speed_m_s: is zero; it must be more", {"field": "max_speed_m_s"})
+    return 0.0 if max_speed_m_s is None else max_speed_m_s
+
+
+def _geo_waypoint_to_proto(waypoint: GeoWaypoint) -> pb.GeoWaypoint:
     return pb.GeoWaypoint(
         latitude_deg=waypoint.latitude_deg,
         longitude_deg=waypoint.longitude_deg,
         altitude_m=waypoint.altitude_m,
-        altitude_reference=altitude_reference_to_proto(waypoint.altitude_reference),
+        altitude_reference=_altitude_reference_to_proto(waypoint.altitude_reference),
         yaw_rad=waypoint.yaw_rad,
     )
 
 
-def path_heading_from_proto(request: pb.FollowPathRequest) -> PathHeading:
-    """Where the nose points in FollowPath; UNSPECIFIED is WAYPOINTS."""
-    value: int = request.heading
-    return _enum(PathHeading, value or PathHeading.WAYPOINTS.value, "heading")
+def _geo_waypoint_from_proto(message: pb.GeoWaypoint | pb.GoToWaypointGeoRequest) -> GeoWaypoint:
+    reference: int = message.altitude_reference
+    return GeoWaypoint(
+        message.latitude_deg,
+        message.longitude_deg,
+        message.altitude_m,
+        _enum(AltitudeReference, reference or AltitudeReference.HOME.value, "altitude_reference"),
+        message.yaw_rad if message.HasField("yaw_rad") else None,
+    )
 
 
-def point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped | None:
-    """The point that the nose points at in FollowPath, if there is one; its stamp is ignored."""
+def _point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
+    """A point to look at. Its stamp is left out: the daemon ignores it."""
+    message = pb.PointStamped(point=vector3_to_proto(point.point))
+    if point.frame_id:
+        message.header.frame_id = point.frame_id
+    return message
+
+
+def _point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped | None:
     if not request.HasField("point_of_interest"):
         return None
     message = request.point_of_interest
@@ -276,18 +349,7 @@ def point_of_interest_from_proto(request: pb.FollowPathRequest) -> PointStamped 
     return PointStamped(vector3_from_proto(message.point), message.header.frame_id)
 
 
-def point_stamped_to_proto(point: PointStamped) -> pb.PointStamped:
-    """A point to look at. Its stamp is left out: the daemon ignores it."""
-    message = pb.PointStamped(point=vector3_to_proto(point.point))
-    if point.frame_id:
-        message.header.frame_id = point.frame_id
-    return message
-
-
-def altitude_reference_from_proto(request: pb.GoToWaypointGeoRequest | pb.GeoWaypoint) -> AltitudeReference:
-    """The altitude reference of a geographic goal; UNSPECIFIED is HOME."""
-    value: int = request.altitude_reference
-    return _enum(AltitudeReference, value or AltitudeReference.HOME.value, "altitude_reference")
+# References
 
 
 def pose_from_proto(request: pb.SetPoseRequest | pb.StreamSetpointsRequest) -> PoseStamped:
@@ -337,12 +399,12 @@ def new_frame_from_proto(request: pb.AddFrameRequest) -> Transform:
     return transform_from_proto(request.transform)
 
 
-def path_heading_to_proto(heading: PathHeading) -> pb.PathHeading.ValueType:
+def _path_heading_to_proto(heading: PathHeading) -> pb.PathHeading.ValueType:
     """Where the nose points in FollowPath."""
     return pb.PathHeading.ValueType(heading.value)
 
 
-def altitude_reference_to_proto(reference: AltitudeReference) -> pb.AltitudeReference.ValueType:
+def _altitude_reference_to_proto(reference: AltitudeReference) -> pb.AltitudeReference.ValueType:
     """The altitude reference of a geographic goal."""
     return pb.AltitudeReference.ValueType(reference.value)
 

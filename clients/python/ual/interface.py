@@ -1,27 +1,54 @@
-"""The interface, as protocols: what the class (`ual_daemon.UAL`) and the client (`ual.Uav`) both are.
+"""The interface of a UAV: what the class (`ual_daemon.UAL`) and the client (`ual.Uav`) both are.
 
-Each member may be called from any thread at any time, and raises the errors of `ual.errors`. Names without a frame are
-in ``<ns>/odom``. `timeout_s` is how long the caller is ready to wait (None: as long as it can take); when it passes,
-the call raises `UalTimeoutError`, and a go-to or path that it waited for is cancelled: the UAV holds.
+Any thread may call any member at any time. All errors are those of `ual.errors`; every member may raise `LinkLostError`
+while nothing is heard from the autopilot or from the daemon. A pose, velocity or point without a frame is in
+``<ns>/odom``. Lengths are in metres, angles in radians, times in seconds; axes are those of REP 103 (x forward, y left,
+z up in the body; east, north, up outside).
+
+`timeout_s` is how long the caller waits (None: as long as the command can take). When it passes, the call raises
+`UalTimeoutError`. A go-to or path that it waited for is then cancelled, and the UAV holds its position.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual import _views
+from ual.errors import InvalidArgumentError
+from ual.geometry import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    stamped_point,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.simulation import Fault
 from ual.types import (
     AltitudeReference,
+    FollowPathRequest,
     Frame,
+    GeoWaypoint,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
     Info,
+    LandRequest,
+    MotionRequest,
     Odometry,
     PathHeading,
     Plan,
+    RecoverFromManualRequest,
     State,
+    TakeOffRequest,
     TaskInfo,
     TaskKind,
+    TaskRequest,
     Telemetry,
     Waypoints,
 )
@@ -29,46 +56,63 @@ from ual.types import (
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+T = TypeVar("T")
+"""What a command returns: the handle of its task, or an awaitable of that."""
+P = TypeVar("P")
+"""What a dry run returns: a `Plan`, or an awaitable of that."""
+
 
 class Task(Protocol):
     """A manoeuvre under way, or ended."""
 
     @property
-    def id(self) -> str: ...
+    def id(self) -> str:
+        """The identifier by which `Uav.task` finds it."""
+        ...
 
     @property
-    def kind(self) -> TaskKind: ...
+    def kind(self) -> TaskKind:
+        """Which manoeuvre it is."""
+        ...
 
     def info(self) -> TaskInfo:
-        """How it stands now."""
+        """Returns how it stands now."""
         ...
 
     def done(self) -> bool:
-        """True once it has ended, however."""
+        """Returns True once it has ended, however."""
         ...
 
     def wait(self, timeout_s: float | None = None) -> TaskInfo:
-        """Waits until it has ended, and raises its error if it was aborted or failed.
+        """Blocks until it has ended, and returns how.
 
-        Raises `UalTimeoutError` when it has not ended after `timeout_s`; it then goes on.
+        Raises:
+            UalTimeoutError: It has not ended after `timeout_s`. It goes on.
+            UalError: The error that it was aborted by or failed with.
+
         """
         ...
 
     def cancel(self) -> None:
-        """Ends it; the UAV stops and holds. Nothing happens if it has ended. Take-off and landing cannot be cancelled:
-        `WrongStateError`.
+        """Ends it: the UAV stops and holds its position. Does nothing if it has ended.
+
+        Raises:
+            WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
+
         """
         ...
 
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
-        """How it stands, again and again, until it has ended; the last one says how."""
+        """Yields how it stands, `rate_hz` times a second, until it has ended. The last value says how it ended."""
         ...
 
 
 class Subscription(Protocol):
-    """A running subscription; ends by `close` or on leaving its ``with`` block."""
+    """A running subscription. It ends by `close`, or at the end of its ``with`` block."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Ends it. No callback begins after this returns, unless a callback itself called it."""
+        ...
 
     def __enter__(self) -> Self: ...
 
@@ -76,45 +120,85 @@ class Subscription(Protocol):
 
 
 class Simulation(Protocol):
-    """The world around a simulated UAV; see ``ual/v1/simulation.proto``."""
+    """The world around a simulated UAV. The manual is ``ual/v1/simulation.proto``.
 
-    def pilot_arm(self) -> None: ...
-
-    def pilot_disarm(self) -> None: ...
-
-    def pilot_take_over(self) -> None: ...
-
-    def pilot_move_sticks(
-        self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
-    ) -> None: ...
-
-    def pilot_give_back(self) -> None: ...
-
-    def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str: ...
-
-    def end_fault(self, fault_id: str = "") -> None: ...
-
-    def faults(self) -> dict[str, Fault]: ...
-
-    def set_speed_factor(self, speed_factor: float) -> None: ...
-
-    def step(self, duration_s: float) -> None: ...
-
-    def set_noise(self, *, position_m: float, velocity_m_s: float) -> None: ...
-
-    def set_wind(self, velocity_m_s: Vector3) -> None: ...
-
-
-class DryRun(Protocol):
-    """The members of `Uav` that move it, with the same arguments, as questions: nothing moves, begins, or is sent. Each
-    raises what the member of `Uav` would raise at once, or tells what the motion would be.
+    A member raises `NotSupportedError` where this simulation has no such thing.
     """
 
-    def take_off(self, height_m: float) -> Plan: ...
+    def pilot_arm(self) -> None:
+        """Arms, as the safety pilot does. Returns when the UAV is armed."""
+        ...
 
-    def land(self) -> Plan: ...
+    def pilot_disarm(self) -> None:
+        """Disarms, as the safety pilot does. Returns when the UAV is disarmed."""
+        ...
 
-    def go_to_waypoint(self, waypoint: PoseStamped | Pose, *, max_speed_m_s: float | None = None) -> Plan: ...
+    def pilot_take_over(self) -> None:
+        """Switches to a mode in which the safety pilot flies. Tasks and references end."""
+        ...
+
+    def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
+        """Moves the sticks, each from -1 to 1, and leaves them there. `turn` is counter-clockwise seen from above."""
+        ...
+
+    def pilot_give_back(self) -> None:
+        """Switches back to the mode in which the autopilot takes references from UAL."""
+        ...
+
+    def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
+        """Begins a fault, for `duration_s` of the simulation's time (0: until it is ended). Returns its identifier."""
+        ...
+
+    def end_fault(self, fault_id: str = "") -> None:
+        """Ends a fault, or all faults where no identifier is given."""
+        ...
+
+    def faults(self) -> dict[str, Fault]:
+        """Returns the faults that are active, by their identifiers."""
+        ...
+
+    def set_speed_factor(self, speed_factor: float) -> None:
+        """Sets how fast simulated time passes: 1 as real time, 0 only by `step`."""
+        ...
+
+    def step(self, duration_s: float) -> None:
+        """Lets `duration_s` of simulated time pass. Returns when it has passed. Needs the speed factor 0."""
+        ...
+
+    def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
+        """Sets the noise of the estimate, as standard deviations in metres and metres a second."""
+        ...
+
+    def set_wind(self, velocity_m_s: Vector3) -> None:
+        """Sets the wind: the velocity of the air, east, north and up, in metres a second."""
+        ...
+
+
+class DryRun(Generic[P]):
+    """The members of `Uav` that move it, with the same arguments, as questions: nothing moves, begins, or is sent.
+
+    Each returns what the motion would be, or raises what the member of `Uav` would raise at once.
+
+    Example:
+        >>> uav.dry_run.go_to_waypoint(ual.Pose.at(10.0, 0.0, 3.0)).duration_s
+        7.2
+
+    """
+
+    def __init__(self, plan: Callable[[MotionRequest], P]) -> None:
+        self._plan = plan
+
+    def take_off(self, height_m: float) -> P:
+        """Returns the plan of `Uav.take_off`."""
+        return self._plan(TakeOffRequest(height_m))
+
+    def land(self) -> P:
+        """Returns the plan of `Uav.land`."""
+        return self._plan(LandRequest())
+
+    def go_to_waypoint(self, waypoint: PoseStamped | Pose, *, max_speed_m_s: float | None = None) -> P:
+        """Returns the plan of `Uav.go_to_waypoint`."""
+        return self._plan(GoToWaypointRequest(stamped_pose(waypoint), max_speed_m_s))
 
     def go_to_waypoint_geo(
         self,
@@ -125,7 +209,10 @@ class DryRun(Protocol):
         *,
         yaw_rad: float | None = None,
         max_speed_m_s: float | None = None,
-    ) -> Plan: ...
+    ) -> P:
+        """Returns the plan of `Uav.go_to_waypoint_geo`."""
+        waypoint = GeoWaypoint(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
+        return self._plan(GoToWaypointGeoRequest(waypoint, max_speed_m_s))
 
     def follow_path(
         self,
@@ -136,80 +223,83 @@ class DryRun(Protocol):
         leg_speeds_m_s: Sequence[float] = (),
         heading: PathHeading = PathHeading.WAYPOINTS,
         point_of_interest: PointStamped | Vector3 | None = None,
-    ) -> Plan: ...
+    ) -> P:
+        """Returns the plan of `Uav.follow_path`."""
+        interest = None if point_of_interest is None else stamped_point(point_of_interest)
+        return self._plan(
+            FollowPathRequest(
+                _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest
+            )
+        )
 
-    def set_pose(self, pose: PoseStamped | Pose) -> Plan: ...
+    def set_pose(self, pose: PoseStamped | Pose) -> P:
+        """Returns the plan of `Uav.set_pose`, which says only that it would be taken."""
+        return self._plan(stamped_pose(pose))
 
-    def set_velocity(self, velocity: TwistStamped | Twist) -> Plan: ...
+    def set_velocity(self, velocity: TwistStamped | Twist) -> P:
+        """Returns the plan of `Uav.set_velocity`, which says only that it would be taken."""
+        return self._plan(stamped_twist(velocity))
 
-    def recover_from_manual(self) -> Plan: ...
+    def recover_from_manual(self) -> P:
+        """Returns the plan of `Uav.recover_from_manual`, which says only that it would begin."""
+        return self._plan(RecoverFromManualRequest())
 
 
-class Uav(Protocol):
-    """One UAV, whatever its autopilot. For states, errors and units see ``ual/v1/ual.proto``, which is the manual."""
+class TaskCommands(ABC, Generic[T]):
+    """The commands that are tasks: they take time, can be watched, and end.
 
-    @property
-    def ns(self) -> str:
-        """The namespace."""
-        ...
+    They block until the task has ended, or return its handle at once with ``blocking=False``. The asyncio client has
+    the same members as coroutines. A new flying command replaces the task that runs, which ends with
+    `TaskAbortedError`; a take-off or landing cannot be replaced. When the safety pilot takes over, a task ends at once.
+    """
 
-    def close(self) -> None: ...
+    @abstractmethod
+    def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> T:
+        """Begins a task, and returns its handle: at once, or when it has ended."""
 
-    def info(self) -> Info: ...
+    def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> T:
+        """Climbs straight up. Allowed in LANDED_ARMED; ends in FLYING_AUTO.
 
-    def is_ready(self) -> bool:
-        """True when the state is not UNINITIALIZED."""
-        ...
+        Args:
+            height_m: Metres above the ground that the UAV stands on, more than 0. It is reached within 5 % (at least
+                0.1 m) when the task ends.
+            blocking: Whether to wait for the end.
+            timeout_s: How long to wait, in seconds. The take-off goes on when it passes: only the safety pilot can
+                abort it.
 
-    def is_idle(self) -> bool:
-        """True when no task runs."""
-        ...
+        Raises:
+            WrongStateError: The UAV is not armed on the ground.
+            InvalidArgumentError: The height is not a positive number.
+            GeofenceError: The height lies outside the geofence.
+            RejectedByAutopilotError: The autopilot refused; its own words are in the message.
+            TaskAbortedError: The safety pilot took the UAV.
+            UalTimeoutError: The height was not reached in time.
 
-    def state(self) -> State: ...
+        Example:
+            >>> uav.take_off(3.0)
+            <Task take_off-1f3a77c0 TAKE_OFF SUCCEEDED>
 
-    def pose(self) -> PoseStamped:
-        """The pose, in ``<ns>/odom`` or the configured ``pose_frame_id``. `WrongStateError` while it is not known."""
-        ...
-
-    def velocity(self) -> TwistStamped:
-        """The velocity along the axes of the frame of `pose`. `WrongStateError` while it is not known."""
-        ...
-
-    def odometry(self) -> Odometry: ...
-
-    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        """What takes coordinates in the source frame (default ``<ns>/base_link``) to the target (default ``map``)."""
-        ...
-
-    def reference_pose(self) -> PoseStamped | None:
-        """Where the UAV is told to be; None while no reference is given."""
-        ...
-
-    def telemetry(self) -> Telemetry: ...
-
-    def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
-        """Calls back with new samples, at most `rate_hz` (0: every update), on a thread that is not the caller's.
-
-        A callback that is too slow gets the newest sample and sees in `missed_count` how many it lost.
         """
-        ...
+        return self._begin(TakeOffRequest(height_m), blocking, timeout_s)
 
-    def frames(self) -> list[Frame]: ...
+    def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> T:
+        """Lands where the UAV is. Allowed in FLYING_AUTO; ends when the autopilot reports the ground.
 
-    def add_frame(self, transform: Transform) -> None:
-        """Adds, or moves, the frame `transform.child_frame_id` in its parent `transform.frame_id` (empty: ``map``).
+        Args:
+            blocking: Whether to wait for the end.
+            timeout_s: How long to wait, in seconds. The landing goes on when it passes.
 
-        It may be moved often (50 Hz); `transform.stamp_s` is when it was there, 0 where that is not known.
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL.
+            RejectedByAutopilotError: The autopilot refused.
+            TaskAbortedError: The safety pilot took the UAV.
+
+        Example:
+            >>> task = uav.land(blocking=False)
+            >>> task.wait()
+
         """
-        ...
-
-    def arm(self, *, timeout_s: float | None = None) -> None: ...
-
-    def disarm(self, *, timeout_s: float | None = None) -> None: ...
-
-    def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> Task: ...
-
-    def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task: ...
+        return self._begin(LandRequest(), blocking, timeout_s)
 
     def go_to_waypoint(
         self,
@@ -218,11 +308,31 @@ class Uav(Protocol):
         max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
-    ) -> Task:
-        """Flies straight to a pose, at most at `max_speed_m_s` (0.01 or more) in any direction, and within the limits
-        of the UAV; None: only these.
+    ) -> T:
+        """Flies straight to a pose in any known frame. Allowed in FLYING_AUTO.
+
+        Ends when position and heading are within tolerance. A goal in a frame that moves is followed, and the task ends
+        when the UAV goes with it.
+
+        Args:
+            waypoint: Where to go: metres, z up. A bare `Pose` is in ``<ns>/odom``. A quaternion of all zeros keeps the
+                heading.
+            max_speed_m_s: The highest speed in any direction, 0.01 m/s or more. None: only the limits of the UAV.
+            blocking: Whether to wait for the end.
+            timeout_s: How long to wait, in seconds. The task is cancelled when it passes, and the UAV holds.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL.
+            InvalidArgumentError: A value is not finite, or cannot be meant.
+            UnknownFrameError: There is no such frame; the known ones are listed.
+            GeofenceError: The goal or the way there lies outside the geofence.
+            TaskAbortedError: It was replaced, cancelled, or the safety pilot took the UAV; the message says which.
+
+        Example:
+            >>> uav.go_to_waypoint(ual.Pose.at(4.0, 2.0, 3.0, yaw_rad=1.57), max_speed_m_s=2.0)
+
         """
-        ...
+        return self._begin(GoToWaypointRequest(stamped_pose(waypoint), max_speed_m_s), blocking, timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -235,7 +345,32 @@ class Uav(Protocol):
         max_speed_m_s: float | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
-    ) -> Task: ...
+    ) -> T:
+        """Flies straight to a position on Earth (WGS 84). Allowed in FLYING_AUTO.
+
+        Args:
+            latitude_deg: Degrees, -90 to 90.
+            longitude_deg: Degrees, -180 to 180.
+            altitude_m: Metres above the reference.
+            altitude_reference: Home, mean sea level, or the ellipsoid.
+            yaw_rad: The heading at the goal, counter-clockwise from east. None keeps the heading.
+            max_speed_m_s: As in `go_to_waypoint`.
+            blocking: Whether to wait for the end.
+            timeout_s: As in `go_to_waypoint`.
+
+        Raises:
+            WrongStateError: Wrong state, or the autopilot has not said where its home or its local frame is on Earth.
+            InvalidArgumentError: A value is out of its range.
+            NotSupportedError: The autopilot has no position on Earth, or does not say how the ellipsoid lies.
+            GeofenceError: The goal or the way there lies outside the geofence.
+            TaskAbortedError: As in `go_to_waypoint`.
+
+        Example:
+            >>> uav.go_to_waypoint_geo(37.4122, -5.9984, 20.0)
+
+        """
+        waypoint = GeoWaypoint(latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad)
+        return self._begin(GoToWaypointGeoRequest(waypoint, max_speed_m_s), blocking, timeout_s)
 
     def follow_path(
         self,
@@ -248,36 +383,324 @@ class Uav(Protocol):
         point_of_interest: PointStamped | Vector3 | None = None,
         blocking: bool = True,
         timeout_s: float | None = None,
-    ) -> Task:
-        """Flies through waypoints.
+    ) -> T:
+        """Flies through waypoints. Allowed in FLYING_AUTO; ends at the last one.
 
-        It leaves the straight legs at most `corner_radius_m` from a corner, or (0) stops at each. `max_speed_m_s` is as
-        in `go_to_waypoint`; `leg_speeds_m_s`, empty or one for each waypoint, is the same for the leg that ends there
-        (0: only `max_speed_m_s`). The nose points as `heading` says, where only `PathHeading.WAYPOINTS` heeds the
-        orientations of the waypoints; `point_of_interest` belongs to `PathHeading.POINT_OF_INTEREST`.
+        Args:
+            waypoints: Poses in any frames, or geographic positions, but not both in one path.
+            corner_radius_m: How far the way may leave the straight legs at a corner. 0: stop at each waypoint.
+            max_speed_m_s: As in `go_to_waypoint`.
+            leg_speeds_m_s: Empty, or the same for each leg, given with the waypoint that it ends at (0: only
+                `max_speed_m_s`).
+            heading: Where the nose points. Only `PathHeading.WAYPOINTS` uses the orientations of the waypoints.
+            point_of_interest: Where the nose points with `PathHeading.POINT_OF_INTEREST`, and only with that.
+            blocking: Whether to wait for the end.
+            timeout_s: As in `go_to_waypoint`.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL, or flew on while the path was planned.
+            InvalidArgumentError: There are no waypoints, or a value cannot be meant; the field is named.
+            UnknownFrameError: There is no such frame.
+            GeofenceError: The path leaves the geofence.
+            TaskAbortedError: As in `go_to_waypoint`.
+
+        Example:
+            >>> corners = [ual.Pose.at(x, y, 3.0) for x, y in ((5, 0), (5, 5), (0, 5), (0, 0))]
+            >>> uav.follow_path(corners, corner_radius_m=1.0)
+
         """
-        ...
+        interest = None if point_of_interest is None else stamped_point(point_of_interest)
+        request = FollowPathRequest(
+            _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest
+        )
+        return self._begin(request, blocking, timeout_s)
 
-    def set_pose(self, pose: PoseStamped | Pose) -> None: ...
 
-    def set_velocity(self, velocity: TwistStamped | Twist) -> None: ...
+class Uav(TaskCommands[Task]):
+    """One UAV, whatever its autopilot. The manual of states, errors and units is ``ual/v1/ual.proto``."""
 
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None: ...
+    def __enter__(self) -> Self:
+        return self
 
-    def set_home(self, set_z: bool = False) -> None: ...
+    def __exit__(self, *exc: object) -> None:
+        self.close()
 
-    def abort(self, freeze: bool = False) -> None: ...
+    # --- What is known ------------------------------------------------------------------------------------------------
 
+    @property
+    @abstractmethod
+    def ns(self) -> str:
+        """The namespace of the UAV, such as ``uav_1``."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends all that this object began. Later calls raise `UalError`."""
+
+    @abstractmethod
+    def info(self) -> Info:
+        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits.
+
+        Example:
+            >>> uav.info().autopilot
+            'PX4'
+
+        """
+
+    @abstractmethod
+    def telemetry(self) -> Telemetry:
+        """Returns the newest sample of everything known. What is not known is None.
+
+        Example:
+            >>> uav.telemetry().battery.remaining_percent
+            87.0
+
+        """
+
+    def state(self) -> State:
+        """Returns the state, estimated from the newest data of the autopilot.
+
+        Example:
+            >>> uav.state() is ual.State.FLYING_AUTO
+            True
+
+        """
+        return self.telemetry().state
+
+    def is_ready(self) -> bool:
+        """Returns True when the state is not UNINITIALIZED."""
+        return _views.is_ready(self.telemetry())
+
+    def is_idle(self) -> bool:
+        """Returns True when no task runs."""
+        return _views.is_idle(self.telemetry())
+
+    def pose(self) -> PoseStamped:
+        """Returns the pose of the body, in ``<ns>/odom`` or in the configured `pose_frame_id`.
+
+        Raises:
+            WrongStateError: The pose is not known (yet).
+
+        Example:
+            >>> uav.pose().pose.position
+            Vector3(x=0.0, y=0.0, z=3.0)
+
+        """
+        return _views.pose(self.telemetry())
+
+    def velocity(self) -> TwistStamped:
+        """Returns the velocity in m/s and rad/s, along the axes of the frame of `pose`.
+
+        Raises:
+            WrongStateError: The velocity is not known (yet).
+
+        """
+        return _views.velocity(self.telemetry())
+
+    def odometry(self) -> Odometry:
+        """Returns the pose in ``<ns>/odom`` with the velocity along the axes of the body.
+
+        Raises:
+            WrongStateError: The odometry is not known (yet).
+
+        """
+        return _views.odometry(self.telemetry())
+
+    def reference_pose(self) -> PoseStamped | None:
+        """Returns where the UAV is commanded to be now; None while no pose is commanded."""
+        return _views.reference_pose(self.telemetry())
+
+    @abstractmethod
+    def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
+        """Calls back with new samples, on a thread that is not the caller's.
+
+        A callback that is too slow gets the newest sample, and sees in its `missed_count` how many it lost.
+
+        Args:
+            callback: Called with each sample. An exception in it is logged, and the subscription goes on.
+            rate_hz: The highest number of samples a second. 0: every update.
+
+        Raises:
+            InvalidArgumentError: The rate is no number, or negative.
+
+        Example:
+            >>> with uav.subscribe(lambda sample: print(sample.state), rate_hz=2.0):
+            ...     uav.take_off(3.0)
+
+        """
+
+    # --- Frames -------------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        """Returns what takes coordinates in the source frame to the target frame.
+
+        Args:
+            target_frame_id: Default ``map``.
+            source_frame_id: Default ``<ns>/base_link``, the body.
+
+        Raises:
+            UnknownFrameError: There is no such frame; the known ones are listed.
+            WrongStateError: It is not known yet where one of them is.
+
+        """
+
+    @abstractmethod
+    def frames(self) -> list[Frame]:
+        """Returns all frames, each with its parent."""
+
+    @abstractmethod
+    def add_frame(self, transform: Transform) -> None:
+        """Adds a frame, or moves one that was added. A frame may be moved often (50 Hz).
+
+        Args:
+            transform: Where the frame `child_frame_id` lies in its parent `frame_id` (empty: ``map``). `stamp_s` is
+                when it was there, 0 where that is not known.
+
+        Raises:
+            InvalidArgumentError: The name is none, the frame is not the caller's to move, or the transform is none.
+            UnknownFrameError: There is no such parent.
+
+        Example:
+            >>> uav.add_frame(ual.Transform(ual.Vector3(10.0, 0.0, 0.0), child_frame_id="tower"))
+            >>> uav.go_to_waypoint(ual.PoseStamped(ual.Pose.at(0.0, 0.0, 5.0), "tower"))
+
+        """
+
+    @abstractmethod
+    def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position the origin of ``<ns>/odom``. Allowed in LANDED_DISARMED and LANDED_ARMED.
+
+        Args:
+            set_z: Whether the height becomes 0, too.
+
+        Raises:
+            WrongStateError: The UAV is not on the ground.
+
+        """
+
+    # --- Commands -----------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def arm(self, *, timeout_s: float | None = None) -> None:
+        """Arms the motors, and returns when the autopilot says that they are. Allowed in LANDED_DISARMED.
+
+        Raises:
+            PermissionDeniedError: Arming a real UAV belongs to its safety pilot (see ``--allow-arming``).
+            WrongStateError: The UAV is not disarmed on the ground.
+            RejectedByAutopilotError: The autopilot refused; its own words are in the message.
+            UalTimeoutError: It was not armed within `timeout_s`.
+
+        """
+
+    @abstractmethod
+    def disarm(self, *, timeout_s: float | None = None) -> None:
+        """Disarms the motors, and returns when the autopilot says that they are. Allowed in LANDED_ARMED.
+
+        Raises:
+            PermissionDeniedError: As in `arm`.
+            WrongStateError: The UAV is not armed on the ground.
+            RejectedByAutopilotError: The autopilot refused.
+            UalTimeoutError: It was not disarmed within `timeout_s`.
+
+        """
+
+    @abstractmethod
+    def set_pose(self, pose: PoseStamped | Pose) -> None:
+        """Sends a pose as the reference, as it is: no straight line, no smoothing. Allowed in FLYING_AUTO.
+
+        Returns at once. The pose is kept until another command comes.
+
+        Args:
+            pose: Where to be: metres, z up. A bare `Pose` is in ``<ns>/odom``. A quaternion of all zeros keeps the
+                heading.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL.
+            InvalidArgumentError: A value is not finite, or cannot be meant.
+            UnknownFrameError: There is no such frame.
+            GeofenceError: The pose lies outside the geofence.
+
+        """
+
+    @abstractmethod
+    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        """Sends a velocity as the reference. Allowed in FLYING_AUTO.
+
+        Returns at once. Without a new one within 0.5 s the UAV stops and holds its position.
+
+        Args:
+            velocity: m/s, and rad/s about z. A bare `Twist` is along the axes of ``<ns>/odom``. One in
+                ``<ns>/base_link`` turns with the body. Beyond the limits of the UAV it is scaled down, its direction
+                kept.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL.
+            InvalidArgumentError: A value is not finite, or cannot be meant.
+            UnknownFrameError: There is no such frame.
+            GeofenceError: The UAV could not stop inside the geofence any more.
+
+        Example:
+            >>> for _ in range(100):
+            ...     uav.set_velocity(ual.Twist(ual.Vector3(x=1.0)))
+            ...     time.sleep(0.02)
+
+        """
+
+    @abstractmethod
+    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+        """Takes control back from the safety pilot, and holds the pose found. Allowed in FLYING_MANUAL.
+
+        Returns when the state is FLYING_AUTO.
+
+        Raises:
+            WrongStateError: The UAV is not flown by the safety pilot.
+            RejectedByAutopilotError: The autopilot refused.
+            UalTimeoutError: It did not change its mode within `timeout_s`.
+
+        """
+
+    @abstractmethod
+    def abort(self, freeze: bool = False) -> None:
+        """Cancels the task or reference, and stops the UAV. Allowed in FLYING_AUTO. Returns at once.
+
+        Args:
+            freeze: Whether to hold the present position instead of braking to rest ahead of it.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL, or a take-off or landing runs.
+
+        """
+
+    @abstractmethod
     def task(self, task_id: str) -> Task:
-        """A task, running or ended lately, by its id. `InvalidArgumentError` if there is none."""
-        ...
+        """Returns the handle of a task that runs, or ended lately.
+
+        Raises:
+            InvalidArgumentError: There is no such task.
+
+        """
 
     @property
-    def dry_run(self) -> DryRun:
-        """The motions, as questions: what would happen, without anything moving."""
-        ...
+    @abstractmethod
+    def dry_run(self) -> DryRun[Plan]:
+        """The motions as questions: what would happen, without anything moving."""
 
     @property
+    @abstractmethod
     def simulation(self) -> Simulation:
-        """The world around a simulated UAV. `NotSupportedError` for a real one."""
-        ...
+        """The world around a simulated UAV.
+
+        Raises:
+            NotSupportedError: The UAV is a real one.
+
+        """
+
+
+def _stamped_waypoints(waypoints: Iterable[PoseStamped | Pose | GeoWaypoint]) -> list[PoseStamped | GeoWaypoint]:
+    """The waypoints of a path; a bare pose is in ``<ns>/odom``."""
+    try:
+        return [each if isinstance(each, GeoWaypoint) else stamped_pose(each) for each in waypoints]
+    except TypeError:
+        raise InvalidArgumentError(
+            f"waypoints: {waypoints!r:.100} is not a list of waypoints", {"field": "waypoints"}
+        ) from None

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 from typing import TYPE_CHECKING
 
 from ual.errors import UalError
-from ual.geometry import Pose, PoseStamped, Transform, Twist
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -109,6 +109,59 @@ class GeoWaypoint:
 
 Waypoints = Sequence[PoseStamped | Pose] | Sequence[GeoWaypoint]
 """Of a path: poses, in any frames, or geographic positions."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOffRequest:
+    """Climb straight up to `height_m` (metres, more than 0) above the ground that the UAV stands on."""
+
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LandRequest:
+    """Land where the UAV is."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoToWaypointRequest:
+    """Fly straight to a pose, at most at `max_speed_m_s` in any direction (None: only the UAV's limits)."""
+
+    waypoint: PoseStamped
+    max_speed_m_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GoToWaypointGeoRequest:
+    """Fly straight to a position on Earth, at most at `max_speed_m_s` (None: only the UAV's limits)."""
+
+    waypoint: GeoWaypoint
+    max_speed_m_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FollowPathRequest:
+    """Fly through waypoints, all poses or all geographic. See `ual.interface.TaskCommands.follow_path`."""
+
+    waypoints: Sequence[PoseStamped | GeoWaypoint]
+    corner_radius_m: float = 0.0
+    max_speed_m_s: float | None = None
+    leg_speeds_m_s: Sequence[float] = ()
+    heading: PathHeading = PathHeading.WAYPOINTS
+    point_of_interest: PointStamped | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RecoverFromManualRequest:
+    """Take control back from the safety pilot, and hold the pose found."""
+
+
+TaskRequest = TakeOffRequest | LandRequest | GoToWaypointRequest | GoToWaypointGeoRequest | FollowPathRequest
+"""What begins a task. Nothing in it is checked yet: the vehicle in the daemon does that, once for all callers."""
+Setpoint = PoseStamped | TwistStamped
+"""A reference that is sent as it is: `set_pose` and `set_velocity`."""
+MotionRequest = TaskRequest | RecoverFromManualRequest | Setpoint
+"""Whatever moves the UAV, and so can be asked for as a dry run."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,9 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.flight.geofence import Fence, Geofence
-from ual_daemon.frames.resolver import Places
+from ual_daemon.flight.geofence import Geofence
+from ual_daemon.frames.fence import Fence
+from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import ConfigError, FrameSettings, GeofenceSettings, VehicleSettings
 from ual_daemon.trajectory import Brake, Motion
@@ -115,8 +116,8 @@ def test_without_a_polygon_only_the_height_counts() -> None:
 # --- Among the frames -------------------------------------------------------------------------------------------------
 
 
-def places(**settings: object) -> Places:
-    return Places("uav_1", VehicleSettings(**settings))  # type: ignore[arg-type]
+def places(**settings: object) -> FrameResolver:
+    return FrameResolver("uav_1", VehicleSettings(**settings))  # type: ignore[arg-type]
 
 
 def standing_at(place: Vector3, velocity: Vector3 | None = None) -> tuple[Snapshot, Motion]:

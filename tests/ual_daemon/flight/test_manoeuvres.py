@@ -21,17 +21,13 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.manoeuvre import (
-    COMMAND_PATIENCE_S,
-    Command,
-    FollowTrajectory,
-    Land,
-    Manoeuvre,
-    Recover,
-    Step,
-    TakeOff,
-)
+from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCommand
+from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.manoeuvre import Manoeuvre, Step
+from ual_daemon.flight.recover import Recover
 from ual_daemon.flight.state import estimate
+from ual_daemon.flight.take_off import TakeOff
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Hold
@@ -86,7 +82,7 @@ class Autopilot:
         raise AssertionError("it does not end")
 
     def task(self, kind: TaskKind) -> VehicleTask:
-        return VehicleTask(kind, "", self, lambda _: None)
+        return VehicleTask(kind, "", self)
 
 
 @pytest.fixture
@@ -99,8 +95,8 @@ def ack() -> Future[None]:
     return Future()
 
 
-def sent(ack: Future[None], autopilot: Autopilot) -> Command:
-    command = Command("do it", autopilot.time_s)
+def sent(ack: Future[None], autopilot: Autopilot) -> AutopilotCommand:
+    command = AutopilotCommand("do it", autopilot.time_s)
     command.send(lambda: ack)
     return command
 
@@ -139,7 +135,7 @@ def test_a_backend_that_raises_has_refused(autopilot: Autopilot) -> None:
     def refuse() -> Future[None]:
         raise LinkLostError("the port is gone")
 
-    command = Command("do it", 0.0)
+    command = AutopilotCommand("do it", 0.0)
     command.send(refuse)
     assert isinstance(command.failure(autopilot.snapshot()), LinkLostError)
 
@@ -148,14 +144,14 @@ def test_a_backend_that_raises_has_refused(autopilot: Autopilot) -> None:
 
 
 def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
-    command = Command("arm", 0.0)
+    command = AutopilotCommand("arm", 0.0)
     command.withdraw()
     command.send(lambda: pytest.fail("it was sent"))
     assert not command.is_answered
 
 
 def test_a_command_that_is_withdrawn_while_it_is_sent_is_taken_back(ack: Future[None]) -> None:
-    command = Command("arm", 0.0)
+    command = AutopilotCommand("arm", 0.0)
 
     def send() -> Future[None]:
         command.withdraw()  # by another thread, which sees no future yet

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
+from ual.errors import InvalidArgumentError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.types import TaskKind, TaskStatus
-from ual_daemon.flight.tasks import Progress, VehicleTask
+from ual_daemon.flight.tasks import Progress, Tasks, VehicleTask
 
 
 class HandClock:
@@ -23,7 +23,7 @@ def clock() -> HandClock:
 
 @pytest.fixture
 def task(clock: HandClock) -> VehicleTask:
-    return VehicleTask(TaskKind.GO_TO_WAYPOINT, "go to 1, 2, 3", clock, lambda _: None)
+    return VehicleTask(TaskKind.GO_TO_WAYPOINT, "go to 1, 2, 3", clock)
 
 
 def test_a_new_task_runs_and_nothing_is_known_of_its_progress(task: VehicleTask) -> None:
@@ -36,7 +36,7 @@ def test_a_new_task_runs_and_nothing_is_known_of_its_progress(task: VehicleTask)
 
 
 def test_no_two_tasks_have_one_id(clock: HandClock) -> None:
-    ids = {VehicleTask(TaskKind.LAND, "", clock, lambda _: None).id for _ in range(100)}
+    ids = {VehicleTask(TaskKind.LAND, "", clock).id for _ in range(100)}
     assert len(ids) == 100
 
 
@@ -81,12 +81,14 @@ def test_only_what_flies_can_end_it(task: VehicleTask) -> None:
     assert not task.future.done()
 
 
-def test_cancelling_asks_whoever_flies_it(clock: HandClock) -> None:
-    asked: list[VehicleTask] = []
-    task = VehicleTask(TaskKind.FOLLOW_PATH, "", clock, asked.append)
-    task.cancel()
-    assert asked == [task]
-    assert not task.future.done()
+def test_tasks_are_found_by_their_ids_and_the_oldest_are_forgotten(clock: HandClock) -> None:
+    tasks = Tasks(clock)
+    made = [tasks.new(TaskKind.LAND, "") for _ in range(201)]
+    assert [tasks.get(each.id) for each in made[1:]] == made[1:]
+    for unknown in (made[0].id, "land-none", ""):
+        with pytest.raises(InvalidArgumentError) as refused:
+            tasks.get(unknown)
+        assert refused.value.metadata["field"] == "task_id"
 
 
 def test_a_callback_of_its_future_sees_it_ended(task: VehicleTask) -> None:

@@ -48,10 +48,10 @@ class FakeVehicle:
         self.arming: Future[None] = Future()
         self.is_arming = threading.Event()
         self.callers: list[str] = []
-        self.setpoints: list[TwistStamped] = []
+        self.taken: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
-        self.motions = self
-        self.watched = VehicleTask(TaskKind.LAND, "a task that runs", StandingClock(), lambda _: None)
+        self.commands = self.setpoints = self
+        self.watched = VehicleTask(TaskKind.LAND, "a task that runs", StandingClock())
 
     def telemetry(self) -> Telemetry:
         return Telemetry(State.LANDED_DISARMED)
@@ -82,10 +82,10 @@ class FakeVehicle:
         self.is_arming.set()
         return self.arming
 
-    def tell_velocity(self, velocity: TwistStamped) -> None:
+    def set_velocity(self, velocity: TwistStamped) -> None:
         if velocity.twist.linear.x > 1.0:
             raise InvalidArgumentError("velocity: too fast")
-        self.setpoints.append(velocity)
+        self.taken.append(velocity)
         self.has_setpoint.set()
 
 
@@ -248,7 +248,7 @@ def test_the_first_refused_setpoint_ends_the_stream() -> None:
             await stream.write(pb.StreamSetpointsRequest(velocity=speed(9.0)))
             error = await error_of(stream)
             assert error.message == "velocity: too fast"
-            assert [each.twist.linear.x for each in it.vehicle.setpoints] == [0.5]
+            assert [each.twist.linear.x for each in it.vehicle.taken] == [0.5]
 
     asyncio.run(run())
 
@@ -334,7 +334,7 @@ def test_no_setpoint_is_taken_after_the_shutdown_has_begun() -> None:
             with suppress(grpc.aio.AioRpcError):  # it may know of the end already
                 await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.6)))
             assert await stream.code() is not grpc.StatusCode.OK
-            assert [each.twist.linear.x for each in it.vehicle.setpoints] == [0.5]
+            assert [each.twist.linear.x for each in it.vehicle.taken] == [0.5]
 
     asyncio.run(run())
 

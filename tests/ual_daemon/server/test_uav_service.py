@@ -14,7 +14,7 @@ from ual.v1 import ual_pb2 as pb
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
-from ual_daemon.vehicle.commands import Prepared
+from ual_daemon.vehicle.prepared import Prepared
 
 LIMIT_S = 30.0
 
@@ -25,15 +25,15 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
     with stepped() as uav:
         uav.fly()
         is_planned, may_go_on = threading.Event(), threading.Event()
-        follow_path = uav.vehicle.motions.follow_path
+        prepare = uav.vehicle.commands.prepare
 
         def slowly(*args: Any, **options: Any) -> Prepared[VehicleTask]:
-            prepared = follow_path(*args, **options)
+            prepared = prepare(*args, **options)
             is_planned.set()
             assert may_go_on.wait(LIMIT_S)
             return prepared
 
-        monkeypatch.setattr(uav.vehicle.motions, "follow_path", slowly)
+        monkeypatch.setattr(uav.vehicle.commands, "prepare", slowly)
         request = pb.FollowPathRequest(non_blocking=True)
         request.waypoints.add().pose.position.x = 9.0
 

@@ -34,7 +34,7 @@ class Followed:
 
     def _tell(self) -> None:
         x, y, yaw = self._place(self.time_s)
-        self.uav.vehicle.add_frame(Transform(Vector3(x, y, 0.0), Quaternion.from_yaw(yaw), "map", CAR))
+        self.uav.vehicle.commands.add_frame(Transform(Vector3(x, y, 0.0), Quaternion.from_yaw(yaw), "map", CAR))
 
     def run(self, duration_s: float) -> None:
         for _ in range(round(duration_s / STEP_S)):
@@ -77,7 +77,7 @@ def over_the_car(z: float = 4.0, x: float = 0.0) -> PoseStamped:
 def test_a_speed_that_is_not_to_be_exceeded_is_kept_on_a_diagonal_too(uav: Stepped, car_m_s: float) -> None:
     car = Followed(uav, steady(car_m_s))
     car.run(1.0)
-    task = uav.vehicle.motions.go_to_waypoint(over_the_car(8.0), max_speed_m_s=0.5).begin()
+    task = uav.prepare.go_to_waypoint(over_the_car(8.0), max_speed_m_s=0.5).begin()
     uav.samples.clear()
     car.until_done(task)
     assert max(sample.velocity.linear.norm() for sample in uav.samples if sample.velocity) <= 0.52
@@ -86,7 +86,7 @@ def test_a_speed_that_is_not_to_be_exceeded_is_kept_on_a_diagonal_too(uav: Stepp
 def test_a_slow_way_to_a_car_has_the_time_that_it_takes(uav: Stepped) -> None:
     car = Followed(uav, steady(0.0))
     car.run(1.0)
-    task = uav.vehicle.motions.go_to_waypoint(over_the_car(), max_speed_m_s=0.05).begin()
+    task = uav.prepare.go_to_waypoint(over_the_car(), max_speed_m_s=0.05).begin()
     car.until_done(task, 150.0)
 
 
@@ -94,7 +94,7 @@ def test_a_slow_way_to_a_car_has_the_time_that_it_takes(uav: Stepped) -> None:
 def test_a_car_at_a_steady_speed_is_met_and_followed_without_lag(uav: Stepped, speed_m_s: float) -> None:
     car = Followed(uav, steady(speed_m_s))
     car.run(1.0)
-    task = uav.vehicle.motions.go_to_waypoint(over_the_car()).begin()
+    task = uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.until_done(task)
     assert task.info().status is TaskStatus.SUCCEEDED
     car.run(3.0)
@@ -108,7 +108,7 @@ def test_a_car_at_a_steady_speed_is_met_and_followed_without_lag(uav: Stepped, s
 def test_a_place_behind_a_car_that_turns_is_kept_with_the_nose_to_it(uav: Stepped) -> None:
     car = Followed(uav, lambda t: (12.0 * math.sin(0.2 * t), 12.0 * (1.0 - math.cos(0.2 * t)), 0.2 * t))
     car.run(0.5)
-    car.until_done(uav.vehicle.motions.go_to_waypoint(over_the_car(x=-3.0)).begin())
+    car.until_done(uav.prepare.go_to_waypoint(over_the_car(x=-3.0)).begin())
     car.run(2.0)
     for _ in range(100):
         car.run(0.1)
@@ -119,7 +119,7 @@ def test_a_place_behind_a_car_that_turns_is_kept_with_the_nose_to_it(uav: Steppe
 def test_what_is_sent_makes_no_step(uav: Stepped) -> None:
     """Not at the begin, nor where the car stops or is put elsewhere."""
     car = Followed(uav, lambda t: (min(3.0 * t, 30.0) + (25.0 if t > 16.0 else 0.0), 5.0, 0.0))
-    uav.vehicle.motions.go_to_waypoint(over_the_car()).begin()
+    uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(30.0)
     references = [(s.stamp_s, s.reference_pose.position) for s in uav.samples if s.reference_pose]
     speeds = [((b - a) / (t1 - t0), t1) for (t0, a), (t1, b) in itertools.pairwise(references) if t1 - t0 > STEP_S / 2]
@@ -131,7 +131,7 @@ def test_what_is_sent_makes_no_step(uav: Stepped) -> None:
 
 def test_where_the_car_is_told_no_more_it_waits_there(uav: Stepped) -> None:
     car = Followed(uav, steady(3.0))
-    car.until_done(uav.vehicle.motions.go_to_waypoint(over_the_car()).begin())
+    car.until_done(uav.prepare.go_to_waypoint(over_the_car()).begin())
     car.is_telling = False
     car.run(5.0)
     stands = uav.pose.position
@@ -141,18 +141,18 @@ def test_where_the_car_is_told_no_more_it_waits_there(uav: Stepped) -> None:
 
 def test_a_pose_in_a_moving_frame_is_followed_too_and_another_command_ends_that(uav: Stepped) -> None:
     car = Followed(uav, steady(2.0))
-    uav.vehicle.motions.set_pose(over_the_car()).begin()
+    uav.vehicle.commands.setpoints.set_pose(over_the_car())
     car.run(15.0)
     assert car.off() < 0.2
-    car.until_done(uav.vehicle.motions.go_to_waypoint(at(0.0, 0.0, 3.0)).begin())
+    car.until_done(uav.prepare.go_to_waypoint(at(0.0, 0.0, 3.0)).begin())
     assert (uav.pose.position - Vector3(0.0, 0.0, 3.0)).norm() < 0.2
 
 
 def test_it_is_a_task_that_can_be_cancelled(uav: Stepped) -> None:
     car = Followed(uav, steady(2.0))
-    task = uav.vehicle.motions.go_to_waypoint(over_the_car()).begin()
+    task = uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(2.0)
-    task.cancel()
+    uav.vehicle.commands.cancel(task)
     with pytest.raises(TaskAbortedError):
         task.future.result()
     car.run(4.0)
@@ -166,7 +166,7 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
     with stepped(VehicleSettings(geofence=GeofenceSettings(polygon=square)), light=FAST) as uav:
         uav.fly()
         car = Followed(uav, lambda t: (2.0 * t if t < 15.0 else 60.0 - 2.0 * t, 5.0, 0.0))
-        car.until_done(uav.vehicle.motions.go_to_waypoint(over_the_car()).begin())
+        car.until_done(uav.prepare.go_to_waypoint(over_the_car()).begin())
         while car.time_s < 18.0:
             car.run(0.1)
             assert uav.pose.position.x < 20.2
@@ -175,7 +175,7 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
             assert reference.position.x <= 20.05
         assert uav.pose.position.x > 14.0
         with pytest.raises(GeofenceError):
-            uav.vehicle.motions.go_to_waypoint(over_the_car())
+            uav.prepare.go_to_waypoint(over_the_car())
         while car.time_s < 28.0:  # it has come back, and is followed again
             car.run(0.1)
         assert car.off() < 0.3
@@ -183,16 +183,16 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
 
 def test_a_goal_without_a_heading_keeps_the_uavs(uav: Stepped) -> None:
     car = Followed(uav, lambda t: (t, 5.0, 0.3 * t))
-    car.until_done(uav.vehicle.motions.go_to_waypoint(at(0.0, 0.0, 4.0, None, CAR)).begin())
+    car.until_done(uav.prepare.go_to_waypoint(at(0.0, 0.0, 4.0, None, CAR)).begin())
     assert uav.pose.yaw_rad == pytest.approx(0.0, abs=0.02)
 
 
 def hang_below_the_body(uav: Stepped) -> None:
-    uav.vehicle.add_frame(Transform(Vector3(1.0, 0.0, 0.0), Quaternion.from_yaw(0.0), "uav_1/base_link", CAR))
+    uav.vehicle.commands.add_frame(Transform(Vector3(1.0, 0.0, 0.0), Quaternion.from_yaw(0.0), "uav_1/base_link", CAR))
 
 
 def put_beyond_all_distances(uav: Stepped) -> None:
-    uav.vehicle.add_frame(Transform(Vector3(9_999_999.9, 0.0, 0.0), Quaternion.from_yaw(0.0), "map", CAR))
+    uav.vehicle.commands.add_frame(Transform(Vector3(9_999_999.9, 0.0, 0.0), Quaternion.from_yaw(0.0), "map", CAR))
 
 
 @pytest.mark.parametrize("lose", [hang_below_the_body, put_beyond_all_distances])
@@ -201,7 +201,7 @@ def test_where_the_goal_is_lost_it_stops_and_each_update_goes_on(
 ) -> None:
     car = Followed(uav, steady(3.0))
     car.run(1.0)
-    uav.vehicle.motions.set_pose(over_the_car(x=5.0)).begin()
+    uav.vehicle.commands.setpoints.set_pose(over_the_car(x=5.0))
     car.run(8.0)
     assert uav.speed > 2.5
     lose(uav)
@@ -216,7 +216,7 @@ def test_where_the_goal_is_lost_it_stops_and_each_update_goes_on(
 def test_a_goto_whose_goal_is_lost_fails_by_why_and_the_uav_holds(uav: Stepped) -> None:
     car = Followed(uav, steady(3.0))
     car.run(1.0)
-    task = uav.vehicle.motions.go_to_waypoint(over_the_car()).begin()
+    task = uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(1.0)
     hang_below_the_body(uav)
     uav.run(STEP_S)

@@ -14,7 +14,7 @@ from ual.simulation import MotorsWeak
 from ual.types import Limits, State
 from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, Takes, VelocitySetpoint
 from ual_daemon.settings import Tracker, VehicleSettings
-from ual_daemon.tracker.setpoint_adaptation import fitted
+from ual_daemon.tracker.setpoint_adaptation import adapted
 
 WAYS = {
     "by configuration": (VehicleSettings(tracker=Tracker.PURSUIT), {}),
@@ -39,7 +39,7 @@ def distance_from_line(p: Vector3, a: Vector3, b: Vector3) -> float:
 
 def test_a_waypoint_is_reached_straight_and_without_overshoot(flying: Stepped) -> None:
     begin, goal = flying.pose.position, Vector3(9.0, 6.0, 6.0)
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(goal.x, goal.y, goal.z, 1.2)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(goal.x, goal.y, goal.z, 1.2)).begin().future)
     flying.run(5.0)
     flown = [sample.pose.position for sample in flying.samples if sample.pose]
     assert max(distance_from_line(p, begin, goal) for p in flown) < 0.15
@@ -51,9 +51,9 @@ def test_a_waypoint_is_reached_straight_and_without_overshoot(flying: Stepped) -
 def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_it_looks_ahead(flying: Stepped) -> None:
     corners = [Vector3(6, 0, 3), Vector3(6, 6, 3), Vector3(0, 6, 3)]
     for radius_m, widest in ((0.0, 0.5), (1.0, 2.0)):
-        flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin().future)
+        flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
         flying.samples.clear()
-        task = flying.vehicle.motions.follow_path([at(*corner) for corner in corners], corner_radius_m=radius_m).begin()
+        task = flying.prepare.follow_path([at(*corner) for corner in corners], corner_radius_m=radius_m).begin()
         flying.end(task.future)
         flown = [sample.pose.position for sample in flying.samples if sample.pose]
         for corner in corners:
@@ -62,7 +62,7 @@ def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_it_looks_ahead(flyi
 
 @pytest.mark.parametrize("max_speed_m_s", [0.2, 1.0])
 def test_a_speed_that_is_not_to_be_exceeded_is_kept(flying: Stepped, max_speed_m_s: float) -> None:
-    flying.vehicle.motions.go_to_waypoint(at(5.0, 0.0, 3.0), max_speed_m_s=max_speed_m_s).begin()
+    flying.prepare.go_to_waypoint(at(5.0, 0.0, 3.0), max_speed_m_s=max_speed_m_s).begin()
     flying.run(8.0)
     speeds = [sample.velocity.linear.norm() for sample in flying.samples if sample.velocity]
     assert 0.75 * max_speed_m_s <= max(speeds) <= 1.1 * max_speed_m_s
@@ -70,14 +70,14 @@ def test_a_speed_that_is_not_to_be_exceeded_is_kept(flying: Stepped, max_speed_m
 
 def test_each_leg_keeps_its_own_speed_limit(flying: Stepped) -> None:
     path = [at(4.0, 0.0, 3.0), at(4.0, 4.0, 3.0)]
-    flying.end(flying.vehicle.motions.follow_path(path, leg_speeds_m_s=[0.8, 0.3]).begin().future)
+    flying.end(flying.prepare.follow_path(path, leg_speeds_m_s=[0.8, 0.3]).begin().future)
     moved = [(s.pose.position, s.velocity.linear.norm()) for s in flying.samples if s.pose and s.velocity]
     assert 0.6 <= max(speed for place, speed in moved if place.x < 3.0) <= 0.88
     assert 0.25 <= max(speed for place, speed in moved if place.y > 1.0) <= 0.33
 
 
 def test_what_is_pushed_off_comes_back_to_the_line(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
+    task = flying.prepare.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.until(lambda: flying.pose.position.x > 5.0)
     flying.sim.set_wind(Vector3(0.0, 3.0, 0.0))
     flying.run(1.5)
@@ -89,7 +89,7 @@ def test_what_is_pushed_off_comes_back_to_the_line(flying: Stepped) -> None:
 
 def test_what_cannot_get_there_times_out_and_says_how_far_it_was(flying: Stepped) -> None:
     flying.sim.begin_fault(MotorsWeak(0.0))
-    task = flying.vehicle.motions.go_to_waypoint(at(4.0, 0.0, 3.0)).begin()
+    task = flying.prepare.go_to_waypoint(at(4.0, 0.0, 3.0)).begin()
     flying.until(task.future.done)
     error = task.future.exception()
     assert isinstance(error, UalTimeoutError)
@@ -101,17 +101,17 @@ def test_it_holds_brakes_and_lands(flying: Stepped) -> None:
     place = flying.pose.position
     flying.run(3.0)
     assert (flying.pose.position - place).norm() < 0.05
-    task = flying.vehicle.motions.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
+    task = flying.prepare.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.run(6.0)
-    task.cancel()
+    flying.vehicle.commands.cancel(task)
     flying.run(4.0)
     stopped = flying.pose.position
     flying.run(3.0)
     assert (flying.pose.position - stopped).norm() < 0.05
-    flying.vehicle.motions.set_pose(at(*(stopped + Vector3(1.0, 0.0, 0.0)))).begin()
+    flying.vehicle.commands.setpoints.set_pose(at(*(stopped + Vector3(1.0, 0.0, 0.0))))
     flying.run(8.0)
     assert (flying.pose.position - stopped - Vector3(1.0, 0.0, 0.0)).norm() < 0.05
-    flying.end(flying.vehicle.motions.land().begin().future)
+    flying.end(flying.prepare.land().begin().future)
     flying.until(lambda: flying.state is State.LANDED_DISARMED)
 
 
@@ -119,7 +119,7 @@ def test_only_positions_means_no_velocities() -> None:
     with stepped(light={"takes": "positions"}) as uav:
         uav.fly()
         with pytest.raises(NotSupportedError):
-            uav.vehicle.motions.set_velocity(TwistStamped(Twist(Vector3(1.0))))
+            uav.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(1.0))))
 
 
 # --- Setpoints as an autopilot takes them -----------------------------------------------------------------------------
@@ -129,16 +129,16 @@ MOVING = PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0, Vector3(0.5), Vector3(0.
 
 
 def test_positions_are_bared_for_an_autopilot_that_takes_no_more() -> None:
-    assert fitted(MOVING, Takes.ALL, HERE, Limits()) is MOVING
-    assert fitted(MOVING, Takes.POSITIONS, HERE, Limits()) == PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0)
+    assert adapted(MOVING, Takes.ALL, HERE, Limits()) is MOVING
+    assert adapted(MOVING, Takes.POSITIONS, HERE, Limits()) == PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0)
 
 
 def test_positions_become_velocities_towards_them_within_the_limits() -> None:
-    near = fitted(MOVING, Takes.VELOCITIES, HERE, Limits())
+    near = adapted(MOVING, Takes.VELOCITIES, HERE, Limits())
     assert isinstance(near, VelocitySetpoint)
     assert 0.5 < near.velocity.x < 1.6
     assert 0.2 < near.yaw_rate_rad_s <= 1.0  # the shorter way, through pi
-    far = fitted(PositionSetpoint(Vector3(101.0, 2.0, 103.0), 3.0), Takes.VELOCITIES, HERE, Limits())
+    far = adapted(PositionSetpoint(Vector3(101.0, 2.0, 103.0), 3.0), Takes.VELOCITIES, HERE, Limits())
     assert far.velocity.horizontal_norm() <= 1.6 + 1e-9
     assert far.velocity.z <= 1.2 + 1e-9
     assert math.isclose(far.velocity.x, far.velocity.z)
@@ -146,4 +146,4 @@ def test_positions_become_velocities_towards_them_within_the_limits() -> None:
 
 def test_velocities_stay_as_they_are() -> None:
     velocity = VelocitySetpoint(Vector3(1.0), 0.1)
-    assert all(fitted(velocity, takes, HERE, Limits()) is velocity for takes in Takes)
+    assert all(adapted(velocity, takes, HERE, Limits()) is velocity for takes in Takes)

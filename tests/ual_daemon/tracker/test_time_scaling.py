@@ -15,7 +15,7 @@ from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import Sample, Snapshot
 from ual_daemon.tracker.references import Follow
-from ual_daemon.tracker.time_scaling import Pace, paced
+from ual_daemon.tracker.time_scaling import TimeScaling, scaled
 from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
 
 LIMITS = Limits()
@@ -65,7 +65,7 @@ def test_a_path_that_waits_keeps_its_limits(
 @pytest.mark.parametrize("wait_s", [0.3, 2.0, 5.9, 6.5, 7.0, 12.0])
 def test_it_waits_at_any_place_and_goes_on_in_time(wait_s: float) -> None:
     found = path(Motion(Vector3(), 0.0), waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0)), 1.0, LIMITS)
-    pace = Pace(found)
+    pace = TimeScaling(found)
     for _ in range(round(wait_s / STEP_S)):
         pace.go_on(STEP_S, math.inf, 1.0)
     for _ in range(300):
@@ -80,7 +80,7 @@ def test_it_waits_at_any_place_and_goes_on_in_time(wait_s: float) -> None:
 
 def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
     line = Line(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
-    pace, step_s = Pace(line), 1e-3
+    pace, step_s = TimeScaling(line), 1e-3
     motions = []
     for index in range(6000):
         pace.go_on(step_s, math.inf, 1.0 if index < 2000 else 0.4)
@@ -95,6 +95,6 @@ def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
 
 def test_at_full_pace_a_motion_is_itself() -> None:
     motion = Motion(Vector3(), 0.0, Vector3(1, 0, 0), Vector3(0, 1, 0), 0.5, 0.1)
-    assert paced(motion, 1.0, 0.0) is motion
-    assert paced(motion, 0.5, 0.0).acceleration == Vector3(0, 0.25, 0)
-    assert paced(motion, 0.5, -0.2).acceleration == Vector3(-0.2, 0.25, 0)
+    assert scaled(motion, 1.0, 0.0) is motion
+    assert scaled(motion, 0.5, 0.0).acceleration == Vector3(0, 0.25, 0)
+    assert scaled(motion, 0.5, -0.2).acceleration == Vector3(-0.2, 0.25, 0)

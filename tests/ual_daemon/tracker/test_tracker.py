@@ -40,11 +40,11 @@ def flying(light: Mapping[str, Any] | None = None) -> Iterator[Stepped]:
 
 
 def go_to(uav: Stepped, goal: PoseStamped) -> VehicleTask:
-    return uav.vehicle.motions.go_to_waypoint(goal).begin()
+    return uav.prepare.go_to_waypoint(goal).begin()
 
 
 def follow(uav: Stepped, goals: Sequence[PoseStamped], corner_radius_m: float) -> VehicleTask:
-    return uav.vehicle.motions.follow_path(goals, corner_radius_m=corner_radius_m).begin()
+    return uav.prepare.follow_path(goals, corner_radius_m=corner_radius_m).begin()
 
 
 def places(samples: Sequence[Telemetry]) -> list[Vector3]:
@@ -165,7 +165,7 @@ def test_goals_changed_every_300_ms_for_a_minute_send_nothing_beyond_the_limits(
         with wiretap(uav) as sent:
             for _ in range(200):
                 if random.random() < 0.1:
-                    uav.vehicle.abort()
+                    uav.vehicle.commands.abort()
                 elif random.random() < 0.1:
                     sides = [(random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-3, 3)) for _ in range(3)]
                     follow(uav, [at(x, y, 5.0, yaw_rad) for x, y, yaw_rad in sides], 1.0)
@@ -223,7 +223,7 @@ def test_an_abort_comes_to_rest_as_fast_as_the_limits_allow() -> None:
         go_to(uav, at(20.0, 0.0, 5.0))
         uav.run(4.0)
         begun, speed, limits = uav.pose.position, uav.speed, uav.vehicle.info().limits
-        uav.vehicle.abort()
+        uav.vehicle.commands.abort()
         acceleration = limits.horizontal_acceleration_m_s2
         stop_s = speed / acceleration + RAMP_S
         uav.run(stop_s + 0.5)

@@ -1,4 +1,4 @@
-"""Motions that are prepared and then begun, or not (dry runs), and their speeds. In stepped time."""
+"""Commands that are prepared and then begun, or not (dry runs), and their speeds. In stepped time."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from ual.errors import (
 )
 from ual.geometry import PointStamped, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHeading, Plan, State, TaskStatus
-from ual_daemon.frames.resolver import Goal, Places
+from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker import limits
-from ual_daemon.vehicle.commands import Prepared
+from ual_daemon.vehicle.prepared import Prepared
 
 
 @pytest.fixture
@@ -51,15 +51,23 @@ class Case:
     state: State = State.FLYING_AUTO
 
 
+def reference(uav: Stepped, setpoint: PoseStamped | TwistStamped) -> Prepared[None]:
+    """A setpoint as a motion that may begin."""
+    setpoints = uav.vehicle.commands.setpoints
+    if isinstance(setpoint, TwistStamped):
+        return Prepared(setpoints.plan_velocity(setpoint), lambda: setpoints.set_velocity(setpoint))
+    return Prepared(setpoints.plan_pose(setpoint), lambda: setpoints.set_pose(setpoint))
+
+
 MOTIONS = {
-    "take_off": Case(lambda uav: uav.vehicle.motions.take_off(3.0), State.LANDED_ARMED),
-    "land": Case(lambda uav: uav.vehicle.motions.land()),
-    "go_to_waypoint": Case(lambda uav: uav.vehicle.motions.go_to_waypoint(at(3, 4, 3))),
-    "go_to_waypoint_geo": Case(lambda uav: uav.vehicle.motions.go_to_waypoint_geo(*near(uav), AltitudeReference.AMSL)),
-    "follow_path": Case(lambda uav: uav.vehicle.motions.follow_path([at(2, 0, 3), at(2, 2, 3)])),
-    "set_pose": Case(lambda uav: uav.vehicle.motions.set_pose(at(1, 1, 3))),
-    "set_velocity": Case(lambda uav: uav.vehicle.motions.set_velocity(velocity(1.0))),
-    "recover_from_manual": Case(lambda uav: uav.vehicle.motions.recover_from_manual(), State.FLYING_MANUAL),
+    "take_off": Case(lambda uav: uav.prepare.take_off(3.0), State.LANDED_ARMED),
+    "land": Case(lambda uav: uav.prepare.land()),
+    "go_to_waypoint": Case(lambda uav: uav.prepare.go_to_waypoint(at(3, 4, 3))),
+    "go_to_waypoint_geo": Case(lambda uav: uav.prepare.go_to_waypoint_geo(*near(uav), AltitudeReference.AMSL)),
+    "follow_path": Case(lambda uav: uav.prepare.follow_path([at(2, 0, 3), at(2, 2, 3)])),
+    "set_pose": Case(lambda uav: reference(uav, at(1, 1, 3))),
+    "set_velocity": Case(lambda uav: reference(uav, velocity(1.0))),
+    "recover_from_manual": Case(lambda uav: uav.vehicle.commands.recover_from_manual(), State.FLYING_MANUAL),
 }
 
 
@@ -75,7 +83,7 @@ def near(uav: Stepped) -> tuple[float, float, float]:
 def bring_to(uav: Stepped, state: State) -> None:
     uav.arm()
     if state is not State.LANDED_ARMED:
-        uav.end(uav.vehicle.motions.take_off(3.0).begin().future)
+        uav.end(uav.prepare.take_off(3.0).begin().future)
     if state is State.FLYING_MANUAL:
         uav.sim.pilot_take_over()
         uav.run(STEP_S)
@@ -102,8 +110,8 @@ class Recorder:
 
 
 def test_a_way_that_was_planned_while_another_command_came_does_not_begin(flying: Stepped) -> None:
-    prepared = flying.vehicle.motions.follow_path([at(5, 0, 3), at(5, 5, 3)])
-    flying.vehicle.abort()  # by another thread, while the path is planned
+    prepared = flying.prepare.follow_path([at(5, 0, 3), at(5, 5, 3)])
+    flying.vehicle.commands.abort()  # by another thread, while the path is planned
     with pytest.raises(TaskAbortedError, match="replaced by abort"):
         prepared.begin()
     flying.run(2.0)
@@ -112,9 +120,9 @@ def test_a_way_that_was_planned_while_another_command_came_does_not_begin(flying
 
 
 def test_a_way_that_was_planned_while_the_uav_flew_on_does_not_make_it_jump_back(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(2.0)
-    prepared = flying.vehicle.motions.follow_path([at(9, 0, 3), at(9, 9, 3)])
+    prepared = flying.prepare.follow_path([at(9, 0, 3), at(9, 9, 3)])
     flying.run(2.0)
     with pytest.raises(WrongStateError, match="flew on by"):
         prepared.begin()
@@ -122,13 +130,13 @@ def test_a_way_that_was_planned_while_the_uav_flew_on_does_not_make_it_jump_back
 
 
 def test_a_way_that_was_planned_while_the_safety_pilot_took_over_does_not_begin(flying: Stepped) -> None:
-    prepared = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3))
+    prepared = flying.prepare.go_to_waypoint(at(9, 0, 3))
     flying.sim.pilot_take_over()
     with pytest.raises(WrongStateError, match="FLYING_MANUAL"):
         prepared.begin()
 
 
-# --- The short way of setpoints ---------------------------------------------------------------------------------------
+# --- Setpoints: sent, or as a dry run ---------------------------------------------------------------------------------
 
 
 REFUSED_POSES = {
@@ -156,32 +164,33 @@ def refusal(begin: Callable[[], object], caplog: pytest.LogCaptureFixture) -> tu
 
 
 def both_ways(uav: Stepped, name: str, setpoint: Any) -> tuple[Callable[[], object], Callable[[], object]]:
-    motions = uav.vehicle.motions
+    """As a dry run, and as a setpoint that is sent."""
+    setpoints = uav.vehicle.commands.setpoints
     if name == "set_pose":
-        return lambda: motions.set_pose(setpoint).begin(), lambda: motions.tell_pose(setpoint)
-    return lambda: motions.set_velocity(setpoint).begin(), lambda: motions.tell_velocity(setpoint)
+        return lambda: setpoints.plan_pose(setpoint), lambda: setpoints.set_pose(setpoint)
+    return lambda: setpoints.plan_velocity(setpoint), lambda: setpoints.set_velocity(setpoint)
 
 
 @pytest.mark.parametrize(
     ("name", "what"),
     [*(("set_pose", each) for each in REFUSED_POSES), *(("set_velocity", each) for each in REFUSED_VELOCITIES)],
 )
-def test_the_short_way_refuses_what_the_long_one_does_and_nothing_is_sent(
+def test_a_setpoint_is_refused_as_its_dry_run_is_and_nothing_is_sent(
     flying: Stepped, name: str, what: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     setpoint = (REFUSED_POSES if name == "set_pose" else REFUSED_VELOCITIES)[what]
     recorder = Recorder(flying, monkeypatch)
-    long_way, short_way = both_ways(flying, name, setpoint)
-    kind, text, events = refusal(long_way, caplog)
-    monkeypatch.setattr(flying.vehicle.motions._checks, "_last_refusal", ("", 0.0))
-    assert refusal(short_way, caplog) == (kind, text, events)
+    dry_run, send = both_ways(flying, name, setpoint)
+    kind, text, events = refusal(dry_run, caplog)
+    monkeypatch.setattr(flying.vehicle.commands._preconditions, "_last_refusal", ("", 0.0))
+    assert refusal(send, caplog) == (kind, text, events)
     assert events == ["refused"]
     assert recorder.sent == []
 
 
 @pytest.mark.parametrize("state", [State.LANDED_ARMED, State.FLYING_MANUAL])
 @pytest.mark.parametrize(("name", "setpoint"), [("set_pose", at(1, 1, 3)), ("set_velocity", velocity(1.0))])
-def test_the_short_way_sends_nothing_where_the_uav_is_not_ours(
+def test_no_setpoint_is_sent_where_the_uav_is_not_ours(
     uav: Stepped, name: str, setpoint: Any, state: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bring_to(uav, state)
@@ -233,7 +242,7 @@ def test_it_is_refused_in_the_states_in_which_the_motion_is(uav: Stepped, name: 
 
 
 def test_a_dry_run_leaves_the_running_task_alone(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(5, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(5, 0, 3)).begin()
     flying.run(1.0)
     for name in ("land", "go_to_waypoint", "follow_path", "set_pose", "set_velocity"):
         MOTIONS[name].prepare(flying)
@@ -244,7 +253,7 @@ def test_a_dry_run_leaves_the_running_task_alone(flying: Stepped) -> None:
 
 @pytest.mark.parametrize("name", [name for name, case in MOTIONS.items() if case.state is State.FLYING_AUTO])
 def test_it_is_refused_while_a_landing_cannot_be_replaced(flying: Stepped, name: str) -> None:
-    flying.vehicle.motions.land().begin()
+    flying.prepare.land().begin()
     with pytest.raises(WrongStateError) as refused:
         MOTIONS[name].prepare(flying)
     assert "land" in str(refused.value).lower()
@@ -274,20 +283,20 @@ def test_it_is_refused_where_the_backend_cannot(uav: Stepped, name: str, monkeyp
 @pytest.mark.parametrize(
     ("prepare", "kind"),
     [
-        (lambda m: m.go_to_waypoint(at(math.nan, 0, 3)), InvalidArgumentError),
-        (lambda m: m.go_to_waypoint(at(0, 0, 3, None, "nowhere")), UnknownFrameError),
-        (lambda m: m.go_to_waypoint_geo(91.0, 0.0, 3.0), InvalidArgumentError),
-        (lambda m: m.follow_path([]), InvalidArgumentError),
-        (lambda m: m.set_pose(at(0, 2e7, 3)), InvalidArgumentError),
-        (lambda m: m.set_velocity(velocity(math.inf)), InvalidArgumentError),
-        (lambda m: m.take_off(0.0), InvalidArgumentError),
+        (lambda uav: uav.prepare.go_to_waypoint(at(math.nan, 0, 3)), InvalidArgumentError),
+        (lambda uav: uav.prepare.go_to_waypoint(at(0, 0, 3, None, "nowhere")), UnknownFrameError),
+        (lambda uav: uav.prepare.go_to_waypoint_geo(91.0, 0.0, 3.0), InvalidArgumentError),
+        (lambda uav: uav.prepare.follow_path([]), InvalidArgumentError),
+        (lambda uav: reference(uav, at(0, 2e7, 3)), InvalidArgumentError),
+        (lambda uav: reference(uav, velocity(math.inf)), InvalidArgumentError),
+        (lambda uav: uav.prepare.take_off(0.0), InvalidArgumentError),
     ],
 )
 def test_it_is_refused_for_what_cannot_be_meant(
-    flying: Stepped, prepare: Callable[[Any], object], kind: type[UalError]
+    flying: Stepped, prepare: Callable[[Stepped], object], kind: type[UalError]
 ) -> None:
     with pytest.raises(kind):
-        prepare(flying.vehicle.motions)
+        prepare(flying)
 
 
 # --- Plans ------------------------------------------------------------------------------------------------------------
@@ -321,7 +330,7 @@ def test_a_climb_that_the_autopilot_flies_has_no_known_duration(uav: Stepped, mo
     bring_to(uav, State.LANDED_ARMED)
     by_itself = replace(uav.vehicle.backend.info(), flies_takeoff_on_setpoints=False)
     monkeypatch.setattr(uav.vehicle.backend, "info", lambda: by_itself)
-    assert uav.vehicle.motions.take_off(3.0).plan == Plan(length_m=3.0)
+    assert uav.prepare.take_off(3.0).plan == Plan(length_m=3.0)
 
 
 # --- Speeds -----------------------------------------------------------------------------------------------------------
@@ -333,8 +342,8 @@ def fastest(uav: Stepped) -> float:
 
 @pytest.mark.parametrize("goal", [(6, 0, 3), (0, -6, 3), (0, 0, 8), (0, 0, 1), (4, 3, 6)])
 def test_a_waypoint_is_flown_to_no_faster_than_asked(flying: Stepped, goal: tuple[float, float, float]) -> None:
-    slow = flying.vehicle.motions.go_to_waypoint(at(*goal), max_speed_m_s=0.5)
-    quick = flying.vehicle.motions.go_to_waypoint(at(*goal))
+    slow = flying.prepare.go_to_waypoint(at(*goal), max_speed_m_s=0.5)
+    quick = flying.prepare.go_to_waypoint(at(*goal))
     assert slow.plan.duration_s is not None
     assert quick.plan.duration_s is not None
     assert slow.plan.duration_s > 1.2 * quick.plan.duration_s
@@ -344,28 +353,28 @@ def test_a_waypoint_is_flown_to_no_faster_than_asked(flying: Stepped, goal: tupl
 
 
 def test_a_speed_beyond_the_limits_changes_nothing(flying: Stepped) -> None:
-    motions = flying.vehicle.motions
-    assert motions.go_to_waypoint(at(6, 0, 3), max_speed_m_s=900.0).plan == motions.go_to_waypoint(at(6, 0, 3)).plan
+    prepare = flying.prepare
+    assert prepare.go_to_waypoint(at(6, 0, 3), max_speed_m_s=900.0).plan == prepare.go_to_waypoint(at(6, 0, 3)).plan
 
 
 def test_a_geographic_waypoint_and_a_path_are_flown_no_faster_than_asked(flying: Stepped) -> None:
-    motions = flying.vehicle.motions
-    flying.end(motions.go_to_waypoint_geo(*near(flying), AltitudeReference.AMSL, max_speed_m_s=0.6).begin().future)
-    flying.end(motions.follow_path([at(3, 0, 3), at(0, 0, 4)], max_speed_m_s=0.6).begin().future)
+    prepare = flying.prepare
+    flying.end(prepare.go_to_waypoint_geo(*near(flying), AltitudeReference.AMSL, max_speed_m_s=0.6).begin().future)
+    flying.end(prepare.follow_path([at(3, 0, 3), at(0, 0, 4)], max_speed_m_s=0.6).begin().future)
     assert 0.5 < fastest(flying) < 0.63
 
 
 @pytest.mark.parametrize("speed_m_s", [0.0, 1e-9, -1.0, math.nan, math.inf, 1001.0, "fast"])
 def test_speeds_that_cannot_be_meant_are_refused(flying: Stepped, speed_m_s: float) -> None:
-    motions = flying.vehicle.motions
+    prepare = flying.prepare
     calls: list[Callable[[], object]] = [
-        lambda: motions.go_to_waypoint(at(1, 0, 3), max_speed_m_s=speed_m_s),
-        lambda: motions.go_to_waypoint_geo(0.0, 0.0, 3.0, max_speed_m_s=speed_m_s),
-        lambda: motions.follow_path([at(1, 0, 3)], max_speed_m_s=speed_m_s),
+        lambda: prepare.go_to_waypoint(at(1, 0, 3), max_speed_m_s=speed_m_s),
+        lambda: prepare.go_to_waypoint_geo(0.0, 0.0, 3.0, max_speed_m_s=speed_m_s),
+        lambda: prepare.follow_path([at(1, 0, 3)], max_speed_m_s=speed_m_s),
     ]
-    for prepare in calls:
+    for call in calls:
         with pytest.raises(InvalidArgumentError, match="max_speed_m_s") as refused:
-            prepare()
+            call()
         assert refused.value.metadata["field"] == "max_speed_m_s"
 
 
@@ -403,13 +412,13 @@ def test_limits_are_narrowed_where_the_speed_is_below_them() -> None:
 )
 def test_what_cannot_be_meant_of_a_path_is_refused(flying: Stepped, options: dict[str, Any], field: str) -> None:
     with pytest.raises(InvalidArgumentError) as refused:
-        flying.vehicle.motions.follow_path([at(1, 0, 3), at(2, 0, 3)], **options)
+        flying.prepare.follow_path([at(1, 0, 3), at(2, 0, 3)], **options)
     assert refused.value.metadata["field"] == field
 
 
 def test_each_leg_has_the_smaller_of_its_speeds(flying: Stepped) -> None:
     goals = [at(3, 0, 3), at(3, 3, 3), at(0, 3, 3)]
-    task = flying.vehicle.motions.follow_path(goals, max_speed_m_s=0.8, leg_speeds_m_s=[0.4, 0.0, 900.0]).begin()
+    task = flying.prepare.follow_path(goals, max_speed_m_s=0.8, leg_speeds_m_s=[0.4, 0.0, 900.0]).begin()
     fastest_m_s = [0.0, 0.0, 0.0]
     while not task.future.done():
         flying.run(STEP_S)
@@ -421,8 +430,8 @@ def test_each_leg_has_the_smaller_of_its_speeds(flying: Stepped) -> None:
 
 
 def test_a_path_looks_at_a_point_in_any_frame(flying: Stepped) -> None:
-    flying.vehicle.add_frame(Transform(Vector3(4, 0, 0), Quaternion.from_yaw(1.0), "map", "tower"))
-    task = flying.vehicle.motions.follow_path(
+    flying.vehicle.commands.add_frame(Transform(Vector3(4, 0, 0), Quaternion.from_yaw(1.0), "map", "tower"))
+    task = flying.prepare.follow_path(
         [at(0, 4, 3)],
         heading=PathHeading.POINT_OF_INTEREST,
         point_of_interest=PointStamped(Vector3(), "tower"),
@@ -435,13 +444,13 @@ def test_a_path_looks_at_a_point_in_any_frame(flying: Stepped) -> None:
 def test_a_path_points_as_asked_whatever_the_waypoints_say(
     flying: Stepped, heading: PathHeading, yaw_rad: float
 ) -> None:
-    flying.end(flying.vehicle.motions.follow_path([at(0, 4, 3, 2.5)], heading=heading).begin().future)
+    flying.end(flying.prepare.follow_path([at(0, 4, 3, 2.5)], heading=heading).begin().future)
     assert flying.pose.yaw_rad == pytest.approx(yaw_rad, abs=0.03)
 
 
 def test_a_point_of_interest_in_an_unknown_frame_is_refused(flying: Stepped) -> None:
     with pytest.raises(UnknownFrameError):
-        flying.vehicle.motions.follow_path(
+        flying.prepare.follow_path(
             [at(1, 0, 3)],
             heading=PathHeading.POINT_OF_INTEREST,
             point_of_interest=PointStamped(Vector3(), "nowhere"),
@@ -454,7 +463,7 @@ def test_a_path_of_geographic_waypoints_is_flown_where_they_are(flying: Stepped)
         GeoWaypoint(latitude_deg, longitude_deg, altitude_m, AltitudeReference.AMSL),
         GeoWaypoint(latitude_deg, longitude_deg, 5.0, yaw_rad=1.0),
     ]
-    flying.end(flying.vehicle.motions.follow_path(waypoints).begin().future)
+    flying.end(flying.prepare.follow_path(waypoints).begin().future)
     assert (flying.pose.position - Vector3(3, 4, 5)).norm() < 0.05
     assert flying.pose.yaw_rad == pytest.approx(1.0, abs=0.05)
 
@@ -473,7 +482,7 @@ def test_geographic_waypoints_that_cannot_be_meant_are_refused(
     flying: Stepped, waypoints: list[PoseStamped | GeoWaypoint], field: str
 ) -> None:
     with pytest.raises(InvalidArgumentError) as refused:
-        flying.vehicle.motions.follow_path(waypoints)
+        flying.prepare.follow_path(waypoints)  # type: ignore[arg-type]
     assert refused.value.metadata["field"] == field
 
 
@@ -484,7 +493,7 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
     with caplog.at_level(logging.INFO):
         for i in range(50):
             place = Vector3(0.1 * i, 0.0, 2.0)
-            uav.vehicle.add_frame(Transform(place, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
+            uav.vehicle.commands.add_frame(Transform(place, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
     added = [record for record in caplog.records if record.getMessage() == "command"]
     assert len(added) == 1
     (found,) = [frame for frame in uav.vehicle.frames() if frame.frame_id == "car/base_link"]
@@ -496,21 +505,21 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
 @pytest.mark.parametrize("stamp_s", [math.nan, -1.0, math.inf, 1e300])
 def test_a_stamp_that_is_no_time_is_refused(uav: Stepped, stamp_s: float) -> None:
     with pytest.raises(InvalidArgumentError, match=r"transform\.header\.stamp"):
-        uav.vehicle.add_frame(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
+        uav.vehicle.commands.add_frame(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
 
 
 def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = Places.goal
+    read = FrameResolver.goal
 
-    def read_meanwhile(places: Places, goal: PoseStamped, field: str) -> Goal:
+    def read_meanwhile(resolver: FrameResolver, goal: PoseStamped, field: str) -> Goal:
         if field == "waypoints[1]":
-            flying.vehicle.abort()
-        return read(places, goal, field)
+            flying.vehicle.commands.abort()
+        return read(resolver, goal, field)
 
-    monkeypatch.setattr(Places, "goal", read_meanwhile)
-    path = flying.vehicle.motions.follow_path([at(1.0, 0.0, 3.0), at(2.0, 0.0, 3.0)])
+    monkeypatch.setattr(FrameResolver, "goal", read_meanwhile)
+    path = flying.prepare.follow_path([at(1.0, 0.0, 3.0), at(2.0, 0.0, 3.0)])
     with pytest.raises(TaskAbortedError, match="replaced by abort"):
         path.begin()
 
@@ -518,11 +527,11 @@ def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
 def test_a_go_to_that_replaces_one_at_once_goes_on_from_its_reference() -> None:
     with stepped(light={"response_s": 1.0}) as uav:  # it lags
         uav.fly()
-        uav.vehicle.motions.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
+        uav.prepare.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
         uav.run(0.7)
         before = uav.vehicle.telemetry().reference_pose
         for _ in range(3):
-            uav.vehicle.motions.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
+            uav.prepare.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
         uav.run(STEP_S)
         after = uav.vehicle.telemetry().reference_pose
         assert before is not None

@@ -12,9 +12,8 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.flight.geofence import Fence
+from ual_daemon.frames.fence import Fence
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
-from ual_daemon.vehicle.commands import Motions, Prepared
 
 # An L: the square from -10 to 10 without its upper right quarter.
 L_SHAPE = ((-10.0, -10.0), (10.0, -10.0), (10.0, 0.0), (0.0, 0.0), (0.0, 10.0), (-10.0, 10.0))
@@ -41,7 +40,7 @@ def test_a_take_off_beyond_the_height_band_is_refused(uav: Stepped) -> None:
     uav.arm()
     for height_m in (10.1, 0.9):
         with pytest.raises(GeofenceError, match="outside the geofence"):
-            uav.vehicle.motions.take_off(height_m)
+            uav.prepare.take_off(height_m)
     uav.run(1.0)
     assert uav.state is State.LANDED_ARMED
 
@@ -49,20 +48,20 @@ def test_a_take_off_beyond_the_height_band_is_refused(uav: Stepped) -> None:
 @pytest.mark.parametrize(
     "move",
     [
-        lambda motions: motions.go_to_waypoint(at(5.0, 5.0, 3.0)),
-        lambda motions: motions.go_to_waypoint(at(-5.0, -5.0, 0.5)),
-        lambda motions: motions.set_pose(at(-5.0, -10.1, 3.0)),
-        lambda motions: motions.follow_path([at(-5.0, 8.0, 3.0), at(8.0, -5.0, 3.0)]),
-        lambda motions: motions.follow_path([at(8.0, -5.0, 3.0), at(20.0, -5.0, 3.0), at(5.0, -5.0, 3.0)]),
+        lambda uav: uav.prepare.go_to_waypoint(at(5.0, 5.0, 3.0)),
+        lambda uav: uav.prepare.go_to_waypoint(at(-5.0, -5.0, 0.5)),
+        lambda uav: uav.vehicle.commands.plan(at(-5.0, -10.1, 3.0)),
+        lambda uav: uav.prepare.follow_path([at(-5.0, 8.0, 3.0), at(8.0, -5.0, 3.0)]),
+        lambda uav: uav.prepare.follow_path([at(8.0, -5.0, 3.0), at(20.0, -5.0, 3.0), at(5.0, -5.0, 3.0)]),
     ],
     ids=["goal outside", "goal too low", "pose outside", "leg outside between corners inside", "waypoint outside"],
 )
 def test_what_would_leave_is_refused_dry_or_not_and_nothing_moves(
-    flying: Stepped, move: Callable[[Motions], Prepared[object]]
+    flying: Stepped, move: Callable[[Stepped], object]
 ) -> None:
     before = flying.pose.position
     with pytest.raises(GeofenceError):
-        move(flying.vehicle.motions)
+        move(flying)
     flying.run(2.0)
     assert (flying.pose.position - before).norm() < 0.05
     assert flying.state is State.FLYING_AUTO
@@ -72,22 +71,22 @@ def test_a_refusal_names_the_goal_that_lies_outside(flying: Stepped) -> None:
     with pytest.raises(
         GeofenceError, match=r"go_to_waypoint: 5\.0, 6\.0, 3\.0 in uav_1/odom lies outside the geofence"
     ):
-        flying.vehicle.motions.go_to_waypoint(at(5.0, 6.0, 3.0))
+        flying.prepare.go_to_waypoint(at(5.0, 6.0, 3.0))
 
 
 @pytest.mark.parametrize(
     "move",
     [
-        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 3.0)),
-        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 9.9), max_speed_m_s=0.01),
-        lambda motions: motions.follow_path([at(5e6, 0.0, 9.9), at(5e6, 5e6, 9.9)], corner_radius_m=1e6),
-        lambda motions: motions.follow_path([at(5e6, 0.0, 20.0), at(5e6, 5e6, 9.9)]),
-        lambda motions: motions.go_to_waypoint(at(5e6, 0.0, 11.0)),
+        lambda uav: uav.prepare.go_to_waypoint(at(5e6, 0.0, 3.0)),
+        lambda uav: uav.prepare.go_to_waypoint(at(5e6, 0.0, 9.9), max_speed_m_s=0.01),
+        lambda uav: uav.prepare.follow_path([at(5e6, 0.0, 9.9), at(5e6, 5e6, 9.9)], corner_radius_m=1e6),
+        lambda uav: uav.prepare.follow_path([at(5e6, 0.0, 20.0), at(5e6, 5e6, 9.9)]),
+        lambda uav: uav.prepare.go_to_waypoint(at(5e6, 0.0, 11.0)),
     ],
     ids=["far", "slow, at the edge", "far path at the edge", "far path outside", "far goal outside"],
 )
 def test_how_often_the_fence_is_looked_at_does_not_depend_on_how_far_or_slow_the_way_is(
-    move: Callable[[Motions], Prepared[object]], monkeypatch: pytest.MonkeyPatch
+    move: Callable[[Stepped], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is looked at on the thread that answers everybody."""
     looks: list[Vector3] = []
@@ -100,19 +99,19 @@ def test_how_often_the_fence_is_looked_at_does_not_depend_on_how_far_or_slow_the
     with stepped(VehicleSettings(geofence=GeofenceSettings(max_height_m=10.0))) as uav:
         uav.fly()
         for velocity_m_s in (0.0, 1.0):  # from rest, and in motion
-            uav.vehicle.motions.set_velocity(velocity(0.0, velocity_m_s)).begin()
+            uav.vehicle.commands.setpoints.set_velocity(velocity(0.0, velocity_m_s))
             uav.run(0.4)
             looks.clear()
             monkeypatch.setattr(Fence, "is_inside", count)
             with contextlib.suppress(GeofenceError):
-                move(uav.vehicle.motions)
+                move(uav)
             monkeypatch.undo()
             assert 0 < len(looks) < 1000
 
 
 def test_a_path_around_the_corner_is_flown(flying: Stepped) -> None:
     path = [at(-2.0, -2.0, 3.0), at(-2.0, 8.0, 3.0)]
-    flying.end(flying.vehicle.motions.follow_path(path, corner_radius_m=1.0).begin().future)
+    flying.end(flying.prepare.follow_path(path, corner_radius_m=1.0).begin().future)
     assert (flying.pose.position - Vector3(-2.0, 8.0, 3.0)).norm() < 0.5
 
 
@@ -124,7 +123,7 @@ def test_a_velocity_against_the_fence_is_stopped_at_its_edge(flying: Stepped, he
     refused = False
     for _ in range(round(12.0 / STEP_S)):
         try:
-            flying.vehicle.motions.set_velocity(told).begin()
+            flying.vehicle.commands.setpoints.set_velocity(told)
         except GeofenceError:
             refused = True
         flying.run(STEP_S)
@@ -135,13 +134,13 @@ def test_a_velocity_against_the_fence_is_stopped_at_its_edge(flying: Stepped, he
     assert refused
     edge = min(10.0 - abs(p.x), 10.0 - abs(p.y), *((abs(p.y),) if p.x > 0.0 else (abs(p.x),) if p.y > 0.0 else ()))
     assert edge < 0.7
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(-5.0, -5.0, 3.0)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(-5.0, -5.0, 3.0)).begin().future)
 
 
 def test_a_velocity_that_nobody_renews_is_stopped_at_the_edge_too(flying: Stepped) -> None:
     """One that was accepted a moment before the edge must not go on for its half second."""
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(-5.0, -9.0, 3.0)).begin().future)
-    flying.vehicle.motions.set_velocity(velocity(0.0, -0.8)).begin()
+    flying.end(flying.prepare.go_to_waypoint(at(-5.0, -9.0, 3.0)).begin().future)
+    flying.vehicle.commands.setpoints.set_velocity(velocity(0.0, -0.8))
     lowest = 0.0
     for _ in range(round(3.0 / STEP_S)):
         flying.run(STEP_S)
@@ -158,7 +157,7 @@ def test_a_velocity_across_does_not_carry_it_outside_by_its_momentum(across: tup
         told, furthest, was_refused = velocity(10.0), 0.0, False
         for _ in range(round(20.0 / STEP_S)):
             try:
-                uav.vehicle.motions.set_velocity(told).begin()
+                uav.vehicle.commands.setpoints.set_velocity(told)
             except GeofenceError:
                 told, was_refused = velocity(10.0 * across[0], 10.0 * across[1]), True
             uav.run(STEP_S)
@@ -177,9 +176,9 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown
     with stepped(VehicleSettings(geofence=fence), light=light) as uav:
         uav.fly()
         path = [at(60.0, 0.0, 3.0), at(100.0, 40.0 * slope, 3.0)]
-        uav.vehicle.motions.follow_path(path, corner_radius_m=30.0).begin()
+        uav.prepare.follow_path(path, corner_radius_m=30.0).begin()
         uav.until(lambda: uav.pose.position.x >= flown_m)
-        uav.vehicle.abort()
+        uav.vehicle.commands.abort()
         for _ in range(round(8.0 / STEP_S)):
             uav.run(STEP_S)
             reference = uav.vehicle.telemetry().reference_pose
@@ -188,14 +187,14 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown
                 assert place.y >= max(0.0, (place.x - 60.0) * slope) - 0.55
         assert uav.speed < 0.05
         assert uav.pose.position.x < 90.0  # before the end of the path
-        uav.end(uav.vehicle.motions.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
+        uav.end(uav.prepare.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
 
 
 def test_climbing_and_descending_stop_at_the_heights(flying: Stepped) -> None:
     for z, limit in ((1.2, 10.0), (-1.2, 1.0)):
         for _ in range(round(12.0 / STEP_S)):
             with contextlib.suppress(GeofenceError):
-                flying.vehicle.motions.set_velocity(velocity(0.0, 0.0, z)).begin()
+                flying.vehicle.commands.setpoints.set_velocity(velocity(0.0, 0.0, z))
             flying.run(STEP_S)
         assert abs(flying.pose.position.z - limit) < 0.6
         assert 1.0 <= flying.pose.position.z <= 10.0
@@ -207,21 +206,21 @@ def test_the_safety_pilot_is_not_fenced_and_what_he_left_outside_holds_there_and
     flying.until(lambda: flying.pose.position.x > 12.0)
     flying.sim.pilot_move_sticks()
     flying.run(2.0)
-    flying.end(flying.vehicle.motions.recover_from_manual().begin())
+    flying.end(flying.vehicle.commands.recover_from_manual().begin())
     outside = flying.pose.position
     flying.run(2.0)
     assert (flying.pose.position - outside).norm() < 0.2
     with pytest.raises(GeofenceError):
-        flying.vehicle.motions.set_velocity(velocity(1.0))
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0))
     with pytest.raises(GeofenceError):
-        flying.vehicle.motions.go_to_waypoint(at(15.0, -5.0, 3.0))
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(5.0, -5.0, 3.0)).begin().future)
+        flying.prepare.go_to_waypoint(at(15.0, -5.0, 3.0))
+    flying.end(flying.prepare.go_to_waypoint(at(5.0, -5.0, 3.0)).begin().future)
     assert flying.pose.position.x < 10.0
 
 
 @pytest.mark.parametrize("legs", [10, 1000])
 def test_a_short_way_out_in_a_long_path_is_seen(flying: Stepped, legs: int) -> None:
     inside = [at(-5.0 if leg % 2 else 5.0, -5.0, 3.0) for leg in range(legs)]
-    flying.vehicle.motions.follow_path(inside)
+    flying.prepare.follow_path(inside)
     with pytest.raises(GeofenceError):
-        flying.vehicle.motions.follow_path([*inside, at(-5.0, -5.0, 3.0), at(-5.0, -10.05, 3.0), *inside])
+        flying.prepare.follow_path([*inside, at(-5.0, -5.0, 3.0), at(-5.0, -10.05, 3.0), *inside])

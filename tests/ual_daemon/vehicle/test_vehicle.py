@@ -66,8 +66,8 @@ def failure(task: VehicleTask) -> UalError:
 
 def test_a_flight_goes_through_its_states(uav: Stepped) -> None:
     uav.arm()
-    uav.end(uav.vehicle.motions.take_off(3.0).begin().future)
-    uav.end(uav.vehicle.motions.land().begin().future)
+    uav.end(uav.prepare.take_off(3.0).begin().future)
+    uav.end(uav.prepare.land().begin().future)
     uav.until(lambda: uav.state is State.LANDED_DISARMED)
     assert uav.states == [
         State.LANDED_DISARMED,
@@ -83,7 +83,7 @@ def test_a_flight_goes_through_its_states(uav: Stepped) -> None:
 @pytest.mark.parametrize("height_m", [0.5, 3.0, 20.0])
 def test_take_off_ends_within_5_percent_of_its_height_and_slow(uav: Stepped, height_m: float) -> None:
     uav.arm()
-    task = uav.vehicle.motions.take_off(height_m).begin()
+    task = uav.prepare.take_off(height_m).begin()
     assert task.info().status is TaskStatus.RUNNING
     uav.end(task.future)
     assert abs(uav.pose.position.z - height_m) <= max(0.1, 0.05 * height_m)
@@ -97,7 +97,7 @@ def test_take_off_ends_within_5_percent_of_its_height_and_slow(uav: Stepped, hei
 def test_a_low_take_off_ends_in_the_air(uav: Stepped, height_m: float) -> None:
     """The ground it stands on is within its tolerance."""
     uav.arm()
-    uav.end(uav.vehicle.motions.take_off(height_m).begin().future)
+    uav.end(uav.prepare.take_off(height_m).begin().future)
     assert uav.state is State.FLYING_AUTO
     assert uav.pose.position.z == pytest.approx(height_m, abs=0.03)
 
@@ -114,39 +114,39 @@ def test_take_off_height_is_above_where_it_stands() -> None:
 def test_take_off_refuses_impossible_heights(uav: Stepped, height_m: float) -> None:
     uav.arm()
     with pytest.raises(InvalidArgumentError, match="height_m"):
-        uav.vehicle.motions.take_off(height_m).begin()
+        uav.prepare.take_off(height_m).begin()
     uav.run(1.0)
     assert uav.pose.position.z == 0.0
 
 
 def test_take_off_and_land_cannot_be_replaced_nor_cancelled(uav: Stepped) -> None:
     uav.arm()
-    climb = uav.vehicle.motions.take_off(3.0).begin()
+    climb = uav.prepare.take_off(3.0).begin()
     for command in (
-        lambda: uav.vehicle.motions.take_off(1.0).begin(),
-        climb.cancel,
-        uav.vehicle.abort,
-        uav.vehicle.motions.land,
+        lambda: uav.prepare.take_off(1.0).begin(),
+        lambda: uav.vehicle.commands.cancel(climb),
+        uav.vehicle.commands.abort,
+        uav.prepare.land,
     ):
         with pytest.raises(WrongStateError):
             command()
     uav.end(climb.future)
-    descent = uav.vehicle.motions.land().begin()
-    for command in (uav.vehicle.motions.land, descent.cancel, uav.vehicle.abort):
+    descent = uav.prepare.land().begin()
+    for command in (uav.prepare.land, lambda: uav.vehicle.commands.cancel(descent), uav.vehicle.commands.abort):
         with pytest.raises(WrongStateError):
             command()
     with pytest.raises(WrongStateError, match=r"LANDING|land is under way"):
-        uav.vehicle.motions.go_to_waypoint(at(1, 1, 1)).begin()
+        uav.prepare.go_to_waypoint(at(1, 1, 1)).begin()
     uav.end(descent.future)
 
 
 @pytest.mark.parametrize("phase", ["take_off", "land"])
 def test_the_safety_pilot_aborts_take_off_and_landing(uav: Stepped, phase: str) -> None:
     uav.arm()
-    task = uav.vehicle.motions.take_off(5.0).begin()
+    task = uav.prepare.take_off(5.0).begin()
     if phase == "land":
         uav.end(task.future)
-        task = uav.vehicle.motions.land().begin()
+        task = uav.prepare.land().begin()
     uav.run(1.5)
     uav.sim.pilot_take_over()
     uav.run(2 * STEP_S)
@@ -159,7 +159,7 @@ def test_the_safety_pilot_aborts_take_off_and_landing(uav: Stepped, phase: str) 
 
 
 def test_go_to_is_straight_in_step_and_does_not_overshoot(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(4, 2, 5, math.pi / 2)).begin()
+    task = flying.prepare.go_to_waypoint(at(4, 2, 5, math.pi / 2)).begin()
     flying.end(task.future)
     start, goal = Vector3(0, 0, 3), Vector3(4, 2, 5)
     length = (goal - start).norm()
@@ -178,31 +178,31 @@ def test_go_to_is_straight_in_step_and_does_not_overshoot(flying: Stepped) -> No
 
 
 def test_go_to_turns_the_shortest_way(flying: Stepped) -> None:
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3, math.radians(170))).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(170))).begin().future)
     flying.samples.clear()
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3, math.radians(-170))).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(-170))).begin().future)
     assert all(abs(s.pose.yaw_rad) > math.radians(168) for s in flying.samples if s.pose)
 
 
 def test_a_goal_without_orientation_keeps_the_heading(flying: Stepped) -> None:
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3, 1.0)).begin().future)
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(2, 0, 3)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, 1.0)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(2, 0, 3)).begin().future)
     assert flying.pose.yaw_rad == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_goal_that_is_here_ends_at_once_and_well(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(0, 0, 3)).begin()
     flying.end(task.future, limit_s=3.0)
     assert task.info().status is TaskStatus.SUCCEEDED
 
 
 def test_goals_in_other_frames(flying: Stepped) -> None:
     vehicle = flying.vehicle
-    vehicle.add_frame(Transform(Vector3(10, 0, 0), Quaternion.from_yaw(math.pi / 2), "map", "dock"))
-    flying.end(vehicle.motions.go_to_waypoint(at(1, 7, 3, 0.0, "dock")).begin().future)
+    vehicle.commands.add_frame(Transform(Vector3(10, 0, 0), Quaternion.from_yaw(math.pi / 2), "map", "dock"))
+    flying.end(flying.prepare.go_to_waypoint(at(1, 7, 3, 0.0, "dock")).begin().future)
     assert tuple(flying.pose.position) == pytest.approx((3, 1, 3), abs=0.03)
     assert flying.pose.yaw_rad == pytest.approx(math.pi / 2, abs=0.02)
-    flying.end(vehicle.motions.go_to_waypoint(at(2, 0, 1, None, "uav_1/base_link")).begin().future)  # ahead and up
+    flying.end(flying.prepare.go_to_waypoint(at(2, 0, 1, None, "uav_1/base_link")).begin().future)  # ahead and up
     assert tuple(flying.pose.position) == pytest.approx((3, 3, 4), abs=0.03)
 
 
@@ -215,9 +215,7 @@ def test_a_geographic_goal_is_where_the_autopilot_then_is(flying: Stepped) -> No
         (AltitudeReference.AMSL, 16.0),
         (AltitudeReference.ELLIPSOID, 65.5),
     ):
-        task = flying.vehicle.motions.go_to_waypoint_geo(
-            goal.latitude_deg, goal.longitude_deg, altitude, reference
-        ).begin()
+        task = flying.prepare.go_to_waypoint_geo(goal.latitude_deg, goal.longitude_deg, altitude, reference).begin()
         flying.end(task.future)
         there = flying.vehicle.telemetry().position_geo
         assert there is not None
@@ -229,19 +227,19 @@ def test_a_geographic_goal_is_where_the_autopilot_then_is(flying: Stepped) -> No
 @pytest.mark.parametrize(("latitude", "longitude"), [(91, 0), (-91, 0), (0, 181), (math.nan, 0), (0, math.inf)])
 def test_impossible_geographic_goals_are_refused(flying: Stepped, latitude: float, longitude: float) -> None:
     with pytest.raises(InvalidArgumentError, match="itude_deg"):
-        flying.vehicle.motions.go_to_waypoint_geo(latitude, longitude, 5.0).begin()
+        flying.prepare.go_to_waypoint_geo(latitude, longitude, 5.0).begin()
 
 
 def test_a_path_stops_at_each_waypoint_or_rounds_corners(flying: Stepped) -> None:
     corners = [at(3, 0, 3), at(3, 3, 3), at(0, 3, 3)]
-    task = flying.vehicle.motions.follow_path(corners).begin()
+    task = flying.prepare.follow_path(corners).begin()
     flying.end(task.future)
     stopped = min((s.pose.position - Vector3(3, 0, 3)).norm() for s in flying.samples if s.pose)
     assert stopped < 0.02
     assert task.info().waypoint_index == 2
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
     flying.samples.clear()
-    flying.end(flying.vehicle.motions.follow_path(corners, corner_radius_m=1.0).begin().future)
+    flying.end(flying.prepare.follow_path(corners, corner_radius_m=1.0).begin().future)
     nearest = min((s.pose.position - Vector3(3, 0, 3)).norm() for s in flying.samples if s.pose)
     assert 0.2 < nearest < 1.0
     assert tuple(flying.pose.position) == pytest.approx((0, 3, 3), abs=0.03)
@@ -252,23 +250,23 @@ def test_at_a_stop_the_reference_waits_until_the_uav_has_stopped() -> None:
     with stepped(light=sluggish) as uav:
         uav.fly()
         corner = Vector3(3, 0, 3)
-        uav.end(uav.vehicle.motions.follow_path([at(3, 0, 3), at(3, 3, 3)]).begin().future)
+        uav.end(uav.prepare.follow_path([at(3, 0, 3), at(3, 3, 3)]).begin().future)
         near = [s for s in uav.samples if s.pose and (s.pose.position - corner).norm() < 0.5]
         assert min(s.velocity.linear.norm() for s in near if s.velocity) <= 0.5
 
 
 def test_an_empty_path_is_refused(flying: Stepped) -> None:
     with pytest.raises(InvalidArgumentError, match="waypoints"):
-        flying.vehicle.motions.follow_path([]).begin()
+        flying.prepare.follow_path([]).begin()
 
 
 def test_the_users_limits_hold() -> None:
     slow = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=0.5, climb_speed_m_s=0.4))
     with stepped(slow) as uav:
         uav.arm()
-        uav.end(uav.vehicle.motions.take_off(2.0).begin().future)
-        uav.end(uav.vehicle.motions.go_to_waypoint(at(2, 0, 2)).begin().future)
-        uav.vehicle.motions.set_velocity(velocity(1.5)).begin()
+        uav.end(uav.prepare.take_off(2.0).begin().future)
+        uav.end(uav.prepare.go_to_waypoint(at(2, 0, 2)).begin().future)
+        uav.vehicle.commands.setpoints.set_velocity(velocity(1.5))
         uav.run(0.4)
         speeds = [s.velocity.linear for s in uav.samples if s.velocity]
         assert max(v.horizontal_norm() for v in speeds) <= 0.5 + 0.01
@@ -276,9 +274,9 @@ def test_the_users_limits_hold() -> None:
 
 
 def test_a_moving_start_bends_smoothly_to_a_new_goal(flying: Stepped) -> None:
-    first = flying.vehicle.motions.go_to_waypoint(at(6, 0, 3)).begin()
+    first = flying.prepare.go_to_waypoint(at(6, 0, 3)).begin()
     flying.run(2.0)
-    second = flying.vehicle.motions.go_to_waypoint(at(3, 4, 3)).begin()
+    second = flying.prepare.go_to_waypoint(at(3, 4, 3)).begin()
     assert isinstance(failure(first), TaskAbortedError)
     assert failure(first).metadata["by"] == "go_to_waypoint"
     flying.end(second.future)
@@ -293,7 +291,7 @@ def test_a_moving_start_bends_smoothly_to_a_new_goal(flying: Stepped) -> None:
 
 def test_a_velocity_moves_and_then_its_watchdog_stops_and_holds(flying: Stepped) -> None:
     for _ in range(20):
-        flying.vehicle.motions.set_velocity(velocity(1.0, 0.5)).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, 0.5))
         flying.run(0.1)
     v = flying.vehicle.telemetry().velocity
     assert v is not None
@@ -310,7 +308,7 @@ def test_a_velocity_moves_and_then_its_watchdog_stops_and_holds(flying: Stepped)
 
 def test_a_velocity_beyond_the_limits_is_scaled_and_keeps_its_direction(flying: Stepped) -> None:
     for _ in range(20):
-        flying.vehicle.motions.set_velocity(velocity(30.0, 40.0, 0.0)).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(30.0, 40.0, 0.0))
         flying.run(0.1)
     v = flying.vehicle.telemetry().velocity
     assert v is not None
@@ -325,7 +323,7 @@ def test_what_a_caller_streams_is_not_sent_twice(flying: Stepped, monkeypatch: p
     # His come in the middle between two updates.
     monkeypatch.setattr(backend, "snapshot", lambda: snapshot().at(backend.clock.now_s() + STEP_S / 2))
     for _ in range(20):
-        flying.vehicle.motions.set_velocity(velocity(1.0)).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0))
         flying.run(STEP_S)
     assert len(sent) == 20
     flying.run(10 * STEP_S)  # without a new one the updates send it
@@ -333,15 +331,15 @@ def test_what_a_caller_streams_is_not_sent_twice(flying: Stepped, monkeypatch: p
 
 
 def test_a_velocity_in_the_body_turns_with_it(flying: Stepped) -> None:
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3, math.pi / 2)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.pi / 2)).begin().future)
     for _ in range(10):
-        flying.vehicle.motions.set_velocity(velocity(1.0, frame_id="uav_1/base_link")).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, frame_id="uav_1/base_link"))
         flying.run(0.1)
     v = flying.vehicle.telemetry().velocity
     assert v is not None
     assert (v.linear.x, v.linear.y) == pytest.approx((0.0, 1.0), abs=0.1)
     for _ in range(10):
-        flying.vehicle.motions.set_velocity(velocity(1.0, turn=0.8, frame_id="uav_1/base_link")).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, turn=0.8, frame_id="uav_1/base_link"))
         flying.run(0.1)
     later = flying.vehicle.telemetry().velocity
     assert later is not None
@@ -350,16 +348,16 @@ def test_a_velocity_in_the_body_turns_with_it(flying: Stepped) -> None:
 
 def test_a_velocity_in_a_turned_frame(flying: Stepped) -> None:
     turned = Transform(Vector3(), Quaternion.from_yaw(math.pi / 2), "map", "street")
-    flying.vehicle.add_frame(turned)
+    flying.vehicle.commands.add_frame(turned)
     for _ in range(10):
-        flying.vehicle.motions.set_velocity(velocity(1.0, frame_id="street")).begin()
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, frame_id="street"))
         flying.run(0.1)
     assert flying.pose.position.y > 0.3
     assert abs(flying.pose.position.x) < 0.05
 
 
 def test_set_pose_is_held_and_is_the_reference(flying: Stepped) -> None:
-    flying.vehicle.motions.set_pose(at(1, 1, 3, 1.0)).begin()
+    flying.vehicle.commands.setpoints.set_pose(at(1, 1, 3, 1.0))
     reference = flying.vehicle.telemetry().reference_pose
     assert reference is not None
     assert tuple(reference.position) == pytest.approx((1, 1, 3))
@@ -369,20 +367,20 @@ def test_set_pose_is_held_and_is_the_reference(flying: Stepped) -> None:
 
 
 def test_a_reference_replaces_a_task(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
-    flying.vehicle.motions.set_velocity(velocity(0.0, 1.0)).begin()
+    flying.vehicle.commands.setpoints.set_velocity(velocity(0.0, 1.0))
     assert "replaced by set_velocity" in str(failure(task))
     assert task.info().status is TaskStatus.ABORTED
 
 
 def test_abort_brakes_and_freeze_goes_back(flying: Stepped) -> None:
     for freeze in (False, True):
-        flying.end(flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin().future)
-        task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+        flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
+        task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
         flying.run(2.5)
         where = flying.pose.position
-        flying.vehicle.abort(freeze)
+        flying.vehicle.commands.abort(freeze)
         assert "cancelled" in str(failure(task))
         flying.run(8.0)
         assert flying.speed < 0.01
@@ -391,36 +389,36 @@ def test_abort_brakes_and_freeze_goes_back(flying: Stepped) -> None:
 
 
 def test_cancelling_a_task_holds_and_later_cancels_do_nothing(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
-    task.cancel()
+    flying.vehicle.commands.cancel(task)
     assert failure(task).metadata["by"] == "cancel"
-    task.cancel()
+    flying.vehicle.commands.cancel(task)
     flying.run(5.0)
-    other = flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin()
-    task.cancel()
-    flying.vehicle.abort(task_id=task.id)
+    other = flying.prepare.go_to_waypoint(at(0, 0, 3)).begin()
+    flying.vehicle.commands.cancel(task)
+    flying.vehicle.commands.abort(task_id=task.id)
     assert other.info().status is TaskStatus.RUNNING
     flying.end(other.future)
 
 
-# --- Checks ---------------------------------------------------------------------------------------------------------
+# --- Preconditions --------------------------------------------------------------------------------------------------
 
 FLYING: dict[str, Callable[[Stepped], object]] = {
-    "land": lambda uav: uav.vehicle.motions.land().begin(),
-    "go_to_waypoint": lambda uav: uav.vehicle.motions.go_to_waypoint(at(1, 1, 1)).begin(),
-    "go_to_waypoint_geo": lambda uav: uav.vehicle.motions.go_to_waypoint_geo(37.4, -6.0, 5.0).begin(),
-    "follow_path": lambda uav: uav.vehicle.motions.follow_path([at(1, 1, 1)]).begin(),
-    "set_pose": lambda uav: uav.vehicle.motions.set_pose(at(1, 1, 1)).begin(),
-    "set_velocity": lambda uav: uav.vehicle.motions.set_velocity(velocity(1.0)).begin(),
-    "abort": lambda uav: uav.vehicle.abort(),
+    "land": lambda uav: uav.prepare.land().begin(),
+    "go_to_waypoint": lambda uav: uav.prepare.go_to_waypoint(at(1, 1, 1)).begin(),
+    "go_to_waypoint_geo": lambda uav: uav.prepare.go_to_waypoint_geo(37.4, -6.0, 5.0).begin(),
+    "follow_path": lambda uav: uav.prepare.follow_path([at(1, 1, 1)]).begin(),
+    "set_pose": lambda uav: uav.vehicle.commands.setpoints.set_pose(at(1, 1, 1)),
+    "set_velocity": lambda uav: uav.vehicle.commands.setpoints.set_velocity(velocity(1.0)),
+    "abort": lambda uav: uav.vehicle.commands.abort(),
 }
 OTHERS: dict[str, Callable[[Stepped], object]] = {
-    "take_off": lambda uav: uav.vehicle.motions.take_off(3.0).begin(),
-    "recover_from_manual": lambda uav: uav.vehicle.motions.recover_from_manual().begin(),
-    "set_home": lambda uav: uav.vehicle.set_home(),
-    "arm": lambda uav: uav.vehicle.arm(),
-    "disarm": lambda uav: uav.vehicle.disarm(),
+    "take_off": lambda uav: uav.prepare.take_off(3.0).begin(),
+    "recover_from_manual": lambda uav: uav.vehicle.commands.recover_from_manual().begin(),
+    "set_home": lambda uav: uav.vehicle.commands.set_home(),
+    "arm": lambda uav: uav.vehicle.commands.arm(),
+    "disarm": lambda uav: uav.vehicle.commands.disarm(),
 }
 
 
@@ -470,9 +468,9 @@ def test_impossible_poses_are_refused_and_nothing_moves(flying: Stepped, bad: st
     before = flying.pose
     goal = PoseStamped(BAD_POSES[bad])
     for command in (
-        flying.vehicle.motions.go_to_waypoint,
-        flying.vehicle.motions.set_pose,
-        lambda g: flying.vehicle.motions.follow_path([at(1, 1, 1), g]),
+        flying.prepare.go_to_waypoint,
+        flying.vehicle.commands.setpoints.set_pose,
+        lambda g: flying.prepare.follow_path([at(1, 1, 1), g]),
     ):
         with pytest.raises(InvalidArgumentError, match="pose"):
             command(goal)
@@ -486,19 +484,19 @@ def test_impossible_poses_are_refused_and_nothing_moves(flying: Stepped, bad: st
 )
 def test_impossible_velocities_are_refused_and_nothing_moves(flying: Stepped, bad: TwistStamped) -> None:
     with pytest.raises(InvalidArgumentError, match="velocity"):
-        flying.vehicle.motions.set_velocity(bad).begin()
+        flying.vehicle.commands.setpoints.set_velocity(bad)
     flying.run(1.0)
     assert flying.speed < 0.02
 
 
 def test_unknown_frames_are_refused_and_the_known_ones_listed(flying: Stepped) -> None:
     for command in (
-        lambda: flying.vehicle.motions.go_to_waypoint(at(1, 1, 1, None, "nowhere")).begin(),
-        lambda: flying.vehicle.motions.set_pose(at(1, 1, 1, None, "nowhere")).begin(),
-        lambda: flying.vehicle.motions.set_velocity(velocity(1, frame_id="nowhere")).begin(),
-        lambda: flying.vehicle.motions.follow_path([at(1, 1, 1, None, "nowhere")]).begin(),
+        lambda: flying.prepare.go_to_waypoint(at(1, 1, 1, None, "nowhere")).begin(),
+        lambda: flying.vehicle.commands.setpoints.set_pose(at(1, 1, 1, None, "nowhere")),
+        lambda: flying.vehicle.commands.setpoints.set_velocity(velocity(1, frame_id="nowhere")),
+        lambda: flying.prepare.follow_path([at(1, 1, 1, None, "nowhere")]).begin(),
         lambda: flying.vehicle.transform("nowhere"),
-        lambda: flying.vehicle.add_frame(Transform(frame_id="nowhere", child_frame_id="here")),
+        lambda: flying.vehicle.commands.add_frame(Transform(frame_id="nowhere", child_frame_id="here")),
     ):
         with pytest.raises(UnknownFrameError, match=r"known are map, uav_1/") as refused:
             command()
@@ -507,9 +505,9 @@ def test_unknown_frames_are_refused_and_the_known_ones_listed(flying: Stepped) -
 
 def test_values_of_the_wrong_type_are_refused(flying: Stepped) -> None:
     for command in (
-        lambda: flying.vehicle.motions.go_to_waypoint((1, 2, 3)).begin(),  # type: ignore[arg-type]
-        lambda: flying.vehicle.motions.set_velocity((1, 2, 3)).begin(),  # type: ignore[arg-type]
-        lambda: flying.vehicle.motions.set_pose(PoseStamped(Pose((1, 2)))).begin(),  # type: ignore[arg-type]
+        lambda: flying.prepare.go_to_waypoint((1, 2, 3)).begin(),  # type: ignore[arg-type]
+        lambda: flying.vehicle.commands.setpoints.set_velocity((1, 2, 3)),  # type: ignore[arg-type]
+        lambda: flying.vehicle.commands.setpoints.set_pose(PoseStamped(Pose((1, 2)))),  # type: ignore[arg-type]
     ):
         with pytest.raises(InvalidArgumentError):
             command()
@@ -523,10 +521,10 @@ def test_an_unknown_task_is_an_invalid_argument(uav: Stepped) -> None:
 def test_refusals_and_state_changes_are_logged(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     with pytest.raises(WrongStateError):
-        uav.vehicle.motions.land().begin()
+        uav.prepare.land().begin()
     for _ in range(100):  # a stream of refused setpoints does not flood the log
         with pytest.raises(WrongStateError):
-            uav.vehicle.motions.set_velocity(velocity(1.0)).begin()
+            uav.vehicle.commands.setpoints.set_velocity(velocity(1.0))
     uav.arm()
     events = [getattr(record, "ual_event", None) for record in caplog.records]
     assert events.count("refused") < 5
@@ -537,7 +535,7 @@ def test_refusals_and_state_changes_are_logged(uav: Stepped, caplog: pytest.LogC
 
 
 def test_the_safety_pilot_takes_over_and_recover_takes_back(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
     flying.sim.pilot_take_over()
     flying.run(2 * STEP_S)
@@ -546,7 +544,7 @@ def test_the_safety_pilot_takes_over_and_recover_takes_back(flying: Stepped) -> 
     flying.sim.pilot_move_sticks(forward=0.5, up=0.2)
     flying.run(2.0)
     assert flying.speed > 0.5  # he flies, nothing of ours interferes
-    flying.end(flying.vehicle.motions.recover_from_manual().begin(), limit_s=2.0)
+    flying.end(flying.vehicle.commands.recover_from_manual().begin(), limit_s=2.0)
     assert flying.is_in(State.FLYING_AUTO)
     flying.run(5.0)
     rest = flying.pose.position
@@ -565,23 +563,23 @@ def test_the_safety_pilot_gives_back_and_the_uav_holds(flying: Stepped) -> None:
 
 
 def test_a_lost_link_ends_the_task_and_comes_back_as_manual(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
     fault = flying.sim.begin_fault(LinkLost())
     flying.until(task.future.done, limit_s=2.0)
     assert isinstance(failure(task), LinkLostError)
     assert flying.is_in(State.UNINITIALIZED)
     with pytest.raises(LinkLostError):
-        flying.vehicle.motions.go_to_waypoint(at(0, 0, 3)).begin()
+        flying.prepare.go_to_waypoint(at(0, 0, 3)).begin()
     flying.run(2.0)
     flying.sim.end_fault(fault)
     flying.run(2 * STEP_S)
     assert flying.is_in(State.FLYING_MANUAL)  # the autopilot held by itself when no setpoints came
-    flying.end(flying.vehicle.motions.recover_from_manual().begin())
+    flying.end(flying.vehicle.commands.recover_from_manual().begin())
 
 
 def test_a_lost_position_is_uninitialized_and_says_why(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
     flying.sim.begin_fault(PositionLost(), duration_s=1.0)
     flying.run(3 * STEP_S)
@@ -589,7 +587,7 @@ def test_a_lost_position_is_uninitialized_and_says_why(flying: Stepped) -> None:
     assert flying.is_in(State.UNINITIALIZED)
     assert "position" in flying.vehicle.telemetry().state_reason
     with pytest.raises(WrongStateError, match="position"):
-        flying.vehicle.motions.land().begin()
+        flying.prepare.land().begin()
     flying.run(1.5)
     assert flying.is_in(State.FLYING_MANUAL)
 
@@ -597,10 +595,10 @@ def test_a_lost_position_is_uninitialized_and_says_why(flying: Stepped) -> None:
 @pytest.mark.parametrize(
     ("fault", "begin"),
     [
-        (Command.ARM, lambda uav: uav.vehicle.arm()),
-        (Command.TAKE_OFF, lambda uav: uav.vehicle.motions.take_off(3.0).begin().future),
-        (Command.LAND, lambda uav: uav.vehicle.motions.land().begin().future),
-        (Command.TAKE_CONTROL, lambda uav: uav.vehicle.motions.recover_from_manual().begin()),
+        (Command.ARM, lambda uav: uav.vehicle.commands.arm()),
+        (Command.TAKE_OFF, lambda uav: uav.prepare.take_off(3.0).begin().future),
+        (Command.LAND, lambda uav: uav.prepare.land().begin().future),
+        (Command.TAKE_CONTROL, lambda uav: uav.vehicle.commands.recover_from_manual().begin()),
     ],
 )
 def test_refused_commands_carry_the_autopilots_words(
@@ -625,16 +623,16 @@ def test_refused_commands_carry_the_autopilots_words(
 @pytest.mark.parametrize("fault", [AckLost(), AckLate(delay_s=2.0)])
 def test_a_flight_needs_no_acknowledgements(uav: Stepped, fault: AckLost | AckLate) -> None:
     uav.sim.begin_fault(fault)
-    uav.end(uav.vehicle.arm())
-    uav.end(uav.vehicle.motions.take_off(2.0).begin().future)
+    uav.end(uav.vehicle.commands.arm())
+    uav.end(uav.prepare.take_off(2.0).begin().future)
     uav.sim.pilot_take_over()
     uav.run(STEP_S)
-    uav.end(uav.vehicle.motions.recover_from_manual().begin())
-    uav.end(uav.vehicle.motions.land().begin().future)
+    uav.end(uav.vehicle.commands.recover_from_manual().begin())
+    uav.end(uav.prepare.land().begin().future)
 
 
 def test_a_command_without_answer_and_effect_times_out(uav: Stepped) -> None:
-    future = uav.vehicle.arm()
+    future = uav.vehicle.commands.arm()
     uav.sim.begin_fault(LinkLost())
     uav.vehicle.backend.disarm()
     uav.sim.end_fault()
@@ -644,19 +642,19 @@ def test_a_command_without_answer_and_effect_times_out(uav: Stepped) -> None:
     uav.sim.begin_fault(CommandRefused(Command.ARM))
     uav.sim.begin_fault(AckLost(Command.ARM))
     with pytest.raises(UalTimeoutError, match="did not answer"):
-        uav.end(uav.vehicle.arm())
+        uav.end(uav.vehicle.commands.arm())
 
 
 def test_weak_motors_still_arrive(flying: Stepped) -> None:
     flying.sim.begin_fault(MotorsWeak(0.3))
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(6, 3, 5)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(6, 3, 5)).begin().future)
     assert tuple(flying.pose.position) == pytest.approx((6, 3, 5), abs=0.25)
 
 
 def test_motors_without_power_time_out_and_say_how_far_it_was(flying: Stepped) -> None:
     flying.run(5.0)  # at rest: without power it would coast on
     flying.sim.begin_fault(MotorsWeak(0.0))
-    task = flying.vehicle.motions.go_to_waypoint(at(6, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(6, 0, 3)).begin()
     with pytest.raises(UalTimeoutError, match=r"6\.00 m"):
         flying.end(task.future)
     assert task.info().status is TaskStatus.FAILED
@@ -664,13 +662,13 @@ def test_motors_without_power_time_out_and_say_how_far_it_was(flying: Stepped) -
 
 def test_wind_holds_up_nobody(flying: Stepped) -> None:
     flying.sim.set_wind(Vector3(0, 3.0, 0))
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(6, 0, 3)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(6, 0, 3)).begin().future)
     assert max(abs(s.pose.position.y) for s in flying.samples if s.pose) < 0.15
 
 
 def test_estimator_jumps_end_well(flying: Stepped) -> None:
     flying.sim.begin_fault(EstimatorJumps(Vector3(0.5, 0.5, 0), 3.0), duration_s=8.0)
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(6, 0, 3)).begin().future)
+    flying.end(flying.prepare.go_to_waypoint(at(6, 0, 3)).begin().future)
 
 
 # --- Home, frames, telemetry ----------------------------------------------------------------------------------------
@@ -679,10 +677,10 @@ def test_estimator_jumps_end_well(flying: Stepped) -> None:
 def test_set_home_moves_odom() -> None:
     with stepped(light={"start": [5.0, 2.0, 0.0]}) as uav:
         assert tuple(uav.pose.position) == (5, 2, 0)
-        uav.vehicle.set_home()
+        uav.vehicle.commands.set_home()
         assert tuple(uav.pose.position) == (0, 0, 0)
         uav.fly(3.0)
-        uav.end(uav.vehicle.motions.go_to_waypoint(at(1, 0, 3)).begin().future)
+        uav.end(uav.prepare.go_to_waypoint(at(1, 0, 3)).begin().future)
         local = uav.vehicle.backend.snapshot().pose
         assert local is not None
         assert tuple(local.value.position) == pytest.approx((6, 2, 3), abs=0.03)
@@ -698,7 +696,7 @@ def test_home_pose_places_odom_in_map() -> None:
         assert sample.odometry is not None
         assert tuple(sample.odometry.pose.position) == (0, 0, 0)
         uav.fly(2.0)
-        uav.end(uav.vehicle.motions.go_to_waypoint(at(12, 20, 3, None, "map")).begin().future)
+        uav.end(uav.prepare.go_to_waypoint(at(12, 20, 3, None, "map")).begin().future)
         assert tuple(uav.pose.position) == pytest.approx((12, 20, 3), abs=0.03)
 
 
@@ -726,8 +724,8 @@ def test_frames_of_the_configuration_are_there() -> None:
 
 
 def test_telemetry_agrees_with_itself(flying: Stepped) -> None:
-    flying.end(flying.vehicle.motions.go_to_waypoint(at(2, 1, 3, 1.0)).begin().future)
-    task = flying.vehicle.motions.go_to_waypoint(at(5, 1, 3)).begin()
+    flying.end(flying.prepare.go_to_waypoint(at(2, 1, 3, 1.0)).begin().future)
+    task = flying.prepare.go_to_waypoint(at(5, 1, 3)).begin()
     flying.run(1.0)
     sample = flying.vehicle.telemetry()
     assert sample.pose is not None
@@ -751,22 +749,21 @@ def test_telemetry_agrees_with_itself(flying: Stepped) -> None:
 
 
 def test_shutdown_cancels_a_go_to_and_leaves_the_autopilot_holding(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.0)
     done = flying.vehicle.prepare_shutdown()
     assert failure(task).metadata["by"] == "shutdown"
     flying.end(done, limit_s=2.0)
     assert flying.vehicle.telemetry().flight_mode == "HOLD"
     with pytest.raises(WrongStateError, match="shutting down"):
-        flying.vehicle.motions.recover_from_manual().begin()
+        flying.vehicle.commands.recover_from_manual().begin()
 
 
 def test_what_was_checked_before_the_shutdown_does_not_begin_after_it(flying: Stepped) -> None:
-    motions = flying.vehicle.motions
     begins: list[Callable[[], object]] = [
-        motions.go_to_waypoint(at(9, 0, 3)).begin,
-        motions.set_pose(at(9, 0, 3)).begin,
-        motions.land().begin,
+        flying.prepare.go_to_waypoint(at(9, 0, 3)).begin,
+        lambda: flying.vehicle.commands.setpoints.set_pose(at(9, 0, 3)),
+        flying.prepare.land().begin,
     ]
     flying.vehicle.prepare_shutdown()
     for begin in begins:
@@ -798,10 +795,10 @@ def test_shutdown_needs_no_time_to_pass_in_a_simulation_that_stands_still(flying
 @pytest.mark.parametrize("phase", ["take_off", "land"])
 def test_shutdown_lets_take_off_and_landing_end(uav: Stepped, phase: str) -> None:
     uav.arm()
-    task = uav.vehicle.motions.take_off(3.0).begin()
+    task = uav.prepare.take_off(3.0).begin()
     if phase == "land":
         uav.end(task.future)
-        task = uav.vehicle.motions.land().begin()
+        task = uav.prepare.land().begin()
     uav.run(1.0)
     done = uav.vehicle.prepare_shutdown()
     assert not done.done()
@@ -810,17 +807,17 @@ def test_shutdown_lets_take_off_and_landing_end(uav: Stepped, phase: str) -> Non
 
 
 def test_close_ends_what_still_runs(flying: Stepped) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(0.5)
     flying.vehicle.close()
     assert isinstance(failure(task), TaskAbortedError)
 
 
 def test_a_defect_in_a_manoeuvre_ends_it_and_the_uav_stops(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
-    task = flying.vehicle.motions.go_to_waypoint(at(9, 0, 3)).begin()
+    task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.5)
     with monkeypatch.context() as patch:
-        patch.setattr("ual_daemon.flight.manoeuvre.why_not_ours", lambda *_: 1 / 0)
+        patch.setattr("ual_daemon.flight.follow.why_not_ours", lambda *_: 1 / 0)
         flying.run(STEP_S)
     assert failure(task).reason == "INTERNAL"
     flying.run(3.0)
@@ -831,7 +828,7 @@ def test_a_defect_in_a_manoeuvre_ends_it_and_the_uav_stops(flying: Stepped, monk
 def test_a_defect_in_a_reference_stops_the_uav_and_updates_go_on(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flying.vehicle.motions.set_pose(at(9, 0, 3)).begin()
+    flying.vehicle.commands.setpoints.set_pose(at(9, 0, 3))
     flying.run(1.5)
     with monkeypatch.context() as patch:
         patch.setattr("ual_daemon.tracker.references.Hold.setpoint", lambda *_: 1 / 0)
@@ -852,7 +849,7 @@ def test_a_reference_is_asked_by_one_thread_at_a_time(flying: Stepped, monkeypat
         return PositionSetpoint(hold.motion(snapshot).position, 0.0)
 
     monkeypatch.setattr(Hold, "setpoint", setpoint)
-    flying.vehicle.motions.set_pose(at(1, 0, 3)).begin()
+    flying.vehicle.commands.setpoints.set_pose(at(1, 0, 3))
     assert flown == [False]  # by the caller, before the update thread knows of it
     flying.run(STEP_S)
     assert flown == [False, True]

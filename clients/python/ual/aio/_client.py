@@ -2,39 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Coroutine
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from typing_extensions import Self
+from typing_extensions import Self, override
 
 from ual import _calls, _views
 from ual._calls import Call
 from ual._target import Target
 from ual.aio._connection import Connection
-from ual.aio._dry_run import DryRun
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
+from ual.interface import DryRun, TaskCommands
 from ual.simulation import Fault
-from ual.types import AltitudeReference, Frame, Info, Odometry, PathHeading, State, TaskInfo, Telemetry, Waypoints
+from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
 
-class Uav:
-    """One UAV, flown through its daemon from one event loop; made as `ual.Uav` is."""
+class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
+    """One UAV, flown through its daemon from one event loop. The members of `ual.interface.Uav` are coroutines here.
+
+    It is made as `ual.Uav` is. A call that is cancelled is cancelled in the daemon, too: a go-to or path ends then, and
+    the UAV holds its position.
+
+    Example:
+        >>> async with ual.aio.Uav("uav_1") as uav:
+        ...     await uav.take_off(3.0)
+        ...     await uav.go_to_waypoint(ual.Pose.at(4.0, 2.0, 3.0))
+        ...     await uav.land()
+
+    """
 
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
-        self._dry_run = DryRun(self._connection)
+        self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
         self._subscriptions: set[Subscription] = set()
 
     async def ns(self) -> str:
-        """The namespace; asks the daemon where none was given."""
+        """Returns the namespace. Asks the daemon where none was given."""
         return self._connection.target.ns or (await self.info()).namespace
 
     @property
@@ -43,7 +54,7 @@ class Uav:
         return self._connection.target.address()
 
     async def close(self) -> None:
-        """Ends the setpoints, the subscriptions and the connection. The UAV goes on as the interface says."""
+        """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
         await self._setpoints.settle()
         for subscription in tuple(self._subscriptions):
             await subscription.close()
@@ -56,128 +67,133 @@ class Uav:
         await self.close()
 
     async def info(self) -> Info:
+        """Returns who the UAV is and what it can do; see `ual.interface.Uav.info`."""
         return await self._connection.run(_calls.get_info())
 
+    async def telemetry(self) -> Telemetry:
+        """Returns the newest sample of everything known; see `ual.interface.Uav.telemetry`."""
+        return await self._connection.run(_calls.get_telemetry())
+
+    async def state(self) -> State:
+        """Returns the state, estimated from the newest data of the autopilot."""
+        return (await self.telemetry()).state
+
     async def is_ready(self) -> bool:
+        """Returns True when the state is not UNINITIALIZED."""
         return _views.is_ready(await self.telemetry())
 
     async def is_idle(self) -> bool:
+        """Returns True when no task runs."""
         return _views.is_idle(await self.telemetry())
 
-    async def state(self) -> State:
-        return (await self.telemetry()).state
-
     async def pose(self) -> PoseStamped:
+        """Returns the pose of the body; see `ual.interface.Uav.pose`.
+
+        Raises:
+            WrongStateError: The pose is not known (yet).
+
+        """
         return _views.pose(await self.telemetry())
 
     async def velocity(self) -> TwistStamped:
+        """Returns the velocity in m/s and rad/s; see `ual.interface.Uav.velocity`.
+
+        Raises:
+            WrongStateError: The velocity is not known (yet).
+
+        """
         return _views.velocity(await self.telemetry())
 
     async def odometry(self) -> Odometry:
+        """Returns the pose with the velocity in the body; see `ual.interface.Uav.odometry`.
+
+        Raises:
+            WrongStateError: The odometry is not known (yet).
+
+        """
         return _views.odometry(await self.telemetry())
 
-    async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        return await self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
-
     async def reference_pose(self) -> PoseStamped | None:
+        """Returns where the UAV is commanded to be now; None while no pose is commanded."""
         return _views.reference_pose(await self.telemetry())
 
-    async def telemetry(self) -> Telemetry:
-        return await self._connection.run(_calls.get_telemetry())
-
     def subscribe(self, rate_hz: float = 0.0) -> Subscription:
-        """New samples, at most `rate_hz` (0: every update), to be iterated with ``async for``.
+        """Returns new samples, to be iterated with ``async for``.
 
-        An iteration that is too slow gets the newest sample and sees in `missed_count` how many it lost.
+        An iteration that is too slow gets the newest sample, and sees in its `missed_count` how many it lost.
+
+        Args:
+            rate_hz: The highest number of samples a second. 0: every update.
+
+        Raises:
+            InvalidArgumentError: The rate is no number.
+
+        Example:
+            >>> async with uav.subscribe(rate_hz=5.0) as samples:
+            ...     async for sample in samples:
+            ...         print(sample.state)
+
         """
         subscription = Subscription(self._connection, _calls.rate(rate_hz), self._subscriptions.discard)
         self._subscriptions.add(subscription)
         return subscription
 
+    async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        """Returns what takes coordinates from a frame to another; see `ual.interface.Uav.transform`."""
+        return await self._connection.run(_calls.get_transform(target_frame_id, source_frame_id))
+
     async def frames(self) -> list[Frame]:
+        """Returns all frames, each with its parent."""
         return await self._connection.run(_calls.list_frames())
 
     async def add_frame(self, transform: Transform) -> None:
+        """Adds a frame, or moves one that was added; see `ual.interface.Uav.add_frame`."""
         await self._connection.run(_calls.add_frame(transform))
 
+    async def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position the origin of ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
+        await self._command(_calls.set_home(set_z))
+
     async def arm(self, *, timeout_s: float | None = None) -> None:
+        """Arms the motors, in LANDED_DISARMED; see `ual.interface.Uav.arm`."""
         await self._command(_calls.arm(), timeout_s)
 
     async def disarm(self, *, timeout_s: float | None = None) -> None:
+        """Disarms the motors, in LANDED_ARMED; see `ual.interface.Uav.disarm`."""
         await self._command(_calls.disarm(), timeout_s)
 
-    async def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return await self._command_task(_calls.take_off(height_m, blocking), timeout_s)
-
-    async def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> Task:
-        return await self._command_task(_calls.land(blocking), timeout_s)
-
-    async def go_to_waypoint(
-        self,
-        waypoint: PoseStamped | Pose,
-        *,
-        max_speed_m_s: float | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        return await self._command_task(_calls.go_to_waypoint(waypoint, max_speed_m_s, blocking), timeout_s)
-
-    async def go_to_waypoint_geo(
-        self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_m: float,
-        altitude_reference: AltitudeReference = AltitudeReference.HOME,
-        *,
-        yaw_rad: float | None = None,
-        max_speed_m_s: float | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        call = _calls.go_to_waypoint_geo(
-            latitude_deg, longitude_deg, altitude_m, altitude_reference, yaw_rad, max_speed_m_s, blocking
-        )
-        return await self._command_task(call, timeout_s)
-
-    async def follow_path(
-        self,
-        waypoints: Waypoints,
-        *,
-        corner_radius_m: float = 0.0,
-        max_speed_m_s: float | None = None,
-        leg_speeds_m_s: Sequence[float] = (),
-        heading: PathHeading = PathHeading.WAYPOINTS,
-        point_of_interest: PointStamped | Vector3 | None = None,
-        blocking: bool = True,
-        timeout_s: float | None = None,
-    ) -> Task:
-        call = _calls.follow_path(
-            waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, blocking
-        )
-        return await self._command_task(call, timeout_s)
+    @override
+    async def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
+        return Task(self._connection, await self._command(_calls.begin_task(request, blocking), timeout_s))
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
-        await self._setpoints.send(_calls.pose_setpoint(pose))
+        """Sends a pose as the reference, in FLYING_AUTO; see `ual.interface.Uav.set_pose`."""
+        await self._setpoints.send(_calls.setpoint(stamped_pose(pose), "pose"))
 
     async def set_velocity(self, velocity: TwistStamped | Twist) -> None:
-        await self._setpoints.send(_calls.velocity_setpoint(velocity))
+        """Sends a velocity as the reference, in FLYING_AUTO; see `ual.interface.Uav.set_velocity`."""
+        await self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
 
     async def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+        """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
         await self._command(_calls.recover_from_manual(), timeout_s)
 
-    async def set_home(self, set_z: bool = False) -> None:
-        await self._command(_calls.set_home(set_z))
-
     async def abort(self, freeze: bool = False) -> None:
+        """Cancels the task or reference, and stops the UAV; see `ual.interface.Uav.abort`."""
         await self._command(_calls.abort(freeze))
 
     async def task(self, task_id: str) -> Task:
-        """A task, running or ended lately, by its id. `InvalidArgumentError` if there is none."""
-        return await self._task(_calls.get_task(task_id), None)
+        """Returns the handle of a task that runs, or ended lately.
+
+        Raises:
+            InvalidArgumentError: There is no such task.
+
+        """
+        return Task(self._connection, await self._connection.run(_calls.get_task(task_id)))
 
     @property
-    def dry_run(self) -> DryRun:
-        """The motions, as questions: what would happen, without anything moving."""
+    def dry_run(self) -> DryRun[Coroutine[Any, Any, Plan]]:
+        """The motions as questions, as coroutines: what would happen, without anything moving."""
         return self._dry_run
 
     @property
@@ -185,16 +201,13 @@ class Uav:
         """The world around a simulated UAV. Its members raise `NotSupportedError` for a real one."""
         return self._simulation
 
+    async def _plan(self, motion: MotionRequest) -> Plan:
+        return await self._connection.run(_calls.dry_run(motion))
+
     async def _command(self, call: Call[T], timeout_s: float | None = None) -> T:
         """Makes a call that comes after the setpoints given before it: none of them may overtake an abort."""
         await self._setpoints.settle()
         return await self._connection.run(call, timeout_s)
-
-    async def _command_task(self, call: Call[TaskInfo], timeout_s: float | None) -> Task:
-        return Task(self._connection, await self._command(call, timeout_s))
-
-    async def _task(self, call: Call[TaskInfo], timeout_s: float | None) -> Task:
-        return Task(self._connection, await self._connection.run(call, timeout_s))
 
 
 class Simulation:
@@ -204,39 +217,51 @@ class Simulation:
         self._connection = connection
 
     async def pilot_arm(self) -> None:
+        """Arms, as the safety pilot does; see `ual.interface.Simulation.pilot_arm`."""
         await self._connection.run(_calls.pilot_arm())
 
     async def pilot_disarm(self) -> None:
+        """Disarms, as the safety pilot does; see `ual.interface.Simulation.pilot_disarm`."""
         await self._connection.run(_calls.pilot_disarm())
 
     async def pilot_take_over(self) -> None:
+        """Switches to a mode in which the safety pilot flies; see `ual.interface.Simulation.pilot_take_over`."""
         await self._connection.run(_calls.pilot_take_over())
 
     async def pilot_move_sticks(
         self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
     ) -> None:
+        """Moves the sticks, each from -1 to 1; see `ual.interface.Simulation.pilot_move_sticks`."""
         await self._connection.run(_calls.pilot_move_sticks(forward, left, up, turn))
 
     async def pilot_give_back(self) -> None:
+        """Switches back to the mode that takes references from UAL; see `ual.interface.Simulation.pilot_give_back`."""
         await self._connection.run(_calls.pilot_give_back())
 
     async def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
+        """Begins a fault, and returns its identifier; see `ual.interface.Simulation.begin_fault`."""
         return await self._connection.run(_calls.begin_fault(fault, duration_s))
 
     async def end_fault(self, fault_id: str = "") -> None:
+        """Ends a fault, or all of them; see `ual.interface.Simulation.end_fault`."""
         await self._connection.run(_calls.end_fault(fault_id))
 
     async def faults(self) -> dict[str, Fault]:
+        """Returns the faults that are active, by their identifiers; see `ual.interface.Simulation.faults`."""
         return await self._connection.run(_calls.list_faults())
 
     async def set_speed_factor(self, speed_factor: float) -> None:
+        """Sets how fast simulated time passes; see `ual.interface.Simulation.set_speed_factor`."""
         await self._connection.run(_calls.set_speed_factor(speed_factor))
 
     async def step(self, duration_s: float) -> None:
+        """Lets simulated time pass; see `ual.interface.Simulation.step`."""
         await self._connection.run(_calls.step(duration_s))
 
     async def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
+        """Sets the noise of the estimate; see `ual.interface.Simulation.set_noise`."""
         await self._connection.run(_calls.set_noise(position_m, velocity_m_s))
 
     async def set_wind(self, velocity_m_s: Vector3) -> None:
+        """Sets the wind; see `ual.interface.Simulation.set_wind`."""
         await self._connection.run(_calls.set_wind(velocity_m_s))

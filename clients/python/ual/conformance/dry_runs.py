@@ -45,7 +45,7 @@ def a_dry_run_moves_nothing(flight: Flight) -> None:
     flight.require_holds(flight.start.position, "after the dry runs")
 
 
-def _motions(dry: DryRun, goal: Pose) -> tuple[tuple[Capability, Ask, bool], ...]:
+def _motions(dry: DryRun[Plan], goal: Pose) -> tuple[tuple[Capability, Ask, bool], ...]:
     return (
         (Capability.POSITION, lambda: dry.go_to_waypoint(goal), True),
         (Capability.POSITION, lambda: dry.follow_path([goal]), True),

@@ -171,16 +171,14 @@ def test_no_update_comes_after_close() -> None:
 
 def flight(uav: Stepped) -> None:
     uav.fly(3.0)
-    uav.vehicle.motions.go_to_waypoint(at(4.0, -2.0, 3.0, 2.0)).begin()
+    uav.prepare.go_to_waypoint(at(4.0, -2.0, 3.0, 2.0)).begin()
     uav.run(2.0)
-    uav.end(
-        uav.vehicle.motions.follow_path([at(2, 2, 4), at(0, 2, 3), at(0, 0, 3)], corner_radius_m=0.5).begin().future
-    )
-    uav.vehicle.motions.set_velocity(
+    uav.end(uav.prepare.follow_path([at(2, 2, 4), at(0, 2, 3), at(0, 0, 3)], corner_radius_m=0.5).begin().future)
+    uav.vehicle.commands.setpoints.set_velocity(
         TwistStamped(Twist(Vector3(0.5, 0.5, 0.1), Vector3(0, 0, 0.5)), "uav_1/base_link")
-    ).begin()
+    )
     uav.run(3.0)
-    uav.end(uav.vehicle.motions.land().begin().future)
+    uav.end(uav.prepare.land().begin().future)
     uav.run(5.0)
 
 

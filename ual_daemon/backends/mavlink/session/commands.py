@@ -18,9 +18,9 @@ _log = logging.getLogger(__name__)
 RESEND_S = 0.25
 """An unanswered command is sent again after this; an autopilot answers within 15 ms, a bad radio within 200."""
 SENDS_COUNT = 20
-"""How often a command is sent in all, within `ual_daemon.flight.manoeuvre.COMMAND_PATIENCE_S`. Of a link that loses
-30 % each way and damages 10 % of the rest, 0.4 of the commands come back answered: 0.6 to the power of 20 is 4 in
-100,000."""
+"""How often a command is sent in all, within `COMMAND_PATIENCE_S` of `ual_daemon.flight.autopilot_command`. Of a link
+that loses 30 % each way and damages 10 % of the rest, 0.4 of the commands come back answered: 0.6 to the power of 20 is
+4 in 100,000."""
 REQUEST_RESEND_S, REQUEST_SENDS_COUNT = 0.5, 4
 """The same for what is only asked for (of no group). Acknowledgements of such requests cannot be told apart, so that a
 repetition must not be on its way any more when the next is sent; and the next one waits for it."""

@@ -19,7 +19,7 @@ from ual_daemon.backends.mavlink.session.commands import (
 )
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.manoeuvre import COMMAND_PATIENCE_S
+from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE

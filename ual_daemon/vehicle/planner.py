@@ -1,0 +1,188 @@
+"""Go-tos and paths: from what is asked for to a trajectory that may begin.
+
+Planning a long path takes seconds, in which other commands may come and the UAV flies on. So what was planned begins
+only where no newer command has begun meanwhile, and where the UAV still is where the trajectory begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ual.errors import WrongStateError
+from ual.geometry import PoseStamped
+from ual.types import (
+    Capability,
+    FollowPathRequest,
+    GeoWaypoint,
+    GoToWaypointGeoRequest,
+    GoToWaypointRequest,
+    Limits,
+    Plan,
+    State,
+    TaskKind,
+)
+from ual_daemon import validation
+from ual_daemon.backends.values import Snapshot, Takes
+from ual_daemon.flight.catch_up import CatchUp
+from ual_daemon.flight.flight import Flight, LastCommand
+from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.tasks import Tasks, VehicleTask
+from ual_daemon.frames.resolver import FrameResolver, Goal
+from ual_daemon.settings import Tracker, VehicleSettings
+from ual_daemon.tracker import limits
+from ual_daemon.tracker.pure_pursuit import Pursuit
+from ual_daemon.tracker.references import Follow, measured_motion
+from ual_daemon.trajectory import Trajectory, path
+from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.moving_goals import moving_goal
+from ual_daemon.vehicle.preconditions import Preconditions, accepted
+from ual_daemon.vehicle.prepared import Prepared
+
+_MAX_WAYPOINTS = 100_000
+_FLOWN_ON_M, _FLOWN_ON_S = 1.0, 0.5
+"""How far a UAV may fly on while its next trajectory is planned: so far, and at its speed for so long."""
+
+
+class Planner:
+    """Plans the go-tos and paths of one UAV. Any thread may call; a long path blocks its caller for seconds."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        resolver: FrameResolver,
+        preconditions: Preconditions,
+        tasks: Tasks,
+        settings: VehicleSettings,
+    ) -> None:
+        self._flight = flight
+        self._resolver = resolver
+        self._preconditions = preconditions
+        self._tasks = tasks
+        self._tolerance = settings.tolerance
+        self._tracker_setting = settings.tracker
+
+    def go_to_waypoint(self, request: GoToWaypointRequest, since: LastCommand) -> Prepared[VehicleTask]:
+        """Plans a straight line to a pose in any frame."""
+        with self._preconditions.refusing("go_to_waypoint"):
+            self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
+            goal = self._resolver.goal(request.waypoint, "waypoint")
+            max_speed_m_s = validation.max_speed(request.max_speed_m_s)
+            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
+            snapshot = self._preconditions.require_state("go_to_waypoint", State.FLYING_AUTO)
+            if self._resolver.is_moving(goal):
+                return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
+            local = replace(self._resolver.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
+            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
+            return self._follow(TaskKind.GO_TO_WAYPOINT, f"go to {_text(goal)}", trajectory, snapshot, since)
+
+    def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
+        """Plans a straight line to a position on Earth."""
+        with self._preconditions.refusing("go_to_waypoint_geo"):
+            self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
+            goal = validation.geo_waypoint(request.waypoint)
+            max_speed_m_s = validation.max_speed(request.max_speed_m_s)
+            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
+            snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
+            local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
+            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
+            return self._follow(TaskKind.GO_TO_WAYPOINT_GEO, f"go to {_text(goal)}", trajectory, snapshot, since)
+
+    def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
+        """Plans a path through waypoints."""
+        with self._preconditions.refusing("follow_path"):
+            self._preconditions.require_capability(Capability.POSITION, "follow_path")
+            waypoints = request.waypoints
+            if not waypoints:
+                raise validation.refuse("waypoints", "there are none; a path needs at least one")
+            if len(waypoints) > _MAX_WAYPOINTS:
+                raise validation.refuse("waypoints", f"{len(waypoints)} are more than {_MAX_WAYPOINTS}")
+            radius_m = validation.not_negative(
+                request.corner_radius_m, "corner_radius_m", at_most=validation.MAX_DISTANCE_M
+            )
+            max_speed_m_s = validation.max_speed(request.max_speed_m_s)
+            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
+            speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, len(waypoints))
+            point = request.point_of_interest
+            heading = validation.path_heading(request.heading, has_point=point is not None)
+            goals = self._goals(waypoints)
+            interest = None if point is None else self._resolver.point(point, "point_of_interest")
+            snapshot = self._preconditions.require_state("follow_path", State.FLYING_AUTO)
+            local = [
+                replace(waypoint, max_speed_m_s=limits.slower(speed_m_s, max_speed_m_s))
+                for waypoint, speed_m_s in zip(self._resolver.all_to_local(goals, snapshot), speeds_m_s, strict=True)
+            ]
+            target = None if interest is None else self._resolver.to_local(interest, snapshot).position
+            trajectory = path(self._flight.start(snapshot), local, radius_m, bounds, heading, target)
+            what = f"follow {len(waypoints)} waypoints to {_text(goals[-1])}"
+            return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, since)
+
+    def _goals(self, waypoints: Sequence[PoseStamped | GeoWaypoint]) -> Sequence[Goal] | Sequence[GeoWaypoint]:
+        """The waypoints of a path, checked as far as that needs no position of the UAV."""
+        geo = [waypoint for waypoint in waypoints if isinstance(waypoint, GeoWaypoint)]
+        poses = [waypoint for waypoint in waypoints if not isinstance(waypoint, GeoWaypoint)]
+        if geo and poses:
+            raise validation.refuse("waypoints", "poses and geographic positions cannot be mixed in one path")
+        if geo:
+            self._preconditions.require_capability(Capability.GEO, "follow_path")
+            return [validation.geo_waypoint(each, f"geo_waypoints[{i}].") for i, each in enumerate(geo)]
+        return [self._resolver.goal(each, f"waypoints[{i}]") for i, each in enumerate(poses)]
+
+    def _follow(
+        self, kind: TaskKind, what: str, trajectory: Trajectory, snapshot: Snapshot, since: LastCommand
+    ) -> Prepared[VehicleTask]:
+        """What follows a trajectory that was planned from the state of a snapshot."""
+        name = kind.name.lower()
+        plan = admit(self._flight, name, trajectory, snapshot)
+
+        def begin() -> VehicleTask:
+            with self._preconditions.refusing(name):
+                self._require_near(name, trajectory)
+                task = self._tasks.new(kind, what)
+                tolerance, tracker = self._tolerance, self._tracker()
+                follow = FollowTrajectory(name, task, trajectory, tolerance, tracker, snapshot.time_s)
+                self._flight.begin(follow, since)
+                accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
+                return task
+
+        return Prepared(plan, begin)
+
+    def _require_near(self, name: str, trajectory: Trajectory) -> None:
+        """Raises `WrongStateError` where the UAV would have to jump back to where the trajectory begins."""
+        here = self._flight.start(self._preconditions.require_state(name, State.FLYING_AUTO))
+        flown_on_m = (here.position - trajectory.at(0.0).position).norm()
+        if flown_on_m > _FLOWN_ON_M + _FLOWN_ON_S * here.velocity.norm():
+            raise WrongStateError(
+                f"{name}: the UAV flew on by {flown_on_m:.1f} m while the way was planned; stop it (abort), and then "
+                "command this again"
+            )
+
+    def _catch_up(
+        self, goal: Goal, bounds: Limits, snapshot: Snapshot, max_speed_m_s: float | None
+    ) -> Prepared[VehicleTask]:
+        """What catches up with a goal in a frame that moves."""
+        name, what = "go_to_waypoint", f"go to {_text(goal)}"
+        reference = moving_goal(self._flight, self._resolver, goal, bounds, snapshot, max_speed_m_s)
+        admit(self._flight, name, reference, snapshot)
+        moving = reference.goal(snapshot.time_s)
+
+        def begin() -> VehicleTask:
+            with self._preconditions.refusing(name):
+                task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
+                self._flight.begin(CatchUp(name, task, reference, bounds, self._tolerance))
+                accepted(name, task_id=task.id, what=what, speed_m_s=round(moving.velocity.norm(), 2))
+                return task
+
+        return Prepared(Plan((moving.position - measured_motion(snapshot).position).norm()), begin)
+
+    def _tracker(self) -> type[Follow | Pursuit]:
+        takes_motion = self._flight.takes is Takes.ALL
+        return Follow if takes_motion and self._tracker_setting is Tracker.REFERENCE else Pursuit
+
+
+def _text(goal: Goal | GeoWaypoint) -> str:
+    if isinstance(goal, GeoWaypoint):
+        above = goal.altitude_reference.name
+        return f"{goal.latitude_deg:.7f}, {goal.longitude_deg:.7f} at {goal.altitude_m:g} m ({above})"
+    p = goal.position
+    return f"{p.x:g}, {p.y:g}, {p.z:g} in {goal.frame_id}"

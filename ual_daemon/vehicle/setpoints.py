@@ -1,0 +1,87 @@
+"""The references that a caller sends as they are: `set_pose` and `set_velocity`.
+
+The one path of a setpoint: validate, resolve the frame, check the state, scale to the limits, check the geofence, send.
+Each setpoint of a stream takes it, 50 times a second, so that each check is made once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from ual.errors import UalError
+from ual.geometry import PoseStamped, TwistStamped
+from ual.types import Capability, Plan, State
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.flight import Flight
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.tracker import limits
+from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity
+from ual_daemon.vehicle.admission import admit, require_inside
+from ual_daemon.vehicle.moving_goals import moving_goal
+from ual_daemon.vehicle.preconditions import Preconditions
+
+T = TypeVar("T")
+
+
+class Setpoints:
+    """The references of one UAV. Any thread may call. A setpoint has been sent when its call returns."""
+
+    def __init__(self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions) -> None:
+        self._flight = flight
+        self._resolver = resolver
+        self._preconditions = preconditions
+
+    def set_pose(self, pose: PoseStamped) -> None:
+        """Sends a pose. See `ual.interface.Uav.set_pose` for the errors."""
+        self._send("set_pose", self._pose, pose)
+
+    def set_velocity(self, velocity: TwistStamped) -> None:
+        """Sends a velocity. See `ual.interface.Uav.set_velocity` for the errors."""
+        self._send("set_velocity", self._velocity, velocity)
+
+    def plan_pose(self, pose: PoseStamped) -> Plan:
+        """Raises what `set_pose` would raise. Nothing is sent."""
+        return self._plan("set_pose", self._pose, pose)
+
+    def plan_velocity(self, velocity: TwistStamped) -> Plan:
+        """Raises what `set_velocity` would raise. Nothing is sent."""
+        return self._plan("set_velocity", self._velocity, velocity)
+
+    def _send(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> None:
+        # A try, not `refusing`: a context manager costs each setpoint of a stream some microseconds.
+        try:
+            reference, snapshot = make(setpoint)
+            if self._flight.geofence is not None:
+                require_inside(self._flight, name, reference, snapshot)
+            self._flight.refer(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
+        except UalError as error:
+            self._preconditions.log_refusal(name, error)
+            raise
+
+    def _plan(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> Plan:
+        with self._preconditions.refusing(name):
+            reference, snapshot = make(setpoint)
+            return admit(self._flight, name, reference, snapshot)
+
+    def _pose(self, pose: PoseStamped) -> tuple[Reference, Snapshot]:
+        """The reference of a pose, and the snapshot in which the state allows it."""
+        self._preconditions.require_capability(Capability.POSITION, "set_pose")
+        goal = self._resolver.goal(pose, "pose")
+        snapshot = self._preconditions.require_state("set_pose", State.FLYING_AUTO)
+        if self._resolver.is_moving(goal):  # within the limits, wherever it moves
+            return moving_goal(self._flight, self._resolver, goal, self._flight.limits.get(), snapshot), snapshot
+        local = self._resolver.to_local(goal, snapshot)
+        yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
+        return Hold(local.position, yaw_rad), snapshot
+
+    def _velocity(self, velocity: TwistStamped) -> tuple[Reference, Snapshot]:
+        """The reference of a velocity, and the snapshot in which the state allows it."""
+        self._preconditions.require_capability(Capability.VELOCITY, "set_velocity")
+        twist, frame_id = self._resolver.velocity(velocity, "velocity")
+        snapshot = self._preconditions.require_state("set_velocity", State.FLYING_AUTO)
+        in_body = frame_id == self._resolver.tree.body
+        if not in_body:
+            twist = self._resolver.velocity_to_local(twist, frame_id, snapshot)
+        scaled = limits.scaled_down(twist, self._flight.limits.get())
+        return Velocity(scaled, in_body=in_body, expires_s=snapshot.time_s + VELOCITY_TIMEOUT_S), snapshot
