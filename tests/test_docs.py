@@ -34,6 +34,8 @@ from tests.pages import (
 from ual import errors
 from ual._cli import cli
 from ual_daemon.backends.light import LightSettings
+from ual_daemon.program.configuration import DaemonSettings
+from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, ToleranceSettings, VehicleSettings
 
 DOCS = ROOT / "docs"
 HOVER = ROOT / "examples" / "third_party_backend"
@@ -244,6 +246,13 @@ def test_the_settings_of_the_light_backend_are_all_listed_with_their_defaults() 
     assert listed == {
         name: str(list(value) if isinstance(value, (list, tuple)) else value) for name, value in defaults.items()
     }
+
+
+def test_every_key_of_the_configuration_is_listed() -> None:
+    sections = (DaemonSettings, VehicleSettings, GeofenceSettings, LimitSettings, FrameSettings, ToleranceSettings)
+    keys = {field for section in sections for field in section.__struct_fields__}
+    words = {word for span in read(DOCS / "configuration.md").spans for word in span.split()}
+    assert keys - words == set()
 
 
 def test_every_error_is_listed_with_its_reason() -> None:
