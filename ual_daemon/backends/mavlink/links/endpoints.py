@@ -6,14 +6,15 @@ import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from ual_daemon.backends.mavlink.settings import SECTION
 from ual_daemon.settings import ConfigError
 
-KEY = "mavlink.url"
+KEY = f"{SECTION}.url"
 SUPPORTED = (
     "udpin://HOST:PORT or udp://:PORT to listen, udpout://HOST:PORT to call, tcp://HOST:PORT to connect, "
     "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD"
 )
-EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - where it is used, it was asked for
+EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL asks for it
 
 _LISTENING = {"udp": True, "udpin": True, "udpout": False, "tcp": False, "tcpout": False, "tcpin": True}
 _FOREIGN = {
@@ -65,8 +66,13 @@ Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
 
 
 def parse_url(url: str) -> Endpoint:
-    """The address that a URL names. Raises `ConfigError` that says what is wrong and how to spell it."""
-    if url.startswith("/dev/"):  # MAVROS's way
+    """Returns the address that a URL names.
+
+    Raises:
+        ConfigError: The URL cannot be used; the message says why, and how to spell it.
+
+    """
+    if url.startswith("/dev/"):  # MAVROS's spelling
         return _serial(url, url)
     try:
         parts = urlsplit(url)
@@ -100,20 +106,20 @@ def _refuse_foreign(url: str, scheme: str) -> None:
         raise _refusal(url, f"{scheme}:// is not supported", f"{_FOREIGN[scheme]}://")
     if scheme not in _LISTENING:
         raise _refusal(url, f"{scheme}:// is not supported" if scheme else "it has no scheme")
-    found = re.fullmatch(r"(\w+):([^/].*):(\d+)", url)  # pymavlink's and MAVProxy's way
+    found = re.fullmatch(r"(\w+):([^/].*):(\d+)", url)  # pymavlink's and MAVProxy's spelling
     if found:
         name = {"udp": "udpin", "tcp": "tcp"}.get(found[1], found[1])
         raise _refusal(url, "the two slashes are missing", f"{name}://{found[2]}:{found[3]}")
 
 
 def _of_mavros(netloc: str) -> str:
-    """What MAVROS's ``udp://HERE@THERE`` is in ours: it binds and calls at once, which we do one of."""
+    """Returns our spelling of MAVROS's ``udp://HERE@THERE``, which binds and calls; our links do one of these."""
     here, _, there = netloc.rpartition("@")
     return f"udpout://{there} to call" if re.search(r":\d", there) and not there.startswith(":") else f"udpin://{here}"
 
 
 def _serial(url: str, rest: str) -> SerialEndpoint:
-    """The line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
+    """Returns the line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
     path = "/" + rest.lstrip("/")
     query = re.fullmatch(r"(/[^?]+)\?baud(?:rate)?=(\d+)", path)
     comma = re.fullmatch(r"(/[^,]+),(\d+)", path)

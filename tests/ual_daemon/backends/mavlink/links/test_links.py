@@ -113,11 +113,11 @@ def test_a_server_that_is_not_there_yet_is_told_once_and_found(caplog: pytest.Lo
         with listener(port):
             run.until(lambda: run.sessions_count, passed_s=0.5)
             assert run.connection.trouble == f"waiting for an autopilot at tcp://{HERE}:{port}"
-            run.connection.heard(run.now_s + 0.1)
+            run.connection.on_heard(run.now_s + 0.1)
             assert run.connection.trouble == ""
     warnings = [record.message for record in caplog.records if record.levelno >= logging.WARNING]
     assert warnings == [f"cannot connect to TCP {HERE}:{port}: nobody listens there; trying again"]
-    assert caplog.records[-1].message == f"the link tcp://{HERE}:{port} is well again"
+    assert caplog.records[-1].message == f"the link tcp://{HERE}:{port} works again"
 
 
 def test_a_server_that_restarts_is_connected_to_again(server: socket.socket) -> None:
@@ -140,7 +140,7 @@ def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> N
         run.until(lambda: run.sessions_count == 1)
         with server.accept()[0]:  # stays open and says nothing
             run.turn(SILENCE_S - 0.1)
-            run.connection.heard(run.now_s)
+            run.connection.on_heard(run.now_s)
             run.turn(SILENCE_S - 0.1)
             assert run.connection.trouble == ""
             run.turn(0.2)
@@ -165,7 +165,7 @@ def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well(
         assert pauses[0] < 0.4
         assert all(after >= before - 0.1 for before, after in itertools.pairwise(pauses))
         assert pauses[-1] == pytest.approx(LONGEST_PAUSE_S, abs=0.3)
-        run.connection.heard(run.now_s)
+        run.connection.on_heard(run.now_s)
         attempts.clear()
         for _ in range(100):
             run.turn(0.05)
@@ -383,7 +383,7 @@ def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.Log
             run.until(lambda count=count: run.sessions_count == count, passed_s=0.5)  # type: ignore[misc]
             os.write(line.device, b"hello")
             run.until(lambda: run.got == b"hello")
-            run.connection.heard(run.now_s + 0.1)
+            run.connection.on_heard(run.now_s + 0.1)
             run.got = b""
             line.unplug()
             run.until(lambda: run.connection.trouble)

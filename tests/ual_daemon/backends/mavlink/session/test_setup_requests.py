@@ -11,10 +11,10 @@ from typing import Any, cast
 import pytest
 
 from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
-from ual_daemon.backends.mavlink.session.commands import Command
-from ual_daemon.backends.mavlink.session.interview import Interview
+from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 STEP_S = 0.01
@@ -22,29 +22,29 @@ STEP_S = 0.01
 
 def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 60.0) -> Counter[int]:
     """How often each message is asked for, where every request is acknowledged, but these are the rates."""
-    telemetry = SimpleNamespace(seen=Counter[int](), parameters=dict.fromkeys(dialect.parameters, 0.0))
+    telemetry = SimpleNamespace(message_counts=Counter[int](), parameters=dict.fromkeys(dialect.parameters, 0.0))
     found: Counter[int] = Counter()
 
     class Acknowledged:
-        def is_under_way(self, _: Command) -> bool:
+        def is_under_way(self, _: CommandLong) -> bool:
             return False
 
-        def submit(self, command: Command, _: float) -> Future[None]:
+        def submit(self, command: CommandLong, _: float) -> Future[None]:
             if command.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
                 found[round(command.params[0])] += 1
             done: Future[None] = Future()
             done.set_result(None)
             return done
 
-    interview = Interview(dialect, cast("Any", telemetry), cast("Any", Acknowledged()), lambda _: None, 50.0)
+    setup = SetupRequests(dialect, cast("Any", telemetry), cast("Any", Acknowledged()), lambda _: None, 50.0)
     due = dict.fromkeys(rates_hz, 0.0)
     for index in range(round(duration_s / STEP_S)):
         for message_id, rate_hz in rates_hz.items():
             due[message_id] += rate_hz * STEP_S
             if due[message_id] >= 1.0:
                 due[message_id] -= 1.0
-                telemetry.seen[message_id] += 1
-        interview.tick(index * STEP_S)
+                telemetry.message_counts[message_id] += 1
+        setup.tick(index * STEP_S)
     return found
 
 
