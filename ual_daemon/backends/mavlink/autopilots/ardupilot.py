@@ -16,10 +16,12 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
+    pose_streams,
     set_message_interval,
     set_mode,
     shows_landed,
     shows_mode,
+    slow_streams,
 )
 from ual_daemon.backends.mavlink.autopilots.dialect import (
     NO_PARAMETERS,
@@ -151,11 +153,8 @@ class ArduCopter(Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
         ]
 
     @override
@@ -211,7 +210,7 @@ class ArduCopter(Dialect):
         # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
-            raise WrongStateError("take_off: ArduPilot has not told yet where its home is")
+            raise WrongStateError("take_off: ArduPilot has not sent the position of its home yet")
         climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
             (0.0,) * 6 + (standing_m + height_m,),

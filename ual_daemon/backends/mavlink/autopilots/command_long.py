@@ -13,7 +13,7 @@ _PARAMS_COUNT = 7
 
 @dataclass(frozen=True, slots=True)
 class CommandLong:
-    """A COMMAND_LONG, and how to tell that it was obeyed.
+    """A COMMAND_LONG, and what shows that it was obeyed.
 
     `params` are the first ones; zeros follow. `what` is for people ("arm"). Of one `group` only the newest command is
     kept; a command without a group only requests data. `acks_count` is how often the autopilot acknowledges it.
@@ -82,6 +82,23 @@ def set_message_interval(message_id: int, rate_hz: float) -> CommandLong:
     return CommandLong(
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz), f"stream message {message_id}"
     )
+
+
+def pose_streams(rate_hz: float) -> list[CommandLong]:
+    """Requests streams of attitude and position."""
+    return [
+        set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, rate_hz),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, rate_hz),
+    ]
+
+
+def slow_streams() -> list[CommandLong]:
+    """Requests streams of what changes slowly, from an autopilot that does not send it without a request."""
+    return [
+        set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+    ]
 
 
 def request_message(message_id: int) -> CommandLong:

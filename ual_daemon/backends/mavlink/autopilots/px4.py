@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.autopilots import px4_events
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
+    pose_streams,
     set_message_interval,
     set_mode,
     shows_mode,
@@ -130,8 +131,7 @@ class Px4(Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 20.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 10.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
+            *pose_streams(pose_rate_hz),
         ]
 
     @override

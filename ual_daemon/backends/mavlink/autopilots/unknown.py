@@ -8,7 +8,12 @@ from typing_extensions import override
 
 from ual.errors import NotSupportedError
 from ual.types import Limits
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, set_message_interval
+from ual_daemon.backends.mavlink.autopilots.command_long import (
+    CommandLong,
+    pose_streams,
+    set_message_interval,
+    slow_streams,
+)
 from ual_daemon.backends.mavlink.autopilots.dialect import NO_PARAMETERS, Dialect, SimulationVerdict
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
@@ -40,18 +45,15 @@ class Unknown(Dialect):
         return [
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 2.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
         ]
 
     @override
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
-        return SimulationVerdict(False, "UAL does not know how its simulators tell that they are")
+        return SimulationVerdict(False, "UAL cannot recognize a simulator of this autopilot")
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:

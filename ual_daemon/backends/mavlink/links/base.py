@@ -24,6 +24,13 @@ class LinkError(Exception):
     """The link cannot be opened, or broke. The message is for people: what, and why."""
 
 
+def cannot_listen(endpoint: object, error: OSError) -> LinkError:
+    """Returns the error of a port that cannot be opened."""
+    return LinkError(
+        f"cannot listen at {endpoint}: {error.strerror}; trying again (does another program use this port?)"
+    )
+
+
 class Transport(Protocol):
     """What messages are received and sent through: a `Connection`."""
 

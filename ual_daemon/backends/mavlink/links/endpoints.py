@@ -28,27 +28,28 @@ _BAUDS = range(1200, 12_000_001)
 
 
 @dataclass(frozen=True, slots=True)
-class UdpEndpoint:
+class _IpEndpoint:
+    host: str
+    port: int
+    is_listening: bool
+
+
+class UdpEndpoint(_IpEndpoint):
     """A UDP address: to listen at, or to call."""
 
-    host: str
-    port: int
-    is_listening: bool
+    __slots__ = ()
 
     def __str__(self) -> str:
-        return f"UDP {_place(self.host, self.port)}"
+        return f"UDP {_host_and_port(self.host, self.port)}"
 
 
-@dataclass(frozen=True, slots=True)
-class TcpEndpoint:
+class TcpEndpoint(_IpEndpoint):
     """A TCP address: to be connected to at, or to connect to."""
 
-    host: str
-    port: int
-    is_listening: bool
+    __slots__ = ()
 
     def __str__(self) -> str:
-        return f"TCP {_place(self.host, self.port)}"
+        return f"TCP {_host_and_port(self.host, self.port)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +91,9 @@ def parse_url(url: str) -> Endpoint:
     if parts.path or parts.query or parts.fragment:
         raise _refusal(url, "there is more than a host and a port in it", f"{scheme}://{parts.netloc}")
     if scheme == "udp" and host not in ("", EVERY_INTERFACE, "::"):
-        place = _place(host, port)
+        where = _host_and_port(host, port)
         raise _refusal(
-            url, "udp:// with a host is ambiguous", f"udpin://{place} to listen there or udpout://{place} to call"
+            url, "udp:// with a host is ambiguous", f"udpin://{where} to listen there or udpout://{where} to call"
         )
     is_listening = _LISTENING[scheme]
     if not host and not is_listening:
@@ -141,7 +142,7 @@ def _device_path(device: str) -> str:
     return device if device.startswith("/dev/") else f"/dev{device}"
 
 
-def _place(host: str, port: int) -> str:
+def _host_and_port(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
@@ -131,10 +131,7 @@ class TcpServerLink(Link):
             sock.listen(1)
         except OSError as error:
             sock.close()
-            raise LinkError(
-                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
-                "(does another program use this port?)"
-            ) from None
+            raise cannot_listen(self._endpoint, error) from None
         self._listener = sock
 
     @override

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
@@ -48,10 +48,7 @@ class UdpLink(Link):
                 self._peer = address
         except OSError as error:
             sock.close()
-            raise LinkError(
-                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
-                "(does another program use this port?)"
-            ) from None
+            raise cannot_listen(self._endpoint, error) from None
         self.sessions_count += 1
         self._socket = sock
         self._descriptors = {sock.fileno(): select.POLLIN}

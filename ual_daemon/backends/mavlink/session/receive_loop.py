@@ -53,6 +53,8 @@ class ReceiveLoop:
         self._on_update = on_update
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
+        self._pose: Sample[Pose] | None
+        self._reset_schedule()
 
     def post(self, request: Callable[[float], None]) -> None:
         """Has a request called on the loop's thread, with the time, as soon as possible."""
@@ -75,7 +77,7 @@ class ReceiveLoop:
 
     def _receive_until_defect(self) -> None:
         try:
-            self._receive_all()
+            self._receive_until_closed()
         except Exception:  # noqa: BLE001 - the callers must see a lost link that comes back: this thread goes on
             _log.exception("receiving from the autopilot failed; this is a defect of UAL, please report it")
             now_s = self._clock.now_s()
@@ -84,41 +86,58 @@ class ReceiveLoop:
             self._publish(now_s)
             self._closing.wait(TICK_S)
 
-    def _receive_all(self) -> None:
-        next_full_tick_s = ticked_s = updated_s = woke_s = self._clock.now_s()
-        has_news = False
-        sessions_count = 0
-        pose: Sample[Pose] | None = None
+    def _receive_until_closed(self) -> None:
+        self._reset_schedule()
         while not self._closing.is_set():
-            chunks = self._connection.receive(next_full_tick_s - self._clock.now_s(), self._clock.now_s())
-            woke_s, last_woke_s = self._clock.now_s(), woke_s
-            if woke_s - last_woke_s > PAUSE_S:
-                chunks = self._discard_old(woke_s, woke_s - last_woke_s)
-            if self._connection.sessions_count != sessions_count:
-                sessions_count = self._connection.sessions_count
-                self._discovery.reconnected()
-            for data, address in chunks:
-                self._discovery.receiver.receive(data, address, self._clock.now_s(), self._clock.utc_s())
+            self._receive()
             now_s = self._clock.now_s()
-            session = self._discovery.session
-            if session is not None and not self.info.autopilot:
-                self._on_dialect(session.dialect)
-                self.info = session.info()
-            newest = None if session is None else session.telemetry.pose
-            has_moved = newest is not pose
-            if has_moved or now_s - updated_s >= TICK_S:
-                pose, updated_s = newest, now_s
-                self._publish(now_s)
-            has_news = has_news or has_moved or (session is not None and session.is_urgent)
-            is_tick_due = now_s - ticked_s >= (FAST_TICK_S if has_news else TICK_S)
-            # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
-            if (has_moved or not is_tick_due) and now_s < next_full_tick_s and not self._posted:
-                continue
-            ticked_s, has_news = now_s, False
-            self._tick(now_s)
-            if now_s >= next_full_tick_s:
-                next_full_tick_s = now_s + TICK_S
-                self._refresh_info(session)
+            has_moved = self._publish_if_due(now_s)
+            self._tick_if_due(now_s, has_moved=has_moved)
+
+    def _reset_schedule(self) -> None:
+        self._next_full_tick_s = self._ticked_s = self._updated_s = self._woke_s = self._clock.now_s()
+        self._has_news = False
+        self._sessions_count = 0
+        self._pose = None
+
+    def _receive(self) -> None:
+        connection, clock = self._connection, self._clock
+        chunks = connection.receive(self._next_full_tick_s - clock.now_s(), clock.now_s())
+        woke_s = clock.now_s()
+        pause_s, self._woke_s = woke_s - self._woke_s, woke_s
+        if pause_s > PAUSE_S:
+            chunks = self._discard_old(woke_s, pause_s)
+        if connection.sessions_count != self._sessions_count:
+            self._sessions_count = connection.sessions_count
+            self._discovery.reconnected()
+        for data, address in chunks:
+            self._discovery.receiver.receive(data, address, clock.now_s(), clock.utc_s())
+
+    def _publish_if_due(self, now_s: float) -> bool:
+        """Publishes a new pose at once, and otherwise every `TICK_S`. Returns whether the pose is new."""
+        session = self._discovery.session
+        if session is not None and not self.info.autopilot:
+            self._on_dialect(session.dialect)
+            self.info = session.info()
+        newest = None if session is None else session.telemetry.pose
+        has_moved = newest is not self._pose
+        if has_moved or now_s - self._updated_s >= TICK_S:
+            self._pose, self._updated_s = newest, now_s
+            self._publish(now_s)
+        return has_moved
+
+    def _tick_if_due(self, now_s: float, *, has_moved: bool) -> None:
+        session = self._discovery.session
+        self._has_news = self._has_news or has_moved or (session is not None and session.is_urgent)
+        is_due = now_s - self._ticked_s >= (FAST_TICK_S if self._has_news else TICK_S)
+        # After a new pose the rest waits for the next round: the thread that was just notified needs the GIL now.
+        if (has_moved or not is_due) and now_s < self._next_full_tick_s and not self._posted:
+            return
+        self._ticked_s, self._has_news = now_s, False
+        self._tick(now_s)
+        if now_s >= self._next_full_tick_s:
+            self._next_full_tick_s = now_s + TICK_S
+            self._refresh_info(session)
 
     def _discard_old(self, now_s: float, pause_s: float) -> list[Chunk]:
         _log.warning("this thread was not scheduled for %.1f s: requesting the autopilot's state anew", pause_s)

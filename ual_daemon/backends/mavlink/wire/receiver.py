@@ -39,7 +39,7 @@ class Selector(Protocol):
 
 
 class Receiver:
-    """Finds frames, checks who sent them and their signatures, decodes them, and hands them to the handler.
+    """Finds frames, checks their senders and signatures, decodes them, and passes them to the handler.
 
     Not thread-safe: belongs to the thread that receives. Only frames of component 1 (autopilots) count. Before one is
     selected, only the autopilot with `system_id` can be (None: any). With a `signer` only signed messages are accepted.
