@@ -18,9 +18,9 @@ def ned_to_enu(north: float, east: float, down: float) -> Vector3:
     return Vector3(east, north, -down)
 
 
-def enu_to_ned(east: float, north: float, up: float) -> Vector3:
+def enu_to_ned(vector: Vector3) -> Vector3:
     """Converts east, north, up to north, east, down."""
-    return Vector3(north, east, -up)
+    return Vector3(vector.y, vector.x, -vector.z)
 
 
 def frd_to_flu(forward: float, right: float, down: float) -> Vector3:
@@ -38,3 +38,8 @@ def orientation_to_enu(w: float, x: float, y: float, z: float) -> Quaternion:
 def enu_to_ned_yaw(yaw_rad: float) -> float:
     """Converts a heading counter-clockwise from east to one clockwise from north. It is its own inverse."""
     return wrap_angle(math.pi / 2 - yaw_rad)
+
+
+def enu_to_ned_yaw_rate(yaw_rate_rad_s: float) -> float:
+    """Converts a yaw rate to the left to one to the right. It is its own inverse."""
+    return -yaw_rate_rad_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ual.geometry import Vector3
-from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw
+from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
@@ -25,10 +25,10 @@ def encode_position_target(
     setpoint has velocity and yaw rate only. The yaw rate is in both: without it, and without a heading, ArduPilot turns
     its nose to where it flies.
     """
-    velocity = _to_ned(setpoint.velocity)
+    velocity = enu_to_ned(setpoint.velocity)
     if isinstance(setpoint, PositionSetpoint):
         mask = POSITION_MASK if with_acceleration else _IGNORE_ACCELERATION
-        position, acceleration = _to_ned(setpoint.position), _to_ned(setpoint.acceleration)
+        position, acceleration = enu_to_ned(setpoint.position), enu_to_ned(setpoint.acceleration)
         yaw_rad = enu_to_ned_yaw(setpoint.yaw_rad)
     else:
         mask = VELOCITY_MASK
@@ -50,9 +50,5 @@ def encode_position_target(
         acceleration.y,
         acceleration.z,
         yaw_rad,
-        -setpoint.yaw_rate_rad_s,
+        enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s),
     )
-
-
-def _to_ned(vector: Vector3) -> Vector3:
-    return enu_to_ned(vector.x, vector.y, vector.z)
