@@ -58,9 +58,9 @@ def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(s
     fresh_s: list[float] = []
     for step in range(3000):  # 30 s
         harness.now_s = step / 100
-        turned = attitude()
-        turned.time_boot_ms += int(harness.now_s * 1000)
-        said: list[Message] = [turned, position(harness.now_s, north=harness.now_s)]
+        moved = attitude()
+        moved.time_boot_ms += int(harness.now_s * 1000)
+        said: list[Message] = [moved, position(harness.now_s, north=harness.now_s)]
         if step % 100 == 0:
             said.append(heartbeat(armed=True))
         for data in harness.link.sent:

@@ -1,7 +1,7 @@
 """Where NED and ENU, FRD and FLU meet: MAVLink's axes to and from ours, and nothing else.
 
 MAVLink uses north-east-down outside and forward-right-down in the body; we use east-north-up and forward-left-up
-(REP 103). Both changes of axes are half turns, so that the same formula serves both directions.
+(REP 103). Both changes of axes are rotations by 180 degrees, so that the same formula serves both directions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def frd_to_flu(forward: float, right: float, down: float) -> Vector3:
 
 def orientation_to_enu(w: float, x: float, y: float, z: float) -> Quaternion:
     """Converts the rotation from the body (FRD) to NED to the one from the body (FLU) to ENU. Unit length."""
-    # The half turn about (1, 1, 0) on the left, the half turn about the body's x axis on the right, multiplied out.
+    # 180 degrees about (1, 1, 0) on the left, 180 degrees about the body's x axis on the right, multiplied out.
     q = Quaternion((x + y) * _SQRT_HALF, (x - y) * _SQRT_HALF, (w - z) * _SQRT_HALF, (w + z) * _SQRT_HALF)
     return q.normalized()
 

@@ -54,13 +54,13 @@ class Link(ABC):
 
     `send` is for any thread, everything else for the one that receives. What may raise a `LinkError` may raise an
     `OSError` instead, where the system's message says enough. `is_stream`: bytes come in any pieces, not in datagrams.
-    `needs_traffic`: only silence may show that the other end is gone. `sessions_count`: how often there was a new other
-    end.
+    `needs_traffic`: only silence may show that the other end is gone. `connections_count`: how often there was a new
+    other end.
     """
 
     is_stream = True
     needs_traffic = False
-    sessions_count = 0
+    connections_count = 0
 
     @abstractmethod
     def open(self) -> None:

@@ -36,7 +36,7 @@ class Connection(Transport):
         self._next_open_s = float("-inf")
         self._pause_s = FIRST_PAUSE_S
         self._alive_s = float("-inf")
-        self._session = 0
+        self._connections_count = 0
         self._waker, self._woken = socket.socketpair()
         self._waker.setblocking(False)
         self._woken.setblocking(False)
@@ -51,9 +51,9 @@ class Connection(Transport):
         return self._link.is_stream
 
     @property
-    def sessions_count(self) -> int:
+    def connections_count(self) -> int:
         """How often there was a new other end."""
-        return self._link.sessions_count
+        return self._link.connections_count
 
     @property
     @override
@@ -118,8 +118,8 @@ class Connection(Transport):
 
     def tick(self, now_s: float) -> None:
         """Opens the link when that is due, and detects a half-open one; to be called often."""
-        if self._link.sessions_count != self._session:
-            self._session = self._link.sessions_count
+        if self._link.connections_count != self._connections_count:
+            self._connections_count = self._link.connections_count
             self._alive_s = now_s
             self.trouble = f"waiting for an autopilot at {self._url}" if self._logged else ""
         if not self._is_open:

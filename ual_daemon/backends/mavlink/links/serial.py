@@ -49,7 +49,7 @@ class SerialLink(Link):
         except (OSError, ValueError, termios.error) as error:
             raise LinkError(f"cannot open {self._endpoint}: {_why(error)}; trying again") from None
         self._line = line
-        self.sessions_count += 1
+        self.connections_count += 1
         self._writer.attach(line.fileno())
 
     @override

@@ -94,7 +94,7 @@ class TcpClientLink(Link):
             sock.getpeername()
         except OSError:  # not connected yet
             return
-        self.sessions_count += 1
+        self.connections_count += 1
         self._writer.attach(sock.fileno())
 
     def _trouble(self, code: int) -> LinkError:
@@ -192,7 +192,7 @@ class TcpServerLink(Link):
             self._hang_up()
             _prepare(client)
             self._received_s = now_s
-            self.sessions_count += 1
+            self.connections_count += 1
             self._client, self._address = client, address
             self._writer.attach(client.fileno())
 

@@ -49,7 +49,7 @@ class UdpLink(Link):
         except OSError as error:
             sock.close()
             raise cannot_listen(self._endpoint, error) from None
-        self.sessions_count += 1
+        self.connections_count += 1
         self._socket = sock
         self._descriptors = {sock.fileno(): select.POLLIN}
         self._poll = select.poll()

@@ -19,9 +19,8 @@ _log = logging.getLogger(__name__)
 RESEND_S = 0.25
 """An unanswered command is sent again after this. An autopilot answers within 15 ms, a bad radio delays it by 200."""
 SENDS_COUNT = 20
-"""How often a command is sent in all, within `ual_daemon.flight.manoeuvre.COMMAND_PATIENCE_S`. On a link that loses
-30 % each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6 to the power of 20 is 4 in
-100,000."""
+"""How often a command is sent in all, within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 %
+each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6 to the power of 20 is 4 in 100,000."""
 REQUEST_RESEND_S, REQUEST_SENDS_COUNT = 0.5, 4
 """The same for commands that only request data (of no group). Their acknowledgements do not show which of them they are
 for, so no repetition may be on its way any more when the next one is sent; and the next one waits until then."""

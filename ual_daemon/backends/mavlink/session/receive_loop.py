@@ -97,7 +97,7 @@ class ReceiveLoop:
     def _reset_schedule(self) -> None:
         self._next_full_tick_s = self._ticked_s = self._updated_s = self._woke_s = self._clock.now_s()
         self._has_news = False
-        self._sessions_count = 0
+        self._connections_count = 0
         self._pose = None
 
     def _receive(self) -> None:
@@ -107,8 +107,8 @@ class ReceiveLoop:
         pause_s, self._woke_s = woke_s - self._woke_s, woke_s
         if pause_s > PAUSE_S:
             chunks = self._discard_old(woke_s, pause_s)
-        if connection.sessions_count != self._sessions_count:
-            self._sessions_count = connection.sessions_count
+        if connection.connections_count != self._connections_count:
+            self._connections_count = connection.connections_count
             self._discovery.reconnected()
         for data, address in chunks:
             self._discovery.receiver.receive(data, address, clock.now_s(), clock.utc_s())

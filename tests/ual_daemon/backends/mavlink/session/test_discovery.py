@@ -41,7 +41,7 @@ def test_heartbeats_of_other_components_change_nothing() -> None:
     assert (snapshot.armed.value, snapshot.mode.value.name) == (True, "OFFBOARD")
 
 
-def test_nothing_is_sent_until_somebody_is_known_and_then_to_where_he_sends_from() -> None:
+def test_nothing_is_sent_until_somebody_is_known_and_then_to_the_address_that_it_sends_from() -> None:
     harness = Harness()
     harness.run(3.0)
     assert harness.link.sent == []

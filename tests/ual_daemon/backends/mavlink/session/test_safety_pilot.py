@@ -86,7 +86,7 @@ def ready() -> Pilot:
     return it
 
 
-def test_he_arms_and_says_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_arms_and_reports_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ual_daemon.backends.mavlink.session.safety_pilot.ARMING_LIMIT_S", 0.01)
     it = ready()
     with pytest.raises(UalTimeoutError):

@@ -92,7 +92,7 @@ def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
     return asked
 
 
-def _turned(now_s: float) -> Any:
+def _attitude_at(now_s: float) -> Any:
     message = attitude()
     message.time_boot_ms += int(now_s * 1000)
     return message
@@ -107,7 +107,7 @@ def _stream(harness: Harness, *, until_s: float, without: int = 0) -> set[float]
             mavlink.MAVLink_current_mode_message(0, 0x03040000, 0),
             mavlink.MAVLink_extended_sys_state_message(0, 1),
             mavlink.MAVLink_estimator_status_message(0, 0x37F, *[0.0] * 8),
-            *[_turned(harness.now_s), position(harness.now_s)] * 3,
+            *[_attitude_at(harness.now_s), position(harness.now_s)] * 3,
         ]
         for sent in harness.commands(INTERVAL):
             asked.add(sent.param1)
