@@ -1,4 +1,4 @@
-"""Sends commands and takes their acknowledgements: unanswered ones again, and one of each kind at a time."""
+"""Sends commands until they are acknowledged or show their effect, one of each kind at a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ual_daemon.backends.values import Snapshot
 _log = logging.getLogger(__name__)
 
 RESEND_S = 0.25
-"""An unanswered command is sent again after this. An autopilot answers within 15 ms, a bad radio delays it by 200."""
+"""An unanswered command is sent again after this. An autopilot answers within 15 ms, over a bad radio within 200."""
 SENDS_COUNT = 20
 """How often a command is sent in all, within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 %
 each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6 to the power of 20 is 4 in 100,000."""
@@ -88,7 +88,7 @@ class CommandSender:
     def submit(
         self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
     ) -> Future[None]:
-        """Queues a command, and sends it as soon as no other one with its id is unanswered.
+        """Queues a command; sends it once none with its id is unanswered, and setpoints flow where it needs them.
 
         The future ends with the acknowledgement or the effect, of the last command where others follow; without either
         it stays open. Once `is_withdrawn`, the command is not sent (again), and none follows.
