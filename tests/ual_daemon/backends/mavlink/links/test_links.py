@@ -28,6 +28,15 @@ PATIENCE_S = 20.0
 HERE = "127.0.0.1"
 
 
+PATIENCE = "ual_daemon.backends.mavlink.links.resolve._PATIENCE_S"
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names are resolved at the first try, however busy the computer."""
+    monkeypatch.setattr(PATIENCE, PATIENCE_S)
+
+
 class Run:
     """A connection whose time is moved by hand; its polls are real."""
 
@@ -193,6 +202,7 @@ def test_a_slow_name_service_holds_nothing_up(monkeypatch: pytest.MonkeyPatch, s
         return look_up(HERE, *rest, **named)
 
     monkeypatch.setattr(socket, "getaddrinfo", slowly)
+    monkeypatch.setattr(PATIENCE, 0.02)
     with running(f"tcp://uav.example:{server.getsockname()[1]}") as run:
         run.until(lambda: run.connection.trouble == "looking for the host uav.example")
         answer.set()
