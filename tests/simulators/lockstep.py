@@ -6,7 +6,6 @@ that neither can be late: what is flown does not depend on how fast the computer
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Mapping
 
@@ -17,10 +16,10 @@ from tests.simulators.px4 import Px4
 from tests.simulators.simulation import PilotSimulation
 from ual.interface import Simulation
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
-from ual_daemon.backends.mavlink.backend import MavlinkBackend, MonotonicClock
+from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.backends.mavlink.links import Address, Connection
 from ual_daemon.backends.mavlink.links.base import Chunk, Link
-from ual_daemon.backends.mavlink.session.conversation import Conversation
+from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 
 SPEED = 6.0
 _ADDRESS = ("127.0.0.1", 14580)
@@ -43,14 +42,7 @@ class LockstepBackend(MavlinkBackend):
         self._speed = speed
 
     def open(self, on_update: UpdateCallback) -> None:
-        connection = self._connection = _Connection(self.autopilot, self._port, self._speed)
-        conversation = self._conversation = Conversation(
-            self._settings, connection, self._stream.duration_s, self._supervision, self._signer
-        )
-        self._thread = threading.Thread(
-            target=self._run, args=(connection, conversation, on_update), name="lockstep", daemon=True
-        )
-        self._thread.start()
+        self._start(_Connection(self.autopilot, self._port, self._speed), on_update)
 
     def simulation(self) -> Simulation:
         return PilotSimulation(self.autopilot)

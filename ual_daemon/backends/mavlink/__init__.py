@@ -1,4 +1,19 @@
-"""The MAVLink backend: PX4 and ArduPilot multirotors. See ``docs/backends/mavlink.md``."""
+"""The MAVLink backend: PX4 and ArduPilot multirotors. See ``docs/backends/mavlink.md``.
+
+Data runs one way through the rooms, which import only downward (a contract in pyproject.toml checks it):
+
+- ``backend``: the interface that the layers above call
+- ``session``: the exchange with one autopilot over time, and the thread that receives
+- ``autopilots``: what PX4 and ArduPilot do differently, as functions of the data
+- ``wire``: bytes to checked messages, and messages to bytes
+- ``links``: UDP, TCP and serial lines
+- ``settings``
+
+A received message passes links, wire (`Receiver`) and session (`Session`, `Telemetry`) once each, and becomes part of
+the next snapshot. A setpoint passes backend, autopilots (`SetpointEncoder`), wire (`Sender`) and links, on the caller's
+thread and past the session. ``autopilots`` lies above ``wire``, as it encodes and decodes the content of messages, and
+below ``session``, as it remembers nothing but what it has learned of the vehicle (`FeedForward`).
+"""
 
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 

@@ -11,7 +11,7 @@ from ual_daemon.settings import Settings
 
 SECTION = "mavlink"
 FIRST_PORT = 14540
-"""Where PX4's simulator sends its first vehicle's onboard stream; the next vehicle's is one higher."""
+"""The port to which PX4's simulator sends the onboard stream of its first vehicle; the next one's is one higher."""
 
 MavlinkId = Annotated[int, Meta(ge=1, le=254)]
 
@@ -19,11 +19,11 @@ MavlinkId = Annotated[int, Meta(ge=1, le=254)]
 class MavlinkSettings(Settings, frozen=True, kw_only=True):
     """The section ``mavlink`` of the configuration.
 
-    `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot listened to (None:
-    the first heard). `component_id` is our own, beside the autopilot in its system; two programs on one vehicle need
-    different ones. `pose_rate_hz` is how often the autopilot is asked for its position and attitude.
-    With `learns_feed_forward` PX4 is told ahead what is learnt of its drag and its estimate: see `feed_forward`.
-    `signing_key_file` holds the key of the autopilot that signs its messages: see `signing.read_key`.
+    `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot that is received
+    (None: the first heard). `component_id` is ours, beside the autopilot in its system; two programs on one vehicle
+    need different ones. `pose_rate_hz` is the rate at which position and attitude are requested. With
+    `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`.
+    `signing_key_file` holds the key of an autopilot that signs its messages: see `signing.read_key`.
     """
 
     url: str | None = None
@@ -35,7 +35,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
 
 
 def default_url(ns: str) -> str:
-    """Where PX4's simulator sends the vehicle of a namespace: ``uav_2`` is at 14541. Loopback only."""
+    """Returns where PX4's simulator sends the vehicle of a namespace: ``uav_2`` is at 14541. Loopback only."""
     number = re.search(r"_(\d{1,5})$", ns)
     port = FIRST_PORT + (int(number[1]) if number else 1) - 1
     return f"udpin://127.0.0.1:{port}"

@@ -1,13 +1,14 @@
-"""An autopilot's side of a conversation, scripted, without sockets."""
+"""A scripted autopilot without sockets, and what exchanges messages with it."""
 
 import math
 from collections.abc import Callable
 from typing import Any
 
-from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.session.conversation import Conversation
-from ual_daemon.backends.mavlink.session.supervision import Supervision
-from ual_daemon.backends.mavlink.session.vehicle import MavlinkVehicle
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -21,7 +22,7 @@ BOOT_MS = 5000
 
 
 def packer(system_id: int = 1, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> Callable[[Message], bytes]:
-    """What turns messages into the bytes that a component of a system sends."""
+    """What encodes messages as the bytes that a component of a system sends."""
     codec = Codec(component_id)
     codec.join(system_id)
     return codec.encode
@@ -52,21 +53,29 @@ def ack(command: int, result: int, target: tuple[int, int] = (1, 191)) -> Messag
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *target)
 
 
-class FakeLink:
+class FakeLink(Transport):
     """Keeps what is sent."""
 
     def __init__(self, *, is_stream: bool = False) -> None:
-        self.is_stream = is_stream
+        self._is_stream = is_stream
         self.sent: list[bytes] = []
         self._peer: Address | None = None
 
     @property
+    @override
+    def is_stream(self) -> bool:
+        return self._is_stream
+
+    @property
+    @override
     def peer(self) -> Address | None:
         return self._peer
 
+    @override
     def answer_to(self, address: Address | None) -> None:
         self._peer = address
 
+    @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         self.sent.append(data)
         return True
@@ -79,8 +88,8 @@ class FakeLink:
         return [message for frame in frames if (message := codec.decode(frame)).get_type() == kind]
 
 
-class Talk:
-    """A conversation with a scripted PX4 of system 1, on a clock that is moved by hand."""
+class Harness:
+    """Discovery and session with a scripted PX4 of system 1, without sockets, on a clock that is moved by hand."""
 
     def __init__(
         self, settings: MavlinkSettings | None = None, *, is_stream: bool = False, signer: Signer | None = None
@@ -88,33 +97,31 @@ class Talk:
         self.now_s = 0.0
         self.setpoints_s = 0.0
         self.link = FakeLink(is_stream=is_stream)
-        self.supervision = Supervision("test", 1.0)
-        self.conversation = Conversation(
-            settings or MavlinkSettings(), self.link, lambda _: self.setpoints_s, self.supervision, signer
-        )
+        self.discovery = Discovery(settings or MavlinkSettings(), self.link, "test", lambda _: self.setpoints_s, signer)
+        self.supervision = self.discovery.supervision
         self.pack = packer()
 
-    def hear(self, *messages: Message, data: bytes = b"", address: Address = ADDRESS) -> None:
+    def receive(self, *messages: Message, data: bytes = b"", address: Address = ADDRESS) -> None:
         """The autopilot sends messages (or bytes)."""
         for datagram in (*map(self.pack, messages), *([data] if data else [])):
-            self.conversation.receive(datagram, address, self.now_s, UTC_S + self.now_s)
+            self.discovery.receiver.receive(datagram, address, self.now_s, UTC_S + self.now_s)
 
     def run(self, duration_s: float, step_s: float = 0.05) -> None:
         """Time passes."""
         for _ in range(round(duration_s / step_s)):
             self.now_s += step_s
-            self.conversation.tick(self.now_s)
+            self.discovery.tick(self.now_s)
 
     def commands(self, command: int) -> list[Any]:
-        """The commands of an id sent since the last look."""
+        """The commands of an id sent since the last call."""
         return [message for message in self.link.take("COMMAND_LONG") if message.command == command]
 
     @property
-    def vehicle(self) -> MavlinkVehicle:
-        vehicle = self.conversation.vehicle
-        assert vehicle is not None
-        return vehicle
+    def session(self) -> Session:
+        session = self.discovery.session
+        assert session is not None
+        return session
 
     def snapshot(self) -> Any:
         """As of now. Not typed: what a test reads from it is there, or the test fails."""
-        return self.vehicle.snapshot(self.now_s)
+        return self.session.snapshot(self.now_s)

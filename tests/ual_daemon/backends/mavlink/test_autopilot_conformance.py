@@ -33,7 +33,7 @@ NOT_HERE = {
     "ardupilot": {"arming_belongs_to_the_pilot"},
 }
 """What is skipped, and nothing else. PX4 takes OFFBOARD only while setpoints come, and the daemon sends none while the
-pilot flies: he cannot give back."""
+pilot flies: the pilot cannot give control back."""
 
 
 def over_class(stack: ExitStack, kind: str, _: Path) -> Uav:

@@ -19,7 +19,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.session.conversation import Conversation
+from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Snapshot, VelocitySetpoint
@@ -155,7 +155,7 @@ def norths(seen: list[Snapshot]) -> list[float]:
     return [snapshot.pose.value.position.y for snapshot in seen if snapshot.pose is not None]
 
 
-def test_an_update_that_fails_does_not_end_the_conversation(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_update_that_fails_does_not_end_the_updates(caplog: pytest.LogCaptureFixture) -> None:
     count = 0
 
     def fail(_: Snapshot) -> None:
@@ -268,8 +268,10 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         wait_for(lambda: not backend.snapshot().status_text, "the end of the trouble")
 
 
-def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_daemon.backends.mavlink.backend.PAUSE_S", 0.3)
+def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ual_daemon.backends.mavlink.session.receive_loop.PAUSE_S", 0.3)
     resume, paused = threading.Event(), threading.Event()
     seen: list[Snapshot] = []
 
@@ -295,18 +297,18 @@ def test_what_waited_while_we_had_no_turn_is_not_taken_for_the_present(monkeypat
         wait_for(lambda: seen[-1].armed is not None and not seen[-1].armed.value, "the present")
 
 
-def test_a_defect_in_the_conversation_is_told_and_the_link_opened_anew(
+def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     failures = iter([ZeroDivisionError()] * 3)
-    tick = Conversation.tick
+    tick = Discovery.tick
 
-    def failing(self: Conversation, now_s: float) -> None:
-        if self.vehicle is not None and (error := next(failures, None)) is not None:
+    def failing(self: Discovery, now_s: float) -> None:
+        if self.session is not None and (error := next(failures, None)) is not None:
             raise error
         tick(self, now_s)
 
-    monkeypatch.setattr(Conversation, "tick", failing)
+    monkeypatch.setattr(Discovery, "tick", failing)
     port = free_port()
     seen: list[Snapshot] = []
     with contextlib.closing(Autopilot(port)) as autopilot, opened(f"udpin://127.0.0.1:{port}", seen.append):

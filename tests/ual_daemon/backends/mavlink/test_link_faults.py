@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, packer, position
+from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, packer, position
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.supervision import LinkState
@@ -52,21 +52,21 @@ class Weather:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(seed: int) -> None:
-    talk, down, up = Talk(), Weather(seed), Weather(seed + 100)
+    harness, down, up = Harness(), Weather(seed), Weather(seed + 100)
     asked: set[float] = set()
     sent_count = 0
     fresh_s: list[float] = []
     for step in range(3000):  # 30 s
-        talk.now_s = step / 100
-        turned = attitude()
-        turned.time_boot_ms += int(talk.now_s * 1000)
-        said: list[Message] = [turned, position(talk.now_s, north=talk.now_s)]
+        harness.now_s = step / 100
+        moved = attitude()
+        moved.time_boot_ms += int(harness.now_s * 1000)
+        said: list[Message] = [moved, position(harness.now_s, north=harness.now_s)]
         if step % 100 == 0:
             said.append(heartbeat(armed=True))
-        for data in talk.link.sent:
-            up.send(data, talk.now_s)
-        talk.link.sent.clear()
-        for data in up.receive(talk.now_s):
+        for data in harness.link.sent:
+            up.send(data, harness.now_s)
+        harness.link.sent.clear()
+        for data in up.receive(harness.now_s):
             for frame in FrameReader().read(data):
                 command = Codec(1).decode(frame)
                 if command.get_type() == "COMMAND_LONG" and command.command == INTERVAL:
@@ -76,19 +76,19 @@ def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(s
                     said.append(heartbeat(armed=True))
         for message in said:
             sent_count += 1
-            down.send(talk.pack(message), talk.now_s)
-        for data in down.receive(talk.now_s):
-            talk.hear(data=data)
-        talk.conversation.tick(talk.now_s)
-        if talk.now_s > 3.0:
-            snapshot = talk.snapshot()
-            assert 0.0 <= talk.now_s - snapshot.pose.value.position.y < 1.0
+            down.send(harness.pack(message), harness.now_s)
+        for data in down.receive(harness.now_s):
+            harness.receive(data=data)
+        harness.discovery.tick(harness.now_s)
+        if harness.now_s > 3.0:
+            snapshot = harness.snapshot()
+            assert 0.0 <= harness.now_s - snapshot.pose.value.position.y < 1.0
             assert snapshot.armed.value is True
-            fresh_s.append(talk.now_s - snapshot.armed.time_s)
+            fresh_s.append(harness.now_s - snapshot.armed.time_s)
     # what flows by itself need not be asked for again, where an acknowledgement of another was taken for its own
     assert {436.0, 245.0, 230.0} <= asked <= {436.0, 245.0, 230.0, 31.0, 32.0}
     assert max(fresh_s) < 3.0  # a heartbeat that is late is asked for
-    found = talk.supervision.statistics(talk.now_s, talk.conversation.corrupt_count)
+    found = harness.supervision.statistics(harness.now_s, harness.discovery.receiver.corrupt_count)
     assert found.state is LinkState.CONNECTED
     assert found.loss == pytest.approx(1 - down.arrived_count / sent_count, abs=0.04)
     assert found.corrupt_count > 300

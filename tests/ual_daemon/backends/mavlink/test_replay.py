@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Talk
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import Limits, State
 from ual_daemon.flight.state import estimate
@@ -26,25 +26,25 @@ class Change:
     why: str
 
 
-def fly(trace: Trace) -> tuple[list[Change], Talk]:
+def fly(trace: Trace) -> tuple[list[Change], Harness]:
     """The changes of the state during a recorded flight, as seen every `TICK_S`."""
-    talk = Talk()
+    harness = Harness()
     changes = [Change(0.0, State.UNINITIALIZED, "")]
     frames = iter(trace.frames)
     frame = next(frames, None)
     while frame is not None:
-        talk.now_s += TICK_S
-        while frame is not None and frame[0] <= talk.now_s:
-            talk.conversation.receive(frame[1], ADDRESS, frame[0], UTC_S + frame[0])
+        harness.now_s += TICK_S
+        while frame is not None and frame[0] <= harness.now_s:
+            harness.discovery.receiver.receive(frame[1], ADDRESS, frame[0], UTC_S + frame[0])
             frame = next(frames, None)
-        talk.conversation.tick(talk.now_s)
-        if talk.conversation.vehicle is None:
+        harness.discovery.tick(harness.now_s)
+        if harness.discovery.session is None:
             continue
-        found = estimate(talk.snapshot(), talk.vehicle.dialect.freshness)
+        found = estimate(harness.snapshot(), harness.session.dialect.freshness)
         if found.state is not changes[-1].state:
-            changes.append(Change(talk.now_s, found.state, found.why))
-    assert talk.conversation.corrupt_count == 0
-    return changes, talk
+            changes.append(Change(harness.now_s, found.state, found.why))
+    assert harness.discovery.receiver.corrupt_count == 0
+    return changes, harness
 
 
 def assert_changes(changes: list[Change], expected: list[tuple[State, float, float]]) -> None:
@@ -56,7 +56,7 @@ def assert_changes(changes: list[Change], expected: list[tuple[State, float, flo
 
 def test_an_automatic_flight_that_ends_in_a_return() -> None:
     trace = load("px4_auto_takeoff_loiter_rtl")
-    changes, talk = fly(trace)
+    changes, harness = fly(trace)
     at = trace.time_s
     armed_s, lift_off_s, touch_down_s = at("pilot_arms"), at("truth_lift_off"), at("truth_touch_down")
     landing_s, disarmed_s = at("autopilot_begins_landing"), at("autopilot_disarmed")
@@ -75,15 +75,15 @@ def test_an_automatic_flight_that_ends_in_a_return() -> None:
         ],
     )
     assert changes[4].why == "in the air, mode AUTO.LOITER does not take our references"
-    info = talk.vehicle.info()
+    info = harness.session.info()
     assert (info.autopilot, info.autopilot_version, info.is_simulation) == ("PX4", "1.17.0", True)
     assert info.limits == Limits()  # nobody asked the recorded PX4 for its parameters
-    assert isinstance(talk.snapshot().projection, SphereProjection)
+    assert isinstance(harness.snapshot().projection, SphereProjection)
 
 
 def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
     trace = load("px4_offboard_manual_recover")
-    changes, talk = fly(trace)
+    changes, harness = fly(trace)
     at = trace.time_s
     armed_s, disarmed_s = at("pilot_arms"), at("autopilot_disarmed")
     taken, recovered = "pilot_sets_mode", "companion_recovers_from_manual"
@@ -107,12 +107,12 @@ def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
     )
     assert "POSCTL" in changes[4].why
     assert "ALTCTL" in changes[6].why
-    assert talk.snapshot().battery is not None
+    assert harness.snapshot().battery is not None
 
 
 def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
     trace = load("px4_gps_loss_in_offboard")
-    changes, talk = fly(trace)
+    changes, harness = fly(trace)
     at = trace.time_s
     armed_s, lost_s = at("pilot_arms"), at("gps_lost")
     assert_changes(
@@ -127,14 +127,14 @@ def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
         ],
     )
     assert changes[-1].why == "the autopilot has no good position: no horizontal velocity, horizontal position"
-    snapshot = talk.snapshot()
+    snapshot = harness.snapshot()
     assert snapshot.time_s - snapshot.pose.time_s < 0.1
     assert snapshot.armed.value is False
 
 
 def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
     trace = load("ardupilot_guided_manual_recover")
-    changes, talk = fly(trace)
+    changes, harness = fly(trace)
     at = trace.time_s
     armed_s, landed_s, disarmed_s = at("pilot_arms"), at("autopilot_reports_on_ground"), at("autopilot_disarmed")
     assert_changes(
@@ -156,9 +156,9 @@ def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
     )
     assert changes[3].why == "the autopilot takes off (mode GUIDED)"
     assert "LOITER" in changes[5].why
-    info = talk.vehicle.info()
+    info = harness.session.info()
     assert (info.autopilot, info.flies_takeoff_on_setpoints) == ("ArduPilot", False)
-    snapshot = talk.snapshot()
+    snapshot = harness.snapshot()
     assert isinstance(snapshot.projection, FlatProjection)
     assert snapshot.home_altitude_amsl_m == pytest.approx(488.08)  # 2 cm below the origin, since it was armed
     assert snapshot.battery is not None
@@ -175,13 +175,13 @@ def test_an_ardupilot_flight_taken_by_the_pilot_and_recovered() -> None:
     ["px4_auto_takeoff_loiter_rtl", "px4_offboard_manual_recover", "ardupilot_guided_manual_recover"],
 )
 def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was_received(name: str) -> None:
-    talk = Talk()
+    harness = Harness()
     stamps = []
     for time_s, frame in load(name).frames:
-        talk.conversation.receive(frame, ADDRESS, time_s, UTC_S + time_s)
-        if talk.conversation.vehicle is None:
+        harness.discovery.receiver.receive(frame, ADDRESS, time_s, UTC_S + time_s)
+        if harness.discovery.session is None:
             continue
-        snapshot = talk.vehicle.snapshot(time_s)
+        snapshot = harness.session.snapshot(time_s)
         if snapshot.pose is not None and snapshot.pose.time_s == time_s:
             stamps.append((time_s, snapshot.stamp_s - UTC_S))
     assert len(stamps) > 1000

@@ -1,4 +1,4 @@
-"""ArduCopter: flown in GUIDED mode with setpoints in its local NED frame. Measured on 4.6.3
+"""ArduCopter: flown in GUIDED mode with setpoints in its local NED frame. Measured with 4.6.3
 (docs/backends/mavlink.md).
 """
 
@@ -8,12 +8,28 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from typing_extensions import override
+
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.autopilots.dialect import NO_PARAMETERS, Dialect, Reality, version_text
-from ual_daemon.backends.mavlink.autopilots.setpoint_encoding import local_target
-from ual_daemon.backends.mavlink.session.commands import Command, arm_or_disarm, set_interval, shows_landed, shows_mode
+from ual_daemon.backends.mavlink.autopilots.command_long import (
+    CommandLong,
+    arm_or_disarm,
+    pose_streams,
+    set_message_interval,
+    set_mode,
+    shows_landed,
+    shows_mode,
+    slow_streams,
+)
+from ual_daemon.backends.mavlink.autopilots.dialect import (
+    NO_PARAMETERS,
+    Dialect,
+    SimulationVerdict,
+    positive_parameter,
+)
+from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
     Control,
@@ -58,8 +74,8 @@ _MODES = {
 _GUIDED, _LAND, _BRAKE = 4, 9, 17
 _UNARMABLE = frozenset(
     {
-        "LAND",  # where it stands after a landing of ours
-        "BRAKE",  # where the end of the daemon leaves it
+        "LAND",  # its mode after we have landed it
+        "BRAKE",  # its mode after the daemon has ended in flight
         "AUTOROTATE",
         "AUTOTUNE",
         "AVOID_ADSB",
@@ -75,18 +91,18 @@ _UNARMABLE = frozenset(
 _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
-"""A parameter that only a simulator has, or an ArduPilot that simulates on its own board (which tells a board)."""
+"""A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
 
 _NEAR_HOME_M = 1.0
-"""As high above home, or as deep below, as its estimate of height wanders; see `_above_home_m`."""
+"""How far above or below home its estimate of height may wander; see `_above_home_m`."""
 ACCELERATION_SHARE = 0.5
-"""How much of ArduPilot's own acceleration limits our references may ask for. It follows them within the same limits:
-with nothing left to catch up by it overshoots, by 0.7 m at a goal and by 1.5 m where it is stopped on the way. At the
-goal of an 18.7 m diagonal 0.6 of them overshoot by 0.31 m, 0.5 by 0.27 m (benchmarks/tracker.md)."""
+"""The part of ArduPilot's own acceleration limits that our references may use. ArduPilot follows references within the
+same limits: with no reserve to catch up it overshoots, by 0.7 m at a goal and by 1.5 m where it is stopped on the way.
+At the goal of an 18.7 m diagonal a part of 0.6 overshoots by 0.31 m, 0.5 by 0.27 m (benchmarks/tracker.md)."""
 
 LONGEST_LEAD_S = 0.5
-"""Where its jerk limit is low for its acceleration, the velocity leads by no more: that is how much faster it is when
-setpoints end, for a second of the acceleration."""
+"""The velocity leads by no more than this, even where the jerk limit is low for the acceleration limit. When setpoints
+end, the UAV is faster by the acceleration times this."""
 
 
 class ArduCopter(Dialect):
@@ -94,9 +110,9 @@ class ArduCopter(Dialect):
 
     name = "ArduPilot"
     capabilities = frozenset(Capability)
-    tells_landed_state = True
+    sends_landed_state = True
     unarmable_modes = _UNARMABLE
-    # What is asked for below comes at 10 Hz and more. Its own heartbeat, until it is asked, at 1 Hz.
+    # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
     flies_takeoff_on_setpoints = False  # a setpoint on the way up cancels the take-off, silently
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
@@ -113,56 +129,57 @@ class ArduCopter(Dialect):
         _SIMULATION_PARAMETER,
     )
 
+    @override
     def mode(self, custom_mode: int) -> Mode:
         return Mode(_MODES.get(custom_mode, f"MODE{custom_mode}"), _CONTROL.get(custom_mode, Control.OTHER))
 
+    @override
     def estimator(self, flags: int) -> Estimator:
         if flags & mavlink.EKF_CONST_POS_MODE:
             return Estimator(False, "it assumes that it stands still (no GPS or other position yet)")
         return super().estimator(flags)
 
+    @override
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
         return FlatProjection(latitude_deg, longitude_deg, altitude_amsl_m)
 
-    def streams(self, pose_rate_hz: float) -> list[Command]:
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
         return [
-            set_interval(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 10.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0),
-            # Pushed when it arms as well, but not to a link on which nobody asked for anything yet. Before the pose: on
-            # a bad link each takes its time, and a UAV that is ready must be able to take off.
-            set_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
-            set_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, pose_rate_hz),
-            set_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
-            set_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 10.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0),
+            # Also pushed when it arms, but not to a link on which nothing was requested yet. Before the pose: on a bad
+            # link each request takes its time, and a UAV that is ready must be able to take off.
+            set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
         ]
 
-    def version(self, message: Message) -> str:
-        return version_text(message.flight_sw_version)
-
-    def reality(self, version: Message | None, parameters: Mapping[str, float], system_id: int) -> Reality:
+    @override
+    def judge_simulation(
+        self, version: Message | None, parameters: Mapping[str, float], system_id: int
+    ) -> SimulationVerdict:
         if version is None:
-            return Reality(None, "it has not told its version and its board")
+            return SimulationVerdict(None, "its version and board are not known yet")
         if version.board_version or version.vendor_id or version.product_id:  # also where it simulates by itself
-            return Reality(
+            return SimulationVerdict(
                 False,
                 f"it runs on a flight controller (board {version.board_version >> 16}, "
                 f"USB {version.vendor_id:04x}:{version.product_id:04x})",
             )
         if _SIMULATION_PARAMETER not in parameters:
-            return Reality(None, f"it has not told {_SIMULATION_PARAMETER}, which only simulators have")
-        return Reality(True)
+            return SimulationVerdict(None, f"it has not sent {_SIMULATION_PARAMETER}, which only simulators have")
+        return SimulationVerdict(True)
 
+    @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:
-        """Its parameters are in cm and hundredths of degrees."""
         default = Limits()
 
         def read(name: str, otherwise: float, share: float = 1.0) -> float:
-            value = parameters.get(name, 0.0) / 100.0
-            return value * share if value > 0.0 else otherwise
+            """Its parameters are in cm and hundredths of degrees."""
+            return positive_parameter(parameters, name, otherwise, share=share, per_unit=100.0)
 
         return Limits(
             horizontal_speed_m_s=read("WPNAV_SPEED", default.horizontal_speed_m_s),
@@ -173,32 +190,28 @@ class ArduCopter(Dialect):
             yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
         )
 
-    def setpoint(
+    @override
+    def encode_setpoint(
         self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
-        # Without the acceleration: when setpoints end (a killed daemon), ArduPilot goes on with the last one, and would
-        # gain speed for GUID_TIMEOUT; the last velocity only keeps it.
+        # Without the acceleration: when setpoints end (a killed daemon), ArduPilot continues with the last one, and
+        # would gain speed for GUID_TIMEOUT; with the last velocity it only keeps its speed.
         if isinstance(setpoint, PositionSetpoint):
             setpoint = replace(setpoint, velocity=velocity_lead(setpoint, parameters))
-        return local_target(setpoint, system_id, time_ms, with_acceleration=False)
+        return encode_position_target(setpoint, system_id, time_ms, with_acceleration=False)
 
-    def arm(self, snapshot: Snapshot) -> Command:
-        arm = arm_or_disarm(is_arming=True)
-        mode = "" if snapshot.mode is None else snapshot.mode.value.name
-        # GUIDED, as the take-off that follows needs it: unlike in LOITER, the throttle stick's place does not matter.
-        if self.can_be_armed_in(mode):
-            return arm
-        return replace(_set_mode(_GUIDED, f"leave {mode}, to be armed"), then=arm)
+    @override
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        # GUIDED, as the take-off that follows needs it. There, unlike in LOITER, the throttle stick does not matter.
+        return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), _set_mode(_GUIDED, "arm"))
 
-    def disarm(self) -> Command:
-        return arm_or_disarm(is_arming=False)
-
-    def take_off(self, height_m: float, snapshot: Snapshot) -> Command:
-        # It wants a height above home. Home is where it was armed, by an estimate of height that wanders since.
+    @override
+    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+        # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
-            raise WrongStateError("take_off: ArduPilot has not told yet where its home is")
-        climb = Command(
+            raise WrongStateError("take_off: ArduPilot has not sent the position of its home yet")
+        climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
             (0.0,) * 6 + (standing_m + height_m,),
             "take off",
@@ -207,43 +220,46 @@ class ArduCopter(Dialect):
         )
         return replace(_set_mode(_GUIDED, "take off"), then=climb)
 
-    def land(self) -> Command:
-        return Command(mavlink.MAV_CMD_NAV_LAND, (), "land", group="mode", shows=shows_mode(_MODES[_LAND]))
+    @override
+    def land(self) -> CommandLong:
+        return CommandLong(mavlink.MAV_CMD_NAV_LAND, (), "land", group="mode", shows=shows_mode(_MODES[_LAND]))
 
-    def take_control(self) -> Command:
+    @override
+    def take_control(self) -> CommandLong:
         return _set_mode(_GUIDED, "take control")
 
-    def hold(self) -> Command:
-        # LOITER would hold as well, but by the throttle stick: at its bottom, or without a transmitter, it descends.
+    @override
+    def hold(self) -> CommandLong:
+        # LOITER would hold, too, but follows the throttle stick: with it at its bottom, or without a transmitter,
+        # the UAV would descend.
         return _set_mode(_BRAKE, "hold")
 
 
 def _above_home_m(snapshot: Snapshot) -> float | None:
-    """How high it is above home; None where that is not known surely enough to climb by it.
+    """Returns its height above home; None where that is not known well enough to climb by it.
 
-    On a bad link its own word for it comes sooner than where home and origin are, but may be from before it was armed,
-    when home moved to where it stands. So that counts only where it makes little difference, which is flown at the end
-    of the climb: else a climb from a home down in the valley would go as much too high.
+    On a bad link ArduPilot's own value comes sooner than the positions of home and origin do, but it may be from before
+    the arming, which moved home to where it stands. So it counts only where it makes little difference, which is
+    corrected at the end of the climb. Otherwise a climb from a home down in the valley would go that much too high.
     """
     pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
     if pose is not None and origin is not None and home_m is not None:
         return origin.altitude_amsl_m + pose.value.position.z - home_m
-    told_m = None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
-    return None if told_m is None or abs(told_m) > _NEAR_HOME_M else told_m
+    own_m = None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
+    return None if own_m is None or abs(own_m) > _NEAR_HOME_M else own_m
 
 
-def _set_mode(number: int, what: str) -> Command:
-    params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number))
-    return Command(mavlink.MAV_CMD_DO_SET_MODE, params, what, group="mode", shows=shows_mode(_MODES[number]))
+def _set_mode(number: int, what: str) -> CommandLong:
+    return set_mode(_MODES[number], number, what=what)
 
 
 def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -> Vector3:
-    """The velocity that makes ArduPilot accelerate as the reference does, in m/s: v + a * tau.
+    """Returns the velocity that makes ArduPilot accelerate as the reference does, in m/s: v + a * tau.
 
     Its input shaping (AP_Math/control.cpp, `shape_vel_accel`) accelerates by a_in + (v_in - v) * jerk / accel, with
-    its own limits of both. So a velocity that is a * accel / jerk higher does what a_in = a does, until setpoints end.
-    Never faster than its own speed limits, unless the reference is; and the reference itself while the limits are not
-    known.
+    its own limits of both. So a velocity that is higher by a * accel / jerk has the same effect as a_in = a, until
+    setpoints end. The result is never faster than ArduPilot's own speed limits, unless the reference is; it is the
+    reference's velocity while the limits are not known.
     """
     v, a = setpoint.velocity, setpoint.acceleration
     horizontal_s = _shaping_s(parameters, "WPNAV_ACCEL", "PSC_JERK_XY")
@@ -257,6 +273,6 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
 
 
 def _shaping_s(parameters: Mapping[str, float], acceleration: str, jerk: str) -> float:
-    """Its acceleration limit (cm/s^2) over its jerk limit (m/s^3), in seconds; 0 where they are not known."""
+    """Returns its acceleration limit (cm/s^2) over its jerk limit (m/s^3), in seconds; 0 where they are not known."""
     jerk_m_s3 = parameters.get(jerk, 0.0)
     return min(parameters.get(acceleration, 0.0) / 100.0 / jerk_m_s3, LONGEST_LEAD_S) if jerk_m_s3 > 0.0 else 0.0

@@ -1,6 +1,7 @@
-"""MAVLink's axes (north-east-down outside, forward-right-down in the body) to and from ours, and nothing else.
+"""Where NED and ENU, FRD and FLU meet: MAVLink's axes to and from ours, and nothing else.
 
-Both changes of axes are half turns, so that one function serves both directions.
+MAVLink uses north-east-down outside and forward-right-down in the body; we use east-north-up and forward-left-up
+(REP 103). Both changes of axes are rotations by 180 degrees, so that the same formula serves both directions.
 """
 
 from __future__ import annotations
@@ -12,23 +13,33 @@ from ual.geometry import Quaternion, Vector3, wrap_angle
 _SQRT_HALF = math.sqrt(0.5)
 
 
-def swap_local(x: float, y: float, z: float) -> Vector3:
-    """North, east, down as east, north, up; and back."""
-    return Vector3(y, x, -z)
+def ned_to_enu(north: float, east: float, down: float) -> Vector3:
+    """Converts north, east, down to east, north, up."""
+    return Vector3(east, north, -down)
 
 
-def swap_body(x: float, y: float, z: float) -> Vector3:
-    """Forward, right, down as forward, left, up; and back."""
-    return Vector3(x, -y, -z)
+def enu_to_ned(vector: Vector3) -> Vector3:
+    """Converts east, north, up to north, east, down."""
+    return Vector3(vector.y, vector.x, -vector.z)
+
+
+def frd_to_flu(forward: float, right: float, down: float) -> Vector3:
+    """Converts forward, right, down to forward, left, up. It is its own inverse."""
+    return Vector3(forward, -right, -down)
 
 
 def orientation_to_enu(w: float, x: float, y: float, z: float) -> Quaternion:
-    """The rotation from the body (FRD) to NED as that from the body (FLU) to ENU; unit length."""
-    # The half turn about (1, 1, 0) on the left, the half turn about the body's x axis on the right, multiplied out.
+    """Converts the rotation from the body (FRD) to NED to the one from the body (FLU) to ENU. Unit length."""
+    # 180 degrees about (1, 1, 0) on the left, 180 degrees about the body's x axis on the right, multiplied out.
     q = Quaternion((x + y) * _SQRT_HALF, (x - y) * _SQRT_HALF, (w - z) * _SQRT_HALF, (w + z) * _SQRT_HALF)
     return q.normalized()
 
 
-def swap_yaw(yaw_rad: float) -> float:
-    """A heading clockwise from north as one counter-clockwise from east; and back."""
+def enu_to_ned_yaw(yaw_rad: float) -> float:
+    """Converts a heading counter-clockwise from east to one clockwise from north. It is its own inverse."""
     return wrap_angle(math.pi / 2 - yaw_rad)
+
+
+def enu_to_ned_yaw_rate(yaw_rate_rad_s: float) -> float:
+    """Converts a yaw rate to the left to one to the right. It is its own inverse."""
+    return -yaw_rate_rad_s

@@ -1,17 +1,17 @@
-"""What an autopilot that follows positions would otherwise have to find out by being off them.
+"""Adds to position setpoints what the autopilot could otherwise only correct by being off them.
 
-Two things are learnt in flight, and given with each setpoint of a position:
+Two things are learned in flight, and added to each position setpoint:
 
-- **Drag.** PX4's controllers know none: in steady flight they make up for it by lagging behind (horizontally more than
-  vertically, so that the line is bent) and by an integral, which then carries the UAV beyond its goal. The linear drag
-  of a multirotor (Faessler et al., "Differential Flatness of Quadrotor Dynamics Subject to Rotor Drag", RA-L 2018) is
-  the part of its acceleration that its tilt does not explain and that grows with its speed; the part that does not
-  (wind, a tilted level) is left to the integral.
-- **The velocity's error.** The position and the velocity of an estimator do not always belong together: after an
-  acceleration PX4's position moves by up to 0.5 m/s otherwise than its velocity says, for seconds. It controls its
-  velocity, and is as far off its position as makes up for that.
+- **Drag.** PX4's controllers do not model it. In steady flight they compensate it by a position error (larger
+  horizontally than vertically, so that the line is bent) and by an integral, which then carries the UAV beyond its
+  goal. The linear drag of a multirotor (Faessler et al., "Differential Flatness of Quadrotor Dynamics Subject to Rotor
+  Drag", RA-L 2018) is the part of its acceleration that its tilt does not explain and that grows with its speed. The
+  part that does not grow with its speed (wind, a tilted level) is left to the integral.
+- **The error of the velocity.** The position and the velocity of an estimator do not always agree: after an
+  acceleration PX4's position moves by up to 0.5 m/s otherwise than its velocity says, for seconds. PX4 controls its
+  velocity, and its position error grows until it makes up for the difference.
 
-And the acceleration is told early, by as long as the vehicle takes to tilt.
+In addition, the acceleration leads by as long as the vehicle takes to tilt.
 """
 
 from __future__ import annotations
@@ -24,39 +24,40 @@ from ual_daemon.backends.values import PositionSetpoint
 
 GRAVITY_M_S2 = 9.81
 MOST_DRAG_1_S = 1.5
-"""No more is believed: light vehicles have 0.1 to 0.5 1/s, PX4's simulator 1 (SIH_KDV / SIH_MASS)."""
+"""A limit of what is learned: light vehicles have 0.1 to 0.5 1/s, PX4's simulator 1 (SIH_KDV / SIH_MASS)."""
 MOST_VELOCITY_ERROR_M_S = 0.7
 TILT_S = 0.2
-"""How long a multirotor takes from a setpoint to the tilt for it, the link included."""
+"""The time from a setpoint to the tilt that it requires, the link included."""
 MOST_LEAD_M_S2 = 1.5
-"""By so much at most an acceleration is early: one that jumps must not become a kick."""
+"""The limit of the lead: an acceleration that jumps must not become a kick."""
 _LEAD_SMOOTHING_S = 0.06
 _SMOOTHING_S = 0.5
 _LONGEST_GAP_S = 0.3
 _MEMORY_S = 60.0
 _LEAST_SPEED_M_S = 1.0
-"""Slower than this nothing is learnt of drag, and nothing forgotten."""
+"""At lower speeds nothing is learned about drag, and nothing forgotten."""
 _PRIOR_M2_S = 4.0
-"""How much variance of the velocity (m^2/s^2 times seconds) halves the doubt that there is no drag."""
+"""The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
+estimate stays close to no drag."""
 _LEAST_UPRIGHT = 0.5
-"""Cosine of the tilt beyond which it is not flying as a multirotor does."""
+"""The cosine of the tilt beyond which it does not fly as a multirotor does."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Smooth:
-    """Everything through the same low pass, so that it still belongs together."""
+    """All values through the same low pass, so that they still belong together."""
 
     time_s: float
     position: Vector3
     velocity: Vector3
     pull: Vector3
-    """The horizontal acceleration by the thrust, from the tilt."""
+    """The horizontal acceleration caused by the thrust, from the tilt."""
 
 
 class FeedForward:
-    """Learns of one vehicle, from its own pose and velocity in its local frame (x east, y north, z up).
+    """Learns from the pose and the velocity of one vehicle in its local frame (x east, y north, z up).
 
-    `learn` belongs to the thread that receives; `apply` may be called from any.
+    `learn` belongs to the thread that receives; `apply` is for any.
     """
 
     def __init__(self) -> None:
@@ -65,12 +66,12 @@ class FeedForward:
         self.drag_1_s = 0.0
         """Deceleration by drag for each m/s."""
         self.velocity_error = Vector3()
-        """The velocity that is told minus that of the position, m/s."""
-        self._told: tuple[float, Vector3] | None = None
-        """When the last setpoint was told, and the accelerations until then through a low pass."""
+        """The estimated velocity minus the velocity of the estimated position, m/s."""
+        self._last: tuple[float, Vector3] | None = None
+        """When the last setpoint was sent, and the accelerations until then through a low pass."""
 
     def learn(self, time_s: float, pose: Pose, velocity: Vector3) -> None:
-        """Takes a new pose and the velocity with it. `time_s` is the autopilot's own time."""
+        """Takes a new pose and its velocity. `time_s` is the autopilot's own time."""
         old = self._smooth
         up = pose.orientation.rotate(Vector3(0.0, 0.0, 1.0))
         passed_s = math.inf if old is None else time_s - old.time_s
@@ -87,7 +88,7 @@ class FeedForward:
             old.velocity + (velocity - old.velocity) * share,
             old.pull + (pull - old.pull) * share,
         )
-        # What a low pass is behind its input, over its time constant, is the derivative through the same low pass.
+        # The lag of a low pass behind its input, over its time constant, is the derivative through the same low pass.
         error = new.velocity - (pose.position - new.position) / _SMOOTHING_S
         self.velocity_error = error * min(1.0, MOST_VELOCITY_ERROR_M_S / max(error.norm(), 1e-9))
         unexplained = new.pull - (velocity - new.velocity) / _SMOOTHING_S
@@ -96,29 +97,29 @@ class FeedForward:
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
 
     def apply(self, setpoint: PositionSetpoint, now_s: float) -> PositionSetpoint:
-        """The setpoint with what was learnt."""
+        """Returns the setpoint with what was learned."""
         v, a = setpoint.velocity, setpoint.acceleration
         a += Vector3(v.x, v.y, 0.0) * self.drag_1_s
         return replace(setpoint, velocity=v + self.velocity_error, acceleration=a + self._lead(a, now_s))
 
     def _lead(self, acceleration: Vector3, now_s: float) -> Vector3:
-        """By what the acceleration will be another one when the vehicle has tilted for it."""
-        told = self._told
-        passed_s = math.inf if told is None else now_s - told[0]
-        if told is None or passed_s > _LONGEST_GAP_S:
-            self._told = (now_s, acceleration)
+        """Returns how much the acceleration will have changed by the time the vehicle has tilted."""
+        last = self._last
+        passed_s = math.inf if last is None else now_s - last[0]
+        if last is None or passed_s > _LONGEST_GAP_S:
+            self._last = (now_s, acceleration)
             return Vector3()
         share = 1.0 - math.exp(-max(0.0, passed_s) / _LEAD_SMOOTHING_S)
-        smooth = told[1] + (acceleration - told[1]) * share
-        self._told = (now_s, smooth)
+        smooth = last[1] + (acceleration - last[1]) * share
+        self._last = (now_s, smooth)
         lead = (acceleration - smooth) * (TILT_S / _LEAD_SMOOTHING_S)
         return lead * min(1.0, MOST_LEAD_M_S2 / max(lead.norm(), 1e-9))
 
 
 class _Sums:
-    """The line of least squares through horizontal accelerations over velocities, of the last `_MEMORY_S`.
+    """The least-squares line of horizontal acceleration over velocity, of the last `_MEMORY_S`.
 
-    One slope for both axes; each has its own offset, the constant part (wind).
+    Both axes have one slope; each has its own offset, the constant part (wind).
     """
 
     def __init__(self) -> None:
@@ -126,6 +127,7 @@ class _Sums:
         self._v = self._a = Vector3()
 
     def add(self, velocity: Vector3, acceleration: Vector3, weight_s: float) -> None:
+        """Adds a point, weighted by the time that it stands for."""
         v, a = Vector3(velocity.x, velocity.y, 0.0), Vector3(acceleration.x, acceleration.y, 0.0)
         keep = math.exp(-weight_s / _MEMORY_S)
         self._weight = self._weight * keep + weight_s
@@ -134,5 +136,6 @@ class _Sums:
         self._va = self._va * keep + v.dot(a) * weight_s
 
     def slope(self) -> float:
+        """Returns the slope, drawn toward zero while the velocities have varied little."""
         variance = self._vv - self._v.dot(self._v) / self._weight
         return (self._va - self._v.dot(self._a) / self._weight) / (variance + _PRIOR_M2_S)

@@ -1,21 +1,21 @@
-"""PX4's events (its libevents interface, message 410): what it tells every link at once, ground station or not.
+"""PX4's events (its libevents interface, message 410), which it sends on every link at once, ground station or not.
 
-An event is known by the hash of its name (PX4's ``events::ID``). PX4's own sentences are in a file on the vehicle; the
-names say as much, so they are what is told. They are those of 1.17 that tell of arming and of its refusal.
+An event is identified by the hash of its name (PX4's ``events::ID``). PX4's own sentences are in a file on the vehicle;
+the names say as much, so the names are reported. Those below are of PX4 1.17, and concern arming and its refusal.
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 
+from ual_daemon.backends.mavlink.autopilots.dialect import Event
 from ual_daemon.backends.mavlink.wire.frames import Frame
 
 _LAYOUT = struct.Struct("<IIHBBB40s")
 """EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
 _AUTOPILOT = 1 << 24
 _WARNING = 4
-"""Of the external log levels (the lower four bits): this and lower are warnings, errors and worse."""
+"""An external log level (the lower four bits): this one and lower ones are warnings, errors and worse."""
 
 _DENIALS = """
 commander_arm_denied_calibrating commander_arm_denied_throttle_center commander_arm_denied_throttle_high
@@ -50,7 +50,7 @@ ram_usage_too_high rc_dl_no_dllink rc_max_too_high rc_min_too_small rc_trim_too_
 system_arm_auth_failed system_flight_term_active system_no_global_pos system_no_home_pos system_safety_button
 system_usb_connected system_vtol_in_fw_mode system_vtol_in_transition wind_too_high
 """
-"""Each with `check_` before it."""
+"""Each of them is prefixed with `check_`."""
 
 NAVIGATION_STATES = {
     "MANUAL": 0,
@@ -70,11 +70,11 @@ NAVIGATION_STATES = {
     "POSCTL.ORBIT": 21,
     "AUTO.VTOL_TAKEOFF": 22,
 }
-"""PX4's numbers of its modes (vehicle_status ``nav_state``), by which a failed check names those that it concerns."""
+"""PX4's numbers of its modes (vehicle_status ``nav_state``), by which a failed check lists those that it concerns."""
 
 
 def event_id(name: str) -> int:
-    """The id of the autopilot's event of a name: its FNV-1a hash, 24 bits, below the component."""
+    """Returns the id of the autopilot's event of a name: its FNV-1a hash, 24 bits, below the component."""
     value = 0x811C9DC5
     for byte in name.encode("ascii"):
         value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
@@ -89,21 +89,9 @@ _TEXTS = {
 _CHECK_IDS = frozenset(map(event_id, _CHECK_NAMES))
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
-    """What one event tells: that it was armed (or disarmed), or words that may explain a refusal; maybe neither.
-
-    `boot_s` is when that was, by the time since the autopilot's boot.
-    """
-
-    boot_s: float
-    armed: bool | None = None
-    text: str = ""
-
-
 def read(frame: Frame, mode: str) -> Event:
-    """What the event in a frame (message 410) tells, in a mode of this name: a failed check that does not concern that
-    one tells nothing.
+    """Returns the content of the event in a frame (message 410). A failed check that does not concern the present mode,
+    given by its name, has no text.
     """
     payload = frame.payload.ljust(_LAYOUT.size, b"\0")
     number, boot_ms, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
@@ -117,6 +105,7 @@ def read(frame: Frame, mode: str) -> Event:
 
 
 def _concerns(number: int, arguments: bytes, mode: str) -> bool:
+    """Whether an event concerns a mode; true where either of them is not known."""
     state = NAVIGATION_STATES.get(mode)
     if number not in _CHECK_IDS or state is None:
         return True

@@ -1,17 +1,22 @@
-"""Links to autopilots: UDP, TCP and serial lines behind one interface, and what keeps one of them open."""
+"""Links to autopilots: UDP, TCP and serial lines behind one interface, and the connection that keeps one open."""
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, Transport
 from ual_daemon.backends.mavlink.links.connection import Connection
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, TcpEndpoint
 from ual_daemon.backends.mavlink.links.serial import SerialLink
 from ual_daemon.backends.mavlink.links.tcp import TcpClientLink, TcpServerLink
 from ual_daemon.backends.mavlink.links.udp import UdpLink
 
-__all__ = ["Address", "Chunk", "Connection", "Link", "LinkError", "make_link"]
+__all__ = ["Address", "Chunk", "Connection", "Link", "LinkError", "Transport", "make_link"]
 
 
 def make_link(endpoint: Endpoint) -> Link:
-    """The link to an endpoint, not open yet. Raises `ConfigError` where an extra is missing."""
+    """Returns the link to an endpoint, not open yet.
+
+    Raises:
+        ConfigError: The optional package for this kind of link is not installed.
+
+    """
     if isinstance(endpoint, SerialEndpoint):
         return SerialLink(endpoint)
     if isinstance(endpoint, TcpEndpoint):

@@ -1,4 +1,4 @@
-"""What every link can do, and what those that carry a stream of bytes have in common."""
+"""The interface of links, and the writer of those that carry a stream of bytes."""
 
 from __future__ import annotations
 
@@ -8,75 +8,116 @@ import termios
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 Address = tuple[str, int] | tuple[str, int, int, int]
 Chunk = tuple[bytes, Address | None]
-"""Bytes that came, and from where; None on a link that has one other end."""
+"""Received bytes, and the address that they came from; None on a link that has only one other end."""
 
 PERISHABLE_QUEUE_BYTES = 1024
-"""With more than this unsent, what ages quickly is dropped: 0.3 s of setpoints at 50 Hz."""
+"""With more than this unsent, perishable frames are dropped: 0.3 s of setpoints at 50 Hz."""
 QUEUE_BYTES = 8192
-"""With more than this unsent, everything is dropped: the link is too slow, or nobody reads at the other end."""
+"""With more than this unsent, every frame is dropped: the link is too slow, or nothing reads at the other end."""
 
 
 class LinkError(Exception):
     """The link cannot be opened, or broke. The message is for people: what, and why."""
 
 
+def cannot_listen(endpoint: object, error: OSError) -> LinkError:
+    """Returns the error of a port that cannot be opened."""
+    return LinkError(
+        f"cannot listen at {endpoint}: {error.strerror}; trying again (does another program use this port?)"
+    )
+
+
+class Transport(Protocol):
+    """What messages are received and sent through: a `Connection`."""
+
+    @property
+    def is_stream(self) -> bool:
+        """See `Link`."""
+
+    @property
+    def peer(self) -> Address | None:
+        """See `Link`."""
+
+    def answer_to(self, address: Address | None) -> None:
+        """See `Link`."""
+
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        """See `Link`."""
+
+
 class Link(ABC):
     """A way to an autopilot that can be opened again after it broke. Never blocks.
 
-    `send` is for any thread, everything else for the one that receives; what may raise a `LinkError` may raise an
-    `OSError`, too, where there is no more to say than the system says. `is_stream`: bytes come in any pieces, not in
-    datagrams. `needs_word`: that the other end is gone may show by its silence only. `sessions_count`: how often
-    there was a new other end.
+    `send` is for any thread, everything else for the one that receives. What may raise a `LinkError` may raise an
+    `OSError` instead, where the system's message says enough. `is_stream`: bytes come in any pieces, not in datagrams.
+    `needs_traffic`: only silence may show that the other end is gone. `connections_count`: how often there was a new
+    other end.
     """
 
     is_stream = True
-    needs_word = False
-    sessions_count = 0
+    needs_traffic = False
+    connections_count = 0
 
     @abstractmethod
     def open(self) -> None:
-        """Begins to connect. Raises `LinkError`."""
+        """Begins to connect.
+
+        Raises:
+            LinkError: The link cannot be opened now; it may be tried again later.
+
+        """
 
     @abstractmethod
     def close(self) -> None:
-        """Gives everything back. May be called at any time and more than once."""
+        """Releases everything. May be called at any time and more than once."""
 
     @abstractmethod
     def descriptors(self) -> Mapping[int, int]:
-        """What to wait for (file descriptors and events of `select.poll`); empty while closed."""
+        """Returns what to wait for (file descriptors and events of `select.poll`); empty while closed."""
 
     @abstractmethod
     def receive(self, now_s: float) -> list[Chunk]:
-        """What has come, after a wait that ended for one of the descriptors. Raises `LinkError` when it broke."""
+        """Returns what has come, after a wait that ended for one of the descriptors.
+
+        Raises:
+            LinkError: The link broke.
+
+        """
 
     @abstractmethod
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        """Sends a frame, whole or not at all; false when it could not leave now.
+        """Sends a frame, whole or not at all. Returns False when it could not leave now.
 
-        One that is perishable is rather dropped than sent late.
+        A perishable frame is dropped rather than sent late.
         """
 
     @property
     @abstractmethod
     def peer(self) -> Address | None:
-        """Whom we send to; None while nobody is known."""
+        """The address that frames are sent to; None while it is not known."""
 
     def answer_to(self, address: Address | None) -> None:  # noqa: B027 - only links with many other ends have a choice
-        """From now on sends go to this address."""
+        """Sets the address that frames are sent to from now on."""
 
     def drop_peer(self, why: str) -> None:
-        """Gives the other end up, which is silent. Raises `LinkError` where that ends the link."""
+        """Drops the connection to the other end, which is silent.
+
+        Raises:
+            LinkError: That ends the link.
+
+        """
         raise LinkError(why)
 
 
 class StreamWriter:
-    """Writes frames to a non-blocking descriptor: a frame begun is ended before the next, old ones do not pile up.
+    """Writes frames to a non-blocking descriptor: each is completed before the next, and old ones do not pile up.
 
-    `write` is as `os.write`. The lock is held over writes, which never block; without it two threads could mix their
-    frames.
+    `write` is like `os.write`. The lock is held during writes, which never block; without it two threads could mix
+    their frames.
     """
 
     def __init__(self, write: Callable[[int, bytes], int]) -> None:
@@ -86,17 +127,18 @@ class StreamWriter:
         self._rest = b""
 
     def attach(self, descriptor: int | None) -> None:
-        """From now on writes go here; None: nowhere."""
+        """Sets the descriptor that frames are written to from now on; None: they are dropped."""
         with self._lock:
             self._descriptor = descriptor
             self._rest = b""
 
     @property
     def is_attached(self) -> bool:
+        """Whether there is a descriptor to write to."""
         return self._descriptor is not None
 
     def write(self, data: bytes, *, is_perishable: bool) -> bool:
-        """Writes a frame, or drops it and returns false. That the link broke shows when it is read."""
+        """Writes a frame, or drops it and returns False. Reading shows whether the link broke."""
         with self._lock:
             descriptor = self._descriptor
             if descriptor is None:
@@ -114,6 +156,6 @@ class StreamWriter:
 
 
 def _unsent_count(descriptor: int) -> int:
-    """Bytes that the system has taken but not sent (TCP: or that are not acknowledged)."""
+    """Returns how many bytes the system has taken but not sent (TCP: or that are not acknowledged)."""
     count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, b"\0" * 4))[0]
     return count

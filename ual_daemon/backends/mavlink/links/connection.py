@@ -1,4 +1,4 @@
-"""Keeps a link open: waits for it, opens it again with a growing pause after it broke, says each trouble once."""
+"""Keeps a link open: waits for it, opens it again after a growing pause when it broke, logs each trouble once."""
 
 from __future__ import annotations
 
@@ -8,33 +8,35 @@ import select
 import socket
 from collections.abc import Mapping
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, Transport
 
 _log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S = 0.2
 LONGEST_PAUSE_S = 3.0
 SILENCE_S = 5.0
-"""After a silence as long as this a connection counts as half-open: the other end is gone and did not say so. An
+"""After a silence this long a connection counts as half-open: the other end is gone without having closed it. An
 autopilot sends a heartbeat each second."""
 
 
-class Connection:
-    """A link that heals by itself. `send` and `wake` are for any thread, the rest for the one that receives.
+class Connection(Transport):
+    """A link that is opened again by itself. `send` and `wake` are for any thread, the rest for the one that receives.
 
-    `trouble` is what is wrong with the link, for people; empty while nothing is known to be.
+    `trouble` says for people what is wrong with the link; empty while nothing is.
     """
 
     def __init__(self, link: Link, url: str) -> None:
         self.trouble = ""
         self._link = link
         self._url = url
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
         self._is_open = False
         self._next_open_s = float("-inf")
         self._pause_s = FIRST_PAUSE_S
         self._alive_s = float("-inf")
-        self._session = 0
+        self._connections_count = 0
         self._waker, self._woken = socket.socketpair()
         self._waker.setblocking(False)
         self._woken.setblocking(False)
@@ -44,30 +46,31 @@ class Connection:
         self._registered: dict[int, int] = {}
 
     @property
+    @override
     def is_stream(self) -> bool:
         return self._link.is_stream
 
     @property
-    def sessions_count(self) -> int:
+    def connections_count(self) -> int:
         """How often there was a new other end."""
-        return self._link.sessions_count
+        return self._link.connections_count
 
     @property
+    @override
     def peer(self) -> Address | None:
-        """Whom we send to; None while nobody is known."""
         return self._link.peer
 
+    @override
     def answer_to(self, address: Address | None) -> None:
-        """From now on sends go to this address, where the link has a choice."""
         self._link.answer_to(address)
 
+    @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        """Sends a frame now; false when it cannot leave."""
         return self._link.send(data, is_perishable=is_perishable)
 
     def wake(self) -> None:
         """Ends a running, or the next, `receive` at once."""
-        with contextlib.suppress(OSError):  # full of wake-ups that are not read yet, or closed: nobody to wake
+        with contextlib.suppress(OSError):  # full of wake-ups that are not read yet, or closed
             self._waker.send(b"\0")
 
     def close(self) -> None:
@@ -77,7 +80,7 @@ class Connection:
         self._woken.close()
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
-        """What has come, after waiting for it up to a time; empty when nothing has, or when woken."""
+        """Waits for data up to a time, and returns them; empty when nothing came, or when woken."""
         wanted = self._link.descriptors()
         if wanted != self._registered:
             self._register(wanted)
@@ -94,37 +97,37 @@ class Connection:
             return []
 
     def restart(self, now_s: float) -> None:
-        """Opens the link anew after a while, as if it had broken."""
+        """Closes the link and opens it again after a pause, as if it had broken."""
         self._fail(LinkError(f"{self._url}: opening the link anew"), now_s)
 
     def discard(self, now_s: float) -> None:
-        """Throws away all that has come and is not received yet."""
+        """Discards all data that have arrived and are not received yet."""
         while self.receive(0.0, now_s):
             pass
 
-    def heard(self, heard_s: float) -> None:
-        """Takes when the autopilot was last heard: if that is new, the link is well."""
+    def on_heard(self, heard_s: float) -> None:
+        """Takes when the autopilot was last heard: if that is new, the link works."""
         if heard_s <= self._alive_s:
             return
         self._alive_s = heard_s
         self._pause_s = FIRST_PAUSE_S
-        if self._told:
-            self._told.clear()
-            _log.info("the link %s is well again", self._url)
+        if self._logged:
+            self._logged.clear()
+            _log.info("the link %s works again", self._url)
         self.trouble = ""
 
     def tick(self, now_s: float) -> None:
-        """Opens the link when it is time; to be called often."""
-        if self._link.sessions_count != self._session:
-            self._session = self._link.sessions_count
+        """Opens the link when that is due, and detects a half-open one; to be called often."""
+        if self._link.connections_count != self._connections_count:
+            self._connections_count = self._link.connections_count
             self._alive_s = now_s
-            self.trouble = f"waiting for an autopilot at {self._url}" if self._told else ""
+            self.trouble = f"waiting for an autopilot at {self._url}" if self._logged else ""
         if not self._is_open:
             if now_s >= self._next_open_s:
                 self._open(now_s)
         elif self._link.peer is None:
-            self._alive_s = now_s  # there is nobody yet whose silence could mean anything
-        elif self._link.needs_word and now_s - self._alive_s > SILENCE_S:
+            self._alive_s = now_s  # no other end is known yet whose silence could mean anything
+        elif self._link.needs_traffic and now_s - self._alive_s > SILENCE_S:
             try:
                 self._link.drop_peer(f"nothing came from {self._url} for {SILENCE_S:.0f} s; connecting anew")
             except (LinkError, OSError) as error:
@@ -138,7 +141,7 @@ class Connection:
             return
         self._is_open = True
         self._alive_s = now_s
-        if not self._told:
+        if not self._logged:
             _log.info("waiting for an autopilot at %s", self._url)
 
     def _fail(self, error: LinkError | OSError, now_s: float) -> None:
@@ -146,15 +149,15 @@ class Connection:
         self._is_open = False
         self._next_open_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
-        # Of an OSError nobody has said more: the system is short of something (descriptors, memory).
+        # An OSError that no link has explained: the system is short of something (descriptors, memory).
         trouble = f"{self._url}: {error.strerror}; trying again" if isinstance(error, OSError) else str(error)
         self.trouble = trouble
-        if trouble not in self._told:  # each once, until all is well: they may take turns
-            self._told.add(trouble)
+        if trouble not in self._logged:  # each once until the link works again: two may alternate
+            self._logged.add(trouble)
             _log.warning("%s", trouble)
 
     def _register(self, wanted: Mapping[int, int]) -> None:
-        """Tells the poll what the link waits for now; a descriptor that was closed and taken anew is another one."""
+        """Registers what the link waits for now. A descriptor number may have been closed and reused meanwhile."""
         for descriptor in self._registered:
             self._poll.unregister(descriptor)
         for descriptor, events in wanted.items():

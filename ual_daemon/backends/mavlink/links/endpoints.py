@@ -6,14 +6,15 @@ import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from ual_daemon.backends.mavlink.settings import SECTION
 from ual_daemon.settings import ConfigError
 
-KEY = "mavlink.url"
+KEY = f"{SECTION}.url"
 SUPPORTED = (
     "udpin://HOST:PORT or udp://:PORT to listen, udpout://HOST:PORT to call, tcp://HOST:PORT to connect, "
     "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD"
 )
-EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - where it is used, it was asked for
+EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL asks for it
 
 _LISTENING = {"udp": True, "udpin": True, "udpout": False, "tcp": False, "tcpout": False, "tcpin": True}
 _FOREIGN = {
@@ -27,27 +28,28 @@ _BAUDS = range(1200, 12_000_001)
 
 
 @dataclass(frozen=True, slots=True)
-class UdpEndpoint:
+class _IpEndpoint:
+    host: str
+    port: int
+    is_listening: bool
+
+
+class UdpEndpoint(_IpEndpoint):
     """A UDP address: to listen at, or to call."""
 
-    host: str
-    port: int
-    is_listening: bool
+    __slots__ = ()
 
     def __str__(self) -> str:
-        return f"UDP {_place(self.host, self.port)}"
+        return f"UDP {_host_and_port(self.host, self.port)}"
 
 
-@dataclass(frozen=True, slots=True)
-class TcpEndpoint:
+class TcpEndpoint(_IpEndpoint):
     """A TCP address: to be connected to at, or to connect to."""
 
-    host: str
-    port: int
-    is_listening: bool
+    __slots__ = ()
 
     def __str__(self) -> str:
-        return f"TCP {_place(self.host, self.port)}"
+        return f"TCP {_host_and_port(self.host, self.port)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +67,13 @@ Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
 
 
 def parse_url(url: str) -> Endpoint:
-    """The address that a URL names. Raises `ConfigError` that says what is wrong and how to spell it."""
-    if url.startswith("/dev/"):  # MAVROS's way
+    """Returns the address that a URL names.
+
+    Raises:
+        ConfigError: The URL cannot be used; the message says why, and how to spell it.
+
+    """
+    if url.startswith("/dev/"):  # MAVROS's spelling
         return _serial(url, url)
     try:
         parts = urlsplit(url)
@@ -84,9 +91,9 @@ def parse_url(url: str) -> Endpoint:
     if parts.path or parts.query or parts.fragment:
         raise _refusal(url, "there is more than a host and a port in it", f"{scheme}://{parts.netloc}")
     if scheme == "udp" and host not in ("", EVERY_INTERFACE, "::"):
-        place = _place(host, port)
+        where = _host_and_port(host, port)
         raise _refusal(
-            url, "udp:// with a host is ambiguous", f"udpin://{place} to listen there or udpout://{place} to call"
+            url, "udp:// with a host is ambiguous", f"udpin://{where} to listen there or udpout://{where} to call"
         )
     is_listening = _LISTENING[scheme]
     if not host and not is_listening:
@@ -100,20 +107,20 @@ def _refuse_foreign(url: str, scheme: str) -> None:
         raise _refusal(url, f"{scheme}:// is not supported", f"{_FOREIGN[scheme]}://")
     if scheme not in _LISTENING:
         raise _refusal(url, f"{scheme}:// is not supported" if scheme else "it has no scheme")
-    found = re.fullmatch(r"(\w+):([^/].*):(\d+)", url)  # pymavlink's and MAVProxy's way
+    found = re.fullmatch(r"(\w+):([^/].*):(\d+)", url)  # pymavlink's and MAVProxy's spelling
     if found:
         name = {"udp": "udpin", "tcp": "tcp"}.get(found[1], found[1])
         raise _refusal(url, "the two slashes are missing", f"{name}://{found[2]}:{found[3]}")
 
 
 def _of_mavros(netloc: str) -> str:
-    """What MAVROS's ``udp://HERE@THERE`` is in ours: it binds and calls at once, which we do one of."""
+    """Returns our spelling of MAVROS's ``udp://HERE@THERE``, which binds and calls; our links do one of these."""
     here, _, there = netloc.rpartition("@")
     return f"udpout://{there} to call" if re.search(r":\d", there) and not there.startswith(":") else f"udpin://{here}"
 
 
 def _serial(url: str, rest: str) -> SerialEndpoint:
-    """The line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
+    """Returns the line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
     path = "/" + rest.lstrip("/")
     query = re.fullmatch(r"(/[^?]+)\?baud(?:rate)?=(\d+)", path)
     comma = re.fullmatch(r"(/[^,]+),(\d+)", path)
@@ -135,7 +142,7 @@ def _device_path(device: str) -> str:
     return device if device.startswith("/dev/") else f"/dev{device}"
 
 
-def _place(host: str, port: int) -> str:
+def _host_and_port(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 

@@ -1,4 +1,4 @@
-"""Host names to addresses, without waiting for the name service."""
+"""Resolves host names without waiting for the name service."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import cast
 from ual_daemon.backends.mavlink.links.base import Address, LinkError
 
 _PATIENCE_S = 0.02
-"""Numbers, and names that this computer knows by itself, are found at once."""
+"""Enough for numeric addresses, and for names that this computer resolves by itself."""
 
 
 class Host:
-    """A host's port. A name is looked up anew each time, on a thread of its own: that may take many seconds."""
+    """A port of a host. The name is resolved anew each time, on a thread of its own: that may take many seconds."""
 
     def __init__(self, name: str, port: int, kind: socket.SocketKind) -> None:
         self._name = name
@@ -24,12 +24,17 @@ class Host:
         self._found: Future[tuple[socket.AddressFamily, Address]] | None = None
 
     def address(self) -> tuple[socket.AddressFamily, Address]:
-        """Its family and address. Raises `LinkError` where there is none, or not yet: then ask again later."""
+        """Returns the family and the address.
+
+        Raises:
+            LinkError: There is none, or not yet; call again later.
+
+        """
         if self._found is None:
             self._found = Future()
             threading.Thread(target=self._look_up, args=(self._found,), name="host name", daemon=True).start()
         done, _ = concurrent.futures.wait([self._found], timeout=_PATIENCE_S)
-        if not done:  # not by the error of a wait that is over: a name service that times out raises the same
+        if not done:  # a timeout error would be ambiguous: a name service that times out raises the same
             raise LinkError(f"looking for the host {self._name}")
         found, self._found = self._found, None
         try:

@@ -1,4 +1,4 @@
-"""TCP: connects to an autopilot's (or a router's) server, or lets one of them connect to us."""
+"""TCP: connects to the server of an autopilot or a router, or lets one of them connect to us."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import select
 import socket
 from collections.abc import Mapping
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
@@ -18,13 +20,13 @@ _log = logging.getLogger(__name__)
 
 _CHUNK = 65536
 HANDOVER_S = 1.5
-"""A connection silent for so long gives way to a new one: an autopilot sends a heartbeat each second."""
+"""A connection that is silent for this long is replaced by a new one: an autopilot sends a heartbeat each second."""
 
 
 class TcpClientLink(Link):
-    """A connection that we make."""
+    """A connection that we open."""
 
-    needs_word = True
+    needs_traffic = True
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
@@ -33,6 +35,7 @@ class TcpClientLink(Link):
         self._socket: socket.socket | None = None
         self._writer = StreamWriter(os.write)
 
+    @override
     def open(self) -> None:
         family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_STREAM)
@@ -43,21 +46,25 @@ class TcpClientLink(Link):
             raise self._trouble(code)
         self._socket, self._address = sock, address
 
+    @override
     def close(self) -> None:
         self._writer.attach(None)
         sock, self._socket = self._socket, None
         if sock is not None:
             sock.close()
 
+    @override
     def descriptors(self) -> Mapping[int, int]:
         if self._socket is None:
             return {}
         return {self._socket.fileno(): select.POLLIN if self._writer.is_attached else select.POLLOUT}
 
     @property
+    @override
     def peer(self) -> Address | None:
         return None if self._socket is None else self._address
 
+    @override
     def receive(self, now_s: float) -> list[Chunk]:
         sock = self._socket
         if sock is None:
@@ -75,6 +82,7 @@ class TcpClientLink(Link):
             raise LinkError(f"{self._endpoint} closed the connection; connecting anew")
         return [(data, self._address)]
 
+    @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         return self._writer.write(data, is_perishable=is_perishable)
 
@@ -86,7 +94,7 @@ class TcpClientLink(Link):
             sock.getpeername()
         except OSError:  # not connected yet
             return
-        self.sessions_count += 1
+        self.connections_count += 1
         self._writer.attach(sock.fileno())
 
     def _trouble(self, code: int) -> LinkError:
@@ -97,11 +105,11 @@ class TcpClientLink(Link):
 class TcpServerLink(Link):
     """A port at which one other end at a time can connect to us.
 
-    Others are turned away, but not by a connection that has fallen silent: an autopilot that comes back after its cable
-    was pulled must not be kept out by its own old one, which nobody ended.
+    Others are refused, unless the present connection has fallen silent: when an autopilot comes back after its cable
+    was pulled, its own old connection, which was never closed, must not keep it out.
     """
 
-    needs_word = True
+    needs_traffic = True
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
@@ -112,6 +120,7 @@ class TcpServerLink(Link):
         self._received_s = 0.0
         self._writer = StreamWriter(os.write)
 
+    @override
     def open(self) -> None:
         family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_STREAM)
@@ -122,36 +131,39 @@ class TcpServerLink(Link):
             sock.listen(1)
         except OSError as error:
             sock.close()
-            raise LinkError(
-                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
-                "(does another program use this port?)"
-            ) from None
+            raise cannot_listen(self._endpoint, error) from None
         self._listener = sock
 
+    @override
     def close(self) -> None:
         self._hang_up()
         listener, self._listener = self._listener, None
         if listener is not None:
             listener.close()
 
+    @override
     def descriptors(self) -> Mapping[int, int]:
         return {sock.fileno(): select.POLLIN for sock in (self._listener, self._client) if sock is not None}
 
     @property
+    @override
     def peer(self) -> Address | None:
         return self._address
 
+    @override
     def receive(self, now_s: float) -> list[Chunk]:
         address, data = self._address, self._read()
         if data:
             self._received_s = now_s
             return [(data, address)]
-        self._accept(now_s)  # only when nothing is left of the one before
+        self._accept(now_s)  # only when all data of the one before are read
         return []
 
+    @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         return self._writer.write(data, is_perishable=is_perishable)
 
+    @override
     def drop_peer(self, why: str) -> None:
         self._hang_up()
 
@@ -171,7 +183,7 @@ class TcpServerLink(Link):
     def _accept(self, now_s: float) -> None:
         if self._listener is None:
             return
-        with contextlib.suppress(BlockingIOError, ConnectionError):  # nobody, or gone again
+        with contextlib.suppress(BlockingIOError, ConnectionError):  # none, or closed again
             client, address = self._listener.accept()
             if self._client is not None and now_s - self._received_s < HANDOVER_S:
                 _log.warning("%s tried to connect to %s, which is taken", address[0], self._endpoint)
@@ -180,7 +192,7 @@ class TcpServerLink(Link):
             self._hang_up()
             _prepare(client)
             self._received_s = now_s
-            self.sessions_count += 1
+            self.connections_count += 1
             self._client, self._address = client, address
             self._writer.attach(client.fileno())
 
@@ -193,4 +205,4 @@ class TcpServerLink(Link):
 
 def _prepare(sock: socket.socket) -> None:
     sock.setblocking(False)
-    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # a setpoint does not wait to be sent with the next
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # a setpoint must not wait to be sent with the next one

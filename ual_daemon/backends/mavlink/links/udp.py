@@ -1,4 +1,4 @@
-"""UDP: listens for an autopilot and answers to where it sends from, or calls one."""
+"""UDP: listens for an autopilot and answers to the address that it sends from, or calls one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import select
 import socket
 from collections.abc import Mapping
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
@@ -15,7 +17,7 @@ _log = logging.getLogger(__name__)
 
 _DATAGRAM_SIZE = 65536
 _BATCH = 64
-"""Datagrams taken at once, so that a flood cannot keep the thread from its other work."""
+"""The most datagrams that are received at once, so that a flood cannot keep the thread from its other work."""
 _RECEIVE_BUFFER = 1 << 20
 
 
@@ -33,6 +35,7 @@ class UdpLink(Link):
         self._peer: Address | None = None
         self._is_sending_well = True
 
+    @override
     def open(self) -> None:
         family, address = self._host.address()
         sock = socket.socket(family, socket.SOCK_DGRAM)
@@ -45,31 +48,33 @@ class UdpLink(Link):
                 self._peer = address
         except OSError as error:
             sock.close()
-            raise LinkError(
-                f"cannot listen at {self._endpoint}: {error.strerror}; trying again "
-                "(does another program use this port?)"
-            ) from None
-        self.sessions_count += 1
+            raise cannot_listen(self._endpoint, error) from None
+        self.connections_count += 1
         self._socket = sock
         self._descriptors = {sock.fileno(): select.POLLIN}
         self._poll = select.poll()
         self._poll.register(sock, select.POLLIN)
 
+    @override
     def close(self) -> None:
         sock, self._socket, self._descriptors = self._socket, None, {}
         if sock is not None:
             sock.close()
 
+    @override
     def descriptors(self) -> Mapping[int, int]:
         return self._descriptors
 
     @property
+    @override
     def peer(self) -> Address | None:
         return self._peer
 
+    @override
     def answer_to(self, address: Address | None) -> None:
         self._peer = address
 
+    @override
     def receive(self, now_s: float) -> list[Chunk]:
         chunks: list[Chunk] = []
         sock = self._socket
@@ -77,13 +82,14 @@ class UdpLink(Link):
             return chunks
         try:
             chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
-            # Asked, not tried: nearly always there is no more, and an exception for each datagram costs.
+            # Polled, as nearly always there is no more, and an exception for each datagram is expensive.
             while len(chunks) < _BATCH and self._poll.poll(0):
                 chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
-        except OSError:  # an ICMP error to something sent: the other end is not there (yet)
+        except OSError:  # an ICMP error in answer to a datagram of ours: the other end is not there (yet)
             pass
         return chunks
 
+    @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
         sock, peer = self._socket, self._peer
         if sock is None or peer is None:

@@ -1,1 +1,1 @@
-"""The conversation with one autopilot."""
+"""The exchange with one autopilot over time: its telemetry, our requests and commands, and the state of the link."""

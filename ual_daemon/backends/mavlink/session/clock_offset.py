@@ -1,31 +1,31 @@
-"""When the autopilot measured: its time since boot as UTC, without its clock being set."""
+"""When the autopilot measured: its time since boot as UTC, without setting its clock."""
 
 from __future__ import annotations
 
 import math
 
 WINDOW_S = 1.0
-"""How long the fastest message counts. Longer rejects more jitter, shorter follows a clock that runs wrong (a
-simulator's by 1 %) more closely."""
+"""How long the fastest message counts. A longer window rejects more jitter, a shorter one follows a clock that runs
+wrong (a simulator's by 1 %) more closely."""
 
 
-class StampFilter:
-    """Maps time since boot to UTC by the fastest of the last messages, whose delay on the link is taken as none.
+class ClockOffset:
+    """Converts time since boot to UTC by the fastest of the last messages, whose delay on the link is taken as zero.
 
-    For one boot. The differences are taken on the monotonic clock, so that a step of the wall clock moves the stamps
-    with it and does nothing else.
+    For one boot. The offsets are taken on the monotonic clock, so that a step of the wall clock moves the results with
+    it and has no other effect.
     """
 
     def __init__(self) -> None:
         self._window_ends_s = -math.inf
-        self._before = math.inf
-        self._now = math.inf
+        self._last_window_s = math.inf
+        self._this_window_s = math.inf
 
-    def utc(self, boot_s: float, now_s: float, utc_now_s: float) -> float:
-        """UTC of `boot_s`, in a message received at `now_s` (monotonic), which is `utc_now_s`."""
-        offset = now_s - boot_s
+    def to_utc(self, boot_s: float, now_s: float, utc_now_s: float) -> float:
+        """Returns `boot_s` as UTC, from a message received at `now_s` (monotonic), which is `utc_now_s`."""
+        offset_s = now_s - boot_s
         if now_s >= self._window_ends_s:
             self._window_ends_s = now_s + WINDOW_S / 2
-            self._before, self._now = self._now, offset
-        self._now = min(self._now, offset)
-        return utc_now_s - (offset - min(self._before, self._now))
+            self._last_window_s, self._this_window_s = self._this_window_s, offset_s
+        self._this_window_s = min(self._this_window_s, offset_s)
+        return utc_now_s - (offset_s - min(self._last_window_s, self._this_window_s))

@@ -1,27 +1,30 @@
-"""Which of two messages was sent first, though their numbers come round every 256."""
+"""MAVLink's sequence numbers, which wrap after 255: which of two messages was sent first, and how many were lost."""
 
 from __future__ import annotations
 
 _SEQUENCES = 256
+LATE_COUNT = 128
+"""A number that is at most this much behind the newest is of a late or doubled frame; a larger distance is a gap the
+other way round. A jitter of 0.2 s reorders some 100 of PX4's messages."""
 
 
-class RunningNumber:
-    """The numbers of one sender's messages, going on where they come round.
+class SequenceUnwrapper:
+    """Turns the sequence numbers of one sender into numbers that keep growing where they wrap.
 
-    Each is placed beside the newest that came, whatever its kind and sent a moment ago: two of one kind may be so
-    far apart that their numbers alone do not tell which is older (128 messages are 0.3 s of a PX4 that streams at its
-    defaults). After a silence of `late_s` nothing can still be late, and any number is the next one.
+    Each number is compared with the newest of any kind of message, which was sent a moment ago. Two messages of one
+    kind may be so far apart that their numbers alone do not show which is older (128 messages are 0.3 s of a PX4 that
+    streams at its defaults). After a silence of `late_s` nothing can still be late, and any number is the next one.
     """
 
     def __init__(self, late_s: float) -> None:
         self.value = 0
-        """Of the message taken last."""
+        """Of the last message."""
         self._late_s = late_s
         self._newest: int | None = None
         self._newest_s = 0.0
 
-    def take(self, sequence: int, now_s: float) -> None:
-        """A message of this number came."""
+    def update(self, sequence: int, now_s: float) -> None:
+        """Takes the number of a message that has arrived."""
         if self._newest is None:
             self._newest, self._newest_s, self.value = sequence, now_s, sequence
             return
@@ -32,3 +35,32 @@ class RunningNumber:
             self.value = self._newest
         else:
             self.value = self._newest + step - _SEQUENCES
+
+
+class SequenceGaps:
+    """Counts lost messages by the gaps in one sender's numbers; frames that come late or twice are not lost."""
+
+    def __init__(self) -> None:
+        self._newest: int | None = None
+        self._missing: set[int] = set()
+
+    def count_lost(self, sequence: int) -> int:
+        """Returns how many more frames are known to be lost, now that this number came; -1 when a missing one came."""
+        if self._newest is None:
+            self._newest = sequence
+            return 0
+        step = (sequence - self._newest) % _SEQUENCES
+        if step == 1 and not self._missing:  # nearly always: nothing was lost
+            self._newest = sequence
+            return 0
+        if step == 0 or step >= _SEQUENCES - LATE_COUNT:
+            if sequence not in self._missing:
+                return 0  # twice
+            self._missing.remove(sequence)
+            return -1
+        self._newest = sequence
+        # Numbers that this step has passed after a wrap are missing anew; those too old to still come are forgotten.
+        self._missing = {each for each in self._missing if 0 < (sequence - each) % _SEQUENCES <= LATE_COUNT}
+        gap = [(sequence - back) % _SEQUENCES for back in range(1, step)]
+        self._missing.update(gap[:LATE_COUNT])
+        return len(gap)

@@ -1,1 +1,1 @@
-"""MAVLink as bytes: frames, checksums, signatures, messages."""
+"""MAVLink as bytes: frames, checksums, signatures and messages, received and sent through a link."""

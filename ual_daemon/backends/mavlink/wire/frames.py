@@ -1,4 +1,4 @@
-"""MAVLink frames in what a link received: found among garbage and checked, not yet decoded."""
+"""Finds MAVLink frames in received bytes, among garbage, and checks them; decoding comes later."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SIGNED = 0x01
 
 
 class Frame(NamedTuple):
-    """One frame whose checksum is right."""
+    """One frame with a valid checksum."""
 
     message_id: int
     system_id: int
@@ -25,15 +25,15 @@ class Frame(NamedTuple):
     is_signed: bool
     data: bytes
     payload: bytes
-    """Its content. MAVLink 2 leaves zeros at the end out."""
+    """Its content. MAVLink 2 omits zeros at the end."""
 
 
 class FrameReader:
-    """Finds the frames (MAVLink 1 and 2) in bytes that come in pieces cut anywhere, or in whole datagrams.
+    """Finds the frames (MAVLink 1 and 2) in pieces of a stream, cut anywhere, or in whole datagrams.
 
-    What begins like a frame and is none is searched again from its second byte on, so that garbage never swallows a
-    frame, however the bytes are cut. `garbage_count` counts bytes that belong to no frame, `corrupt_count` how often
-    there were some in a row: about the number of damaged frames.
+    Bytes that begin like a frame but are not one are searched again from the second byte on. So garbage never hides a
+    frame, however the stream is cut. `garbage_count` is the number of bytes that belong to no frame, `corrupt_count`
+    the number of uninterrupted runs of them: about the number of damaged frames.
     """
 
     def __init__(self) -> None:
@@ -44,11 +44,11 @@ class FrameReader:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether there is a piece that may be the beginning of a frame."""
+        """Whether the last bytes may be the beginning of a frame."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that end in this next piece of a stream."""
+        """Returns the frames that end in the next piece of a stream."""
         frames: list[Frame] = []
         data = self._rest + data
         at = 0
@@ -72,7 +72,7 @@ class FrameReader:
         return frames
 
     def finish(self) -> list[Frame]:
-        """What is waiting will not be completed: the frames that it hides, if any."""
+        """Gives up the incomplete frame. Returns the frames that were found within its bytes."""
         frames: list[Frame] = []
         while self._rest:
             rest, self._rest = self._rest, b""
@@ -81,7 +81,7 @@ class FrameReader:
         return frames
 
     def read(self, datagram: bytes) -> list[Frame]:
-        """The frames of a datagram, which holds whole ones only."""
+        """Returns the frames of a datagram, which contains only whole ones."""
         frame = _frame(datagram)
         if frame is not None:  # nearly always: one frame
             self._is_in_garbage = False
@@ -98,13 +98,13 @@ class FrameReader:
 
 
 def split(datagram: bytes) -> tuple[list[Frame], int]:
-    """The frames in a datagram, and how many bytes belong to none."""
+    """Returns the frames in a datagram, and how many bytes belong to none."""
     reader = FrameReader()
     return reader.read(datagram), reader.garbage_count
 
 
 def _size_at(data: bytes, at: int) -> int | None:
-    """The size of the frame that begins there; None while too little of it is there, 0 when none can begin so."""
+    """Returns the size of the frame that begins there; None while it is incomplete, 0 when no frame begins so."""
     left = len(data) - at
     if data[at] == MAGIC_V1:
         return _HEADER_V1 + data[at + 1] + _CHECKSUM if left >= 2 else None
@@ -112,20 +112,20 @@ def _size_at(data: bytes, at: int) -> int | None:
         return None
     flags = data[at + 2]
     if flags & ~_SIGNED:
-        return 0  # by the specification, flags that are not understood make a frame that is not
+        return 0  # the specification: a frame with unknown flags must be discarded
     return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0)
 
 
 def _frame(data: bytes) -> Frame | None:
-    """The one frame that these bytes are, or None."""
+    """Returns the one frame that these bytes are, or None."""
     if data[:1] not in _MAGICS or _size_at(data, 0) != len(data):
         return None
     if data[0] == MAGIC_V1:
         message_id, end = data[5], _HEADER_V1 + data[1]
-        if checksum.is_right(message_id, data, end):
+        if checksum.is_valid(message_id, data, end):
             return Frame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
         return None
     message_id, end = data[7] | data[8] << 8 | data[9] << 16, _HEADER_V2 + data[1]
-    if checksum.is_right(message_id, data, end):
+    if checksum.is_valid(message_id, data, end):
         return Frame(message_id, data[5], data[6], data[4], bool(data[2] & _SIGNED), data, data[_HEADER_V2:end])
     return None

@@ -1,4 +1,4 @@
-"""Encoding and decoding, with pymavlink's generated messages: with `checksum` all that touches its machinery."""
+"""Encodes and decodes pymavlink's generated messages. Only this module and `checksum` use pymavlink's internals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import struct
 from functools import cache
 from typing import Any, NamedTuple
 
-# All dialects in one: "common" lacks CURRENT_MODE, which PX4 sends.
+# "all" has the messages of every dialect; "common" lacks CURRENT_MODE, which PX4 sends.
 from pymavlink.dialects.v20 import all as mavlink
 
 from ual_daemon.backends.mavlink.wire import checksum
@@ -19,21 +19,21 @@ Message = Any
 """A message of pymavlink; its classes are generated without types."""
 
 EVENT_ID = 410
-"""PX4's event interface, which no dialect of pymavlink has: see `px4_events`."""
+"""The message of PX4's event interface, which no dialect of pymavlink has."""
 
 
 _MAGIC = bytes((MAGIC_V2,))
 _Target = mavlink.MAVLink_set_position_target_local_ned_message
 _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
-"""After the magic: payload length, incompatible and compatible flags, sequence, system, component, message id (24
-bits); then the payload in its order on the wire, largest fields first."""
+"""What follows the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
+(24 bits); then the payload in its order on the wire, largest fields first."""
 _TARGET_SIZE = 53
 
 
 class TargetMessage(NamedTuple):
-    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects in between: every setpoint waits for it.
+    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects, which would delay every setpoint.
 
-    Its fields are pymavlink's, in their order. NED axes, m, m/s, m/s², rad.
+    The fields are pymavlink's, in their order. NED axes, m, m/s, m/s², rad.
     """
 
     time_boot_ms: int
@@ -54,24 +54,25 @@ class TargetMessage(NamedTuple):
     yaw_rate: float
 
     def pack(self, mav: Any) -> bytes:  # noqa: ANN401
-        """The bytes, as the sender `mav` sends them."""
+        """Returns the bytes, as pymavlink's sender `mav` would send them."""
         time_ms, system, component, frame, mask, *motion = self
-        if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to go
+        if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to be omitted
             theirs: bytes = _Target(*self).pack(mav)
             return theirs
         ids = (mav.seq, mav.srcSystem, mav.srcComponent, _Target.id, 0)
         covered = _TARGET.pack(_TARGET_SIZE, 0, 0, *ids, time_ms, *motion, mask, system, component, frame)
-        return b"".join((_MAGIC, covered, checksum.of(covered, _Target.crc_extra)))
+        return b"".join((_MAGIC, covered, checksum.compute(covered, _Target.crc_extra)))
 
 
 class CorruptFrameError(Exception):
-    """The frame is no message: its content does not fit."""
+    """The content of the frame does not fit its message."""
 
 
 class Codec:
-    """Our end of a MAVLink conversation: who we are, and the running number of what we send, signed if so wished.
+    """Encodes messages as those of one component, numbered, and signed with a `signer`; decodes frames.
 
-    Not thread-safe: what is numbered first must leave first, so that who sends has to hold a lock for both.
+    Not thread-safe: messages must leave in the order of their sequence numbers, so callers hold a lock while they
+    encode and send.
     """
 
     def __init__(self, component_id: int, signer: Signer | None = None) -> None:
@@ -84,18 +85,20 @@ class Codec:
 
     @property
     def system_id(self) -> int:
+        """The system that we are a component of."""
         return int(self._sender.srcSystem)
 
     @property
     def component_id(self) -> int:
+        """Our component."""
         return int(self._sender.srcComponent)
 
     def join(self, system_id: int) -> None:
-        """From now on we are a component of this system."""
+        """Makes us a component of this system from now on."""
         self._sender.srcSystem = system_id
 
     def encode(self, message: Message) -> bytes:
-        """The bytes of a message."""
+        """Returns the bytes of a message, with the next sequence number."""
         if self._signer is not None:
             self._sender.signing.timestamp = self._signer.next_timestamp()
         data: bytes = message.pack(self._sender)
@@ -103,7 +106,12 @@ class Codec:
         return data
 
     def decode(self, frame: Frame) -> Message:
-        """The message in a frame; its signature is not checked. Raises `CorruptFrameError`."""
+        """Returns the message in a frame; its signature is not checked.
+
+        Raises:
+            CorruptFrameError: The content does not fit the message.
+
+        """
         layout = _layout(frame.message_id)
         if layout is not None:
             return layout.read(frame)
@@ -114,7 +122,7 @@ class Codec:
 
 
 class _Header(NamedTuple):
-    """What pymavlink's messages ask of theirs."""
+    """The part of pymavlink's message header that its messages read."""
 
     msgId: int  # noqa: N815  pymavlink's names
     seq: int
@@ -123,7 +131,7 @@ class _Header(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """How the fields of a message lie on the wire: a name for each value, and where those of arrays begin and end."""
+    """The fields of a message on the wire: a name for each value, and where the values of arrays begin and end."""
 
     kind: Any
     payload: struct.Struct
@@ -131,7 +139,9 @@ class _Layout(NamedTuple):
     arrays: tuple[tuple[str, int, int], ...]
 
     def read(self, frame: Frame) -> Message:
-        """The message as pymavlink decodes it, but without its bytes, and without checking again what `frames` has."""
+        """Returns the message as pymavlink decodes it, but without its bytes, and without repeating the checks of
+        `frames`.
+        """
         values = self.payload.unpack_from(frame.payload.ljust(self.payload.size, b"\0"))
         message = object.__new__(self.kind)
         fields = message.__dict__ = dict(zip(self.names, values, strict=True))
@@ -144,7 +154,7 @@ class _Layout(NamedTuple):
 
 @cache
 def _layout(message_id: int) -> _Layout | None:
-    """None where a message is pymavlink's to decode: one with texts, or that it does not know."""
+    """Returns None where pymavlink decodes the message: one with texts, or one that it does not know."""
     kind = mavlink.mavlink_map.get(message_id)
     if kind is None or "char" in kind.fieldtypes:
         return None

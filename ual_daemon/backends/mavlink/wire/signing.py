@@ -1,4 +1,4 @@
-"""Signed messages (MAVLink 2): the key, the signature of what we send, and the check of what we hear."""
+"""Signed messages (MAVLink 2): the key, the timestamps of our signatures, and the check of received ones."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 
+from ual_daemon.backends.mavlink.settings import SECTION
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.settings import ConfigError
 
-KEY = "mavlink.signing_key_file"
+KEY = f"{SECTION}.signing_key_file"
 KEY_SIZE = 32
 _HASH_SIZE = 6
 _TIMESTAMP_SIZE = 6
@@ -21,15 +22,17 @@ EPOCH_S = 1_420_070_400.0
 """2015-01-01 UTC, from which timestamps count in units of 10 us."""
 _UNITS_PER_S = 100_000
 OLDEST_S = 60.0
-"""A sender that was not heard before may be this much behind us."""
+"""A new sender's clock may be at most this much behind ours."""
 _LARGEST_FILE = 4096
 
 
 def read_key(path: str) -> bytes:
-    """The key in a file: 32 bytes as they are, or else a line of text whose SHA-256 it is (as in QGroundControl,
-    MAVProxy and Mission Planner).
+    """Returns the key in a file: its 32 bytes, or else the SHA-256 of its line of text (as in QGroundControl, MAVProxy
+    and Mission Planner).
 
-    Raises `ConfigError`, also when other users could read the file.
+    Raises:
+        ConfigError: The file cannot be read, holds no key, or could be read by other users.
+
     """
     try:
         with Path(path).expanduser().open("rb") as file:
@@ -56,7 +59,7 @@ def read_key(path: str) -> bytes:
 
 
 class Verdict(Enum):
-    """What a signature is worth; the value is for people."""
+    """The result of checking a signature; the value is for people."""
 
     GOOD = ""
     UNSIGNED = "not signed"
@@ -66,28 +69,28 @@ class Verdict(Enum):
 
 
 class Signer:
-    """Signs with one key, and checks signatures by the rules of the specification. `utc` tells UTC in seconds.
+    """Timestamps and checks signatures with one key, by the rules of the specification. `utc` returns UTC in seconds.
 
-    `next_timestamp` belongs to who sends, `check` to who receives: two threads may have one each.
+    One thread may call `next_timestamp` (sending) while another one calls `check` (receiving).
 
-    pymavlink's own check notes a timestamp before it knows that the signature is right, so that one forged frame
-    would shut the autopilot out; and it leaves messages it does not know unchecked.
+    pymavlink's own check is not used: it stores a timestamp before it knows that the signature is right, so that one
+    forged frame would lock the autopilot out, and it does not check messages that it does not know.
     """
 
     def __init__(self, key: bytes, utc: Callable[[], float] = time.time) -> None:
         self.key = key
         self._utc = utc
         self._sent = 0
-        self._heard = 0
+        self._received = 0
         self._newest: dict[tuple[int, int, int], int] = {}
 
     def next_timestamp(self) -> int:
-        """The timestamp to sign with now: always a newer one, and none older than those of valid frames heard."""
-        self._sent = max(self._sent + 1, self._heard, self._now())
+        """Returns the timestamp of the next signature: newer than the last, not older than any valid received one."""
+        self._sent = max(self._sent + 1, self._received, self._now())
         return self._sent
 
     def check(self, frame: Frame) -> Verdict:
-        """Whether a frame is to be believed. Each is only once."""
+        """Checks a frame's signature. A frame is good only once."""
         if not frame.is_signed:
             return Verdict.UNSIGNED
         signed, signature = frame.data[:-_HASH_SIZE], frame.data[-_HASH_SIZE:]
@@ -97,12 +100,12 @@ class Signer:
         sender = (signed[-_TIMESTAMP_SIZE - 1], frame.system_id, frame.component_id)
         newest = self._newest.get(sender)
         if newest is None:
-            if timestamp < max(self._sent, self._heard, self._now()) - OLDEST_S * _UNITS_PER_S:
+            if timestamp < max(self._sent, self._received, self._now()) - OLDEST_S * _UNITS_PER_S:
                 return Verdict.OLD
         elif timestamp <= newest:
             return Verdict.REPEATED
         self._newest[sender] = timestamp
-        self._heard = max(self._heard, timestamp)
+        self._received = max(self._received, timestamp)
         return Verdict.GOOD
 
     def _now(self) -> int:

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, ack, attitude, heartbeat, position
+from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import Capability, GeoPoint, Limits
 from ual_daemon.backends.mavlink.autopilots.ardupilot import LONGEST_LEAD_S, ArduCopter, velocity_lead
-from ual_daemon.backends.mavlink.session.vehicle import SILENCE_S
+from ual_daemon.backends.mavlink.session.session import SILENCE_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.geodesy import FlatProjection
@@ -27,11 +27,11 @@ def beat(mode: int = LOITER, *, armed: bool = False, kind: int = mavlink.MAV_TYP
     return heartbeat(mode, armed=armed, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, kind=kind)
 
 
-def met(mode: int = LOITER, *, armed: bool = False) -> Talk:
-    """A conversation with an ArduCopter that has answered no question yet."""
-    talk = Talk()
-    talk.hear(beat(mode, armed=armed))
-    return talk
+def met(mode: int = LOITER, *, armed: bool = False) -> Harness:
+    """A session with an ArduCopter that has answered no request yet."""
+    harness = Harness()
+    harness.receive(beat(mode, armed=armed))
+    return harness
 
 
 def standing(home_amsl_m: float) -> Snapshot:
@@ -64,7 +64,7 @@ def test_modes(number: int, name: str, control: Control) -> None:
 
 
 def test_a_multirotor_is_flown() -> None:
-    info = met().vehicle.info()
+    info = met().session.info()
     assert info.autopilot == "ArduPilot"
     assert info.capabilities == frozenset(Capability)
     assert info.flies_takeoff_on_setpoints is False
@@ -75,22 +75,24 @@ def test_a_multirotor_is_flown() -> None:
     [(mavlink.MAV_TYPE_FIXED_WING, "fixed wing"), (mavlink.MAV_TYPE_GROUND_ROVER, "ground rover")],
 )
 def test_what_is_no_multirotor_is_only_watched(kind: int, name: str) -> None:
-    talk = Talk()
-    talk.hear(beat(kind=kind))
-    info = talk.vehicle.info()
+    harness = Harness()
+    harness.receive(beat(kind=kind))
+    info = harness.session.info()
     assert info.autopilot == f"unknown (ardupilotmega, {name})"
     assert info.capabilities == frozenset()
 
 
 def test_a_velocity_setpoint_has_velocity_and_yaw_rate_only() -> None:
-    sent = COPTER.setpoint(VelocitySetpoint(Vector3(1, 2, 3)), 3, 0)
+    sent = COPTER.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3)), 3, 0)
     assert (sent.target_system, sent.coordinate_frame) == (3, mavlink.MAV_FRAME_LOCAL_NED)
     assert sent.type_mask == 0b010111000111  # the yaw rate counts: without it the nose turns into the way it flies
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, 0)
 
 
 def test_a_position_setpoint_has_all_but_the_acceleration_which_would_go_on_when_setpoints_end() -> None:
-    sent = COPTER.setpoint(PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), 0.5), 1, 0)
+    sent = COPTER.encode_setpoint(
+        PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), 0.5), 1, 0
+    )
     assert sent.type_mask == 0b000111000000
     assert (sent.x, sent.y, sent.z, sent.vx, sent.vy, sent.vz) == (2, 1, -3, 5, 4, -6)
     assert (sent.yaw, sent.yaw_rate) == pytest.approx((math.pi / 2, -0.5))
@@ -115,7 +117,9 @@ def lead(velocity: Vector3, acceleration: Vector3, parameters: Mapping[str, floa
 def test_the_velocity_leads_by_what_its_shaping_takes_for_the_acceleration() -> None:
     led = lead(Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
     assert led == pytest.approx(Vector3(3.5, -0.5, 1.1))
-    sent = COPTER.setpoint(PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), 1, 0, SHAPING)
+    sent = COPTER.encode_setpoint(
+        PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), 1, 0, SHAPING
+    )
     assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.5, 3.5, -1.1))
 
 
@@ -175,42 +179,42 @@ def test_its_own_height_may_be_above_the_home_before_it_was_armed(altitude_home_
 
 
 def test_a_take_off_begins_in_guided() -> None:
-    talk = met(armed=True)
-    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
-    (mode,) = talk.commands(SET_MODE)
+    harness = met(armed=True)
+    done = harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s)
+    (mode,) = harness.commands(SET_MODE)
     assert (mode.param1, mode.param2) == (1, GUIDED)
-    talk.run(0.1)
-    assert talk.commands(TAKE_OFF) == []
-    talk.hear(ack(SET_MODE, ACCEPTED))
-    (climb,) = talk.commands(TAKE_OFF)
+    harness.run(0.1)
+    assert harness.commands(TAKE_OFF) == []
+    harness.receive(ack(SET_MODE, ACCEPTED))
+    (climb,) = harness.commands(TAKE_OFF)
     assert climb.param7 == pytest.approx(3.0)
     assert not done.done()
-    talk.hear(ack(TAKE_OFF, ACCEPTED))
+    harness.receive(ack(TAKE_OFF, ACCEPTED))
     assert done.done()
     assert done.exception() is None
 
 
 def test_a_take_off_that_is_refused_or_not_in_guided_fails_in_the_autopilots_words() -> None:
-    talk = met(armed=True)
-    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
-    talk.hear(mavlink.MAVLink_statustext_message(4, b"Mode change to GUIDED failed: requires position"))
-    talk.hear(ack(SET_MODE, FAILED))
-    talk.run(0.2)
+    harness = met(armed=True)
+    done = harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s)
+    harness.receive(mavlink.MAVLink_statustext_message(4, b"Mode change to GUIDED failed: requires position"))
+    harness.receive(ack(SET_MODE, FAILED))
+    harness.run(0.2)
     error = done.exception(0)
     assert isinstance(error, RejectedByAutopilotError)
     assert "refused to take off: FAILED; it said: Mode change to GUIDED failed" in str(error)
-    assert talk.commands(TAKE_OFF) == []
+    assert harness.commands(TAKE_OFF) == []
 
 
 def test_a_take_off_that_was_withdrawn_is_not_begun() -> None:
-    talk = met(armed=True)
+    harness = met(armed=True)
     is_withdrawn = False
-    talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s, lambda: is_withdrawn)
+    harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s, lambda: is_withdrawn)
     is_withdrawn = True
-    talk.run(0.1)
-    talk.hear(ack(SET_MODE, ACCEPTED))
-    talk.run(1.0)
-    assert talk.commands(TAKE_OFF) == []
+    harness.run(0.1)
+    harness.receive(ack(SET_MODE, ACCEPTED))
+    harness.run(1.0)
+    assert harness.commands(TAKE_OFF) == []
 
 
 def test_its_own_hold_is_brake() -> None:
@@ -244,23 +248,23 @@ def version(board_type: int = 0, usb: tuple[int, int] = (0, 0)) -> Any:
 
 
 def test_a_parameter_of_the_simulator_and_no_board_tell_that_it_is_one() -> None:
-    talk = met()
-    assert talk.vehicle.reality().is_simulated is None
-    talk.hear(version())
-    assert talk.vehicle.reality().is_simulated is None
-    assert talk.vehicle.info().is_simulation is False
-    talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", -1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
-    assert talk.vehicle.reality().is_simulated is True
-    assert talk.vehicle.info().is_simulation is True
+    harness = met()
+    assert harness.session.judge_simulation().is_simulated is None
+    harness.receive(version())
+    assert harness.session.judge_simulation().is_simulated is None
+    assert harness.session.info().is_simulation is False
+    harness.receive(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", -1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert harness.session.judge_simulation().is_simulated is True
+    assert harness.session.info().is_simulation is True
 
 
 @pytest.mark.parametrize(("board_type", "usb"), [(50, (0, 0)), (0, (0x1209, 0x5740))])
 def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, usb: tuple[int, int]) -> None:
-    talk = met()
-    talk.hear(version(board_type, usb))
-    talk.hear(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", 1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
-    assert talk.vehicle.reality().is_simulated is False
-    assert "flight controller" in talk.vehicle.reality().why
+    harness = met()
+    harness.receive(version(board_type, usb))
+    harness.receive(mavlink.MAVLink_param_value_message(b"SIM_SPEEDUP", 1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    assert harness.session.judge_simulation().is_simulated is False
+    assert "flight controller" in harness.session.judge_simulation().why
 
 
 @pytest.mark.parametrize(
@@ -274,73 +278,73 @@ def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, 
     ],
 )
 def test_its_estimator_is_judged_by_its_flags(flags: int, why: str) -> None:
-    talk = met()
-    talk.hear(mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0))
-    found = talk.snapshot().estimator.value
+    harness = met()
+    harness.receive(mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0))
+    found = harness.snapshot().estimator.value
     assert (found.is_good, found.why) == (not why, why)
 
 
 def test_it_is_asked_for_everything_since_nothing_comes_by_itself() -> None:
-    talk = met()
+    harness = met()
     asked: set[int] = set()
     for _ in range(20):
-        talk.run(0.05)
-        for command in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
+        harness.run(0.05)
+        for command in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
             asked.add(int(command.param1))
-            talk.hear(ack(command.command, ACCEPTED))
+            harness.receive(ack(command.command, ACCEPTED))
     assert asked == {int(command.params[0]) for command in COPTER.streams(50.0)}
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked
 
 
 def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_noticed() -> None:
-    talk = met()
+    harness = met()
     for _ in range(20):
-        talk.run(0.05)
-        for _ in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
-            talk.hear(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
-    talk.hear(attitude(), position(talk.now_s))
-    streamed_s = talk.now_s
-    talk.link.sent.clear()
-    while talk.now_s < streamed_s + SILENCE_S + 0.5:
-        talk.run(0.1)
-        talk.hear(beat())  # the only thing it sends unasked
-    asked = {sent.param1 for sent in talk.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}
+        harness.run(0.05)
+        for _ in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
+            harness.receive(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
+    harness.receive(attitude(), position(harness.now_s))
+    streamed_s = harness.now_s
+    harness.link.sent.clear()
+    while harness.now_s < streamed_s + SILENCE_S + 0.5:
+        harness.run(0.1)
+        harness.receive(beat())  # the only thing it sends unasked
+    asked = {sent.param1 for sent in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked  # though this one does flow: it is a new meeting
 
 
 @pytest.mark.parametrize("mode", [LAND, BRAKE, RTL])
 def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_armed_and_not_before(mode: int) -> None:
-    talk = met(GUIDED, armed=True)
-    talk.setpoints_s = 1.0
-    talk.run(0.1)
-    talk.setpoints_s = 0.0
-    talk.hear(beat(mode, armed=True), beat(mode))
-    talk.run(5.0)
-    assert talk.commands(SET_MODE) == []
-    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
-    assert [sent.param2 for sent in talk.commands(SET_MODE)] == [GUIDED]
-    talk.hear(ack(SET_MODE, ACCEPTED))
-    assert len(talk.commands(ARM)) == 1
+    harness = met(GUIDED, armed=True)
+    harness.setpoints_s = 1.0
+    harness.run(0.1)
+    harness.setpoints_s = 0.0
+    harness.receive(beat(mode, armed=True), beat(mode))
+    harness.run(5.0)
+    assert harness.commands(SET_MODE) == []
+    harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
+    assert [sent.param2 for sent in harness.commands(SET_MODE)] == [GUIDED]
+    harness.receive(ack(SET_MODE, ACCEPTED))
+    assert len(harness.commands(ARM)) == 1
 
 
 @pytest.mark.parametrize("mode", [LOITER, GUIDED, 0, 3])
 def test_a_mode_in_which_it_may_be_armed_is_the_pilots_choice(mode: int) -> None:
-    talk = met(mode)
-    talk.vehicle.submit(COPTER.arm(talk.snapshot()), talk.now_s)
-    (sent,) = [message for message in talk.link.take("COMMAND_LONG") if message.command in (ARM, SET_MODE)]
+    harness = met(mode)
+    harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
+    (sent,) = [message for message in harness.link.take("COMMAND_LONG") if message.command in (ARM, SET_MODE)]
     assert sent.command == ARM
 
 
 def test_a_take_off_that_has_begun_is_believed_over_the_refusal_of_its_repetition() -> None:
-    talk = met(armed=True)
-    done = talk.vehicle.submit(COPTER.take_off(3.0, standing(488.2)), talk.now_s)
-    talk.run(0.05)
-    talk.hear(beat(GUIDED, armed=True))  # the acknowledgements of both commands are lost
-    talk.run(0.3)
-    assert len(talk.commands(TAKE_OFF)) == 2
-    talk.hear(ack(TAKE_OFF, FAILED))
-    talk.run(0.1)
+    harness = met(armed=True)
+    done = harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s)
+    harness.run(0.05)
+    harness.receive(beat(GUIDED, armed=True))  # the acknowledgements of both commands are lost
+    harness.run(0.3)
+    assert len(harness.commands(TAKE_OFF)) == 2
+    harness.receive(ack(TAKE_OFF, FAILED))
+    harness.run(0.1)
     assert not done.done()
-    talk.hear(mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_TAKEOFF))
-    talk.run(0.05)
+    harness.receive(mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_TAKEOFF))
+    harness.run(0.05)
     assert done.result(0) is None

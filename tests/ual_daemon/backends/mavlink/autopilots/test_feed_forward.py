@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
+from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon.backends.mavlink.autopilots.feed_forward import (
     GRAVITY_M_S2,
@@ -125,11 +125,8 @@ def test_one_that_jumps_is_no_kick() -> None:
 
 @pytest.mark.parametrize("learns", [True, False])
 def test_it_can_be_switched_off(learns: bool) -> None:
-    talk = Talk(MavlinkSettings(learns_feed_forward=learns))
-    talk.hear(heartbeat())
-    vehicle = talk.conversation.vehicle
-    assert vehicle is not None
+    harness = Harness(MavlinkSettings(learns_feed_forward=learns))
+    harness.receive(heartbeat())
     for i, acceleration in enumerate((STILL, Vector3(1.0))):
-        vehicle.send(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
-    sent = talk.link.take("SET_POSITION_TARGET_LOCAL_NED")[-1]
+        sent = harness.session.setpoint_encoder.encode(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
     assert (sent.afy == pytest.approx(1.0)) is not learns  # x here is east, y there

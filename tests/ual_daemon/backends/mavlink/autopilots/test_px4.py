@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
+from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, Unknown, version_text
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, version_text
 from ual_daemon.backends.mavlink.autopilots.px4 import ACCELERATION_SHARE, Px4
+from ual_daemon.backends.mavlink.autopilots.unknown import Unknown
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint
 
@@ -48,7 +49,7 @@ def test_modes(main: int, sub: int, name: str, control: Control) -> None:
 
 def test_a_position_setpoint_carries_motion_and_heading_in_local_ned() -> None:
     setpoint = PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), yaw_rate_rad_s=0.5)
-    sent = PX4.setpoint(setpoint, 7, 1234)
+    sent = PX4.encode_setpoint(setpoint, 7, 1234)
     assert (sent.target_system, sent.target_component, sent.time_boot_ms) == (7, 1, 1234)
     assert sent.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
     assert sent.type_mask == 0
@@ -59,7 +60,7 @@ def test_a_position_setpoint_carries_motion_and_heading_in_local_ned() -> None:
 
 
 def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
-    sent = PX4.setpoint(VelocitySetpoint(Vector3(1, 2, 3), yaw_rate_rad_s=0.5), 1, 0)
+    sent = PX4.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3), yaw_rate_rad_s=0.5), 1, 0)
     assert sent.type_mask == 0b010111000111
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, -0.5)
 
@@ -107,23 +108,23 @@ def version_message(uid: int, version: int = 0x011100FF) -> Message:
 
 
 def test_px4s_simulator_is_told_by_its_unique_id() -> None:
-    talk = Talk()
-    talk.hear(heartbeat())
-    assert talk.vehicle.info().is_simulation is False
+    harness = Harness()
+    harness.receive(heartbeat())
+    assert harness.session.info().is_simulation is False
     first = 5283920058631409237 - 6  # as recorded of system 7
-    talk.hear(version_message(first))
-    info = talk.vehicle.info()
+    harness.receive(version_message(first))
+    info = harness.session.info()
     assert (info.autopilot, info.autopilot_version, info.is_simulation) == ("PX4", "1.17.0", True)
-    talk.hear(version_message(0x0001000200030004))
-    assert talk.vehicle.info().is_simulation is False
+    harness.receive(version_message(0x0001000200030004))
+    assert harness.session.info().is_simulation is False
 
 
 def test_hardware_in_the_loop_is_a_simulation() -> None:
-    talk = Talk()
+    harness = Harness()
     beat = heartbeat()
     beat.base_mode |= mavlink.MAV_MODE_FLAG_HIL_ENABLED
-    talk.hear(beat)
-    assert talk.vehicle.info().is_simulation is True
+    harness.receive(beat)
+    assert harness.session.info().is_simulation is True
 
 
 @pytest.mark.parametrize(
@@ -135,9 +136,9 @@ def test_versions_are_told_for_people(number: int, text: str) -> None:
 
 
 def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
-    talk = Talk()
-    talk.hear(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
-    snapshot, info = talk.snapshot(), talk.vehicle.info()
+    harness = Harness()
+    harness.receive(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
+    snapshot, info = harness.snapshot(), harness.session.info()
     assert snapshot.armed.value is True
     assert (snapshot.mode.value.name, snapshot.mode.value.control) == ("mode 5", Control.OTHER)
     assert info.autopilot == "unknown (generic, quadrotor)"
@@ -154,7 +155,7 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
         lambda dialect: dialect.land(),
         lambda dialect: dialect.take_control(),
         lambda dialect: dialect.hold(),
-        lambda dialect: dialect.setpoint(VelocitySetpoint(Vector3()), 1, 0),
+        lambda dialect: dialect.encode_setpoint(VelocitySetpoint(Vector3()), 1, 0),
     ],
 )
 def test_flying_an_unknown_autopilot_is_not_supported(fly: Callable[[Dialect], object]) -> None:

@@ -2,7 +2,7 @@ import struct
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Talk, ack, attitude, heartbeat, position
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, position
 from tests.ual_daemon.backends.mavlink.traces import load
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.mavlink.autopilots.px4_events import event_id, read
@@ -26,7 +26,7 @@ def event(name: str, *, levels: int = ERROR, modes: int = 0, sequence: int = 1, 
     )
     crc = mavlink.x25crc(covered + bytes((160,))).crc
     data = bytes((0xFD, *covered, crc & 0xFF, crc >> 8))
-    assert checksum.is_right(EVENT_ID, data, 1 + len(covered))
+    assert checksum.is_valid(EVENT_ID, data, 1 + len(covered))
     return data
 
 
@@ -50,10 +50,10 @@ def test_words_of_a_denial_are_those_of_its_name() -> None:
 
 @pytest.mark.parametrize(("boot_ms", "is_news"), [(BOOT_MS + 10_000, True), (BOOT_MS + 9_500, True), (5_000, False)])
 def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int, is_news: bool) -> None:
-    talk = Talk()
-    talk.hear(heartbeat(6 << 16, armed=True), attitude(), position(10.0))
-    talk.hear(data=event("commander_disarmed_by", sequence=3, boot_ms=boot_ms))
-    assert talk.snapshot().armed.value is not is_news
+    harness = Harness()
+    harness.receive(heartbeat(6 << 16, armed=True), attitude(), position(10.0))
+    harness.receive(data=event("commander_disarmed_by", sequence=3, boot_ms=boot_ms))
+    assert harness.snapshot().armed.value is not is_news
 
 
 @pytest.mark.parametrize(
@@ -77,28 +77,28 @@ def test_what_is_not_known_or_no_trouble_has_no_words() -> None:
 
 
 def test_arming_and_disarming_are_known_with_the_event_before_the_heartbeat() -> None:
-    talk = Talk()
-    talk.hear(heartbeat(LOITER))
-    talk.hear(data=event("commander_armed_by", levels=INFO, sequence=5))
-    assert talk.snapshot().armed.value is True
-    talk.hear(data=event("commander_disarmed_by", levels=INFO, sequence=7))
-    assert talk.snapshot().armed.value is False
-    talk.hear(data=event("commander_armed_by", levels=INFO, sequence=6))  # late, by a bad link
-    assert talk.snapshot().armed.value is False
+    harness = Harness()
+    harness.receive(heartbeat(LOITER))
+    harness.receive(data=event("commander_armed_by", levels=INFO, sequence=5))
+    assert harness.snapshot().armed.value is True
+    harness.receive(data=event("commander_disarmed_by", levels=INFO, sequence=7))
+    assert harness.snapshot().armed.value is False
+    harness.receive(data=event("commander_armed_by", levels=INFO, sequence=6))  # late, by a bad link
+    assert harness.snapshot().armed.value is False
 
 
 def test_a_refused_arming_says_which_checks_failed_on_a_link_without_status_texts() -> None:
-    talk = Talk()
-    talk.hear(heartbeat(LOITER))
-    future = talk.vehicle.submit(Px4().arm(talk.snapshot()), talk.now_s)
-    talk.hear(data=event("commander_arm_denied_resolve_failures"))
-    talk.hear(ack(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
-    talk.run(0.1)
-    assert len(talk.commands(CHECK)) == 1
+    harness = Harness()
+    harness.receive(heartbeat(LOITER))
+    future = harness.session.submit(Px4().arm(harness.snapshot()), harness.now_s)
+    harness.receive(data=event("commander_arm_denied_resolve_failures"))
+    harness.receive(ack(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
+    harness.run(0.1)
+    assert len(harness.commands(CHECK)) == 1
     assert not future.done()
     for sequence, name in enumerate(("check_battery_low", "check_gyro_missing", "check_battery_low"), 2):
-        talk.hear(data=event(name, modes=MODES_ALL, sequence=sequence))
-    talk.run(0.5)
+        harness.receive(data=event(name, modes=MODES_ALL, sequence=sequence))
+    harness.run(0.5)
     assert str(future.exception(0)) == (
         "PX4 refused to arm: TEMPORARILY_REJECTED; it said: arm denied resolve failures; "
         "it said: check battery low; it said: check gyro missing"

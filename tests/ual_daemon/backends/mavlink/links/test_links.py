@@ -28,6 +28,15 @@ PATIENCE_S = 20.0
 HERE = "127.0.0.1"
 
 
+PATIENCE = "ual_daemon.backends.mavlink.links.resolve._PATIENCE_S"
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names are resolved at the first try, however busy the computer."""
+    monkeypatch.setattr(PATIENCE, PATIENCE_S)
+
+
 class Run:
     """A connection whose time is moved by hand; its polls are real."""
 
@@ -36,8 +45,8 @@ class Run:
         self.got = b""
         self.connection = Connection(make_link(endpoint or parse_url(url)), url)
 
-    def turn(self, passed_s: float = 0.0) -> bytes:
-        """One turn of the thread that receives: what came."""
+    def step(self, passed_s: float = 0.0) -> bytes:
+        """One step of the thread that receives. Returns what came."""
         self.now_s += passed_s
         self.connection.tick(self.now_s)
         data = b"".join(data for data, _ in self.connection.receive(0.01, self.now_s))
@@ -49,12 +58,12 @@ class Run:
         deadline_s = time.monotonic() + PATIENCE_S
         while not (found := condition()):
             assert time.monotonic() < deadline_s, "it did not come"
-            self.turn(passed_s)
+            self.step(passed_s)
         return found
 
     @property
-    def sessions_count(self) -> int:
-        return self.connection.sessions_count
+    def connections_count(self) -> int:
+        return self.connection.connections_count
 
 
 @contextlib.contextmanager
@@ -93,10 +102,10 @@ def url_of(server: socket.socket) -> str:
 
 def test_tcp_carries_bytes_both_ways(server: socket.socket) -> None:
     with running(url_of(server)) as run:
-        run.turn()
+        run.step()
         peer, _ = server.accept()
         with peer:
-            run.until(lambda: run.sessions_count)
+            run.until(lambda: run.connections_count)
             assert run.connection.send(b"there")
             assert peer.recv(100) == b"there"
             peer.sendall(b"and back")
@@ -107,23 +116,23 @@ def test_a_server_that_is_not_there_yet_is_told_once_and_found(caplog: pytest.Lo
     port = free_port()
     with caplog.at_level(logging.INFO), running(f"tcp://{HERE}:{port}") as run:
         for _ in range(20):
-            run.turn(1.0)
+            run.step(1.0)
         assert run.connection.trouble == (f"cannot connect to TCP {HERE}:{port}: nobody listens there; trying again")
-        assert run.sessions_count == 0
+        assert run.connections_count == 0
         with listener(port):
-            run.until(lambda: run.sessions_count, passed_s=0.5)
+            run.until(lambda: run.connections_count, passed_s=0.5)
             assert run.connection.trouble == f"waiting for an autopilot at tcp://{HERE}:{port}"
-            run.connection.heard(run.now_s + 0.1)
+            run.connection.on_heard(run.now_s + 0.1)
             assert run.connection.trouble == ""
     warnings = [record.message for record in caplog.records if record.levelno >= logging.WARNING]
     assert warnings == [f"cannot connect to TCP {HERE}:{port}: nobody listens there; trying again"]
-    assert caplog.records[-1].message == f"the link tcp://{HERE}:{port} is well again"
+    assert caplog.records[-1].message == f"the link tcp://{HERE}:{port} works again"
 
 
 def test_a_server_that_restarts_is_connected_to_again(server: socket.socket) -> None:
     with running(url_of(server)) as run:
         for count in (1, 2, 3):
-            run.until(lambda count=count: run.sessions_count == count, passed_s=0.1)  # type: ignore[misc]
+            run.until(lambda count=count: run.connections_count == count, passed_s=0.1)  # type: ignore[misc]
             peer, _ = server.accept()
             peer.sendall(b"x")
             run.until(lambda: run.got.endswith(b"x"))
@@ -137,15 +146,15 @@ def test_a_server_that_restarts_is_connected_to_again(server: socket.socket) -> 
 
 def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> None:
     with running(url_of(server)) as run:
-        run.until(lambda: run.sessions_count == 1)
+        run.until(lambda: run.connections_count == 1)
         with server.accept()[0]:  # stays open and says nothing
-            run.turn(SILENCE_S - 0.1)
-            run.connection.heard(run.now_s)
-            run.turn(SILENCE_S - 0.1)
+            run.step(SILENCE_S - 0.1)
+            run.connection.on_heard(run.now_s)
+            run.step(SILENCE_S - 0.1)
             assert run.connection.trouble == ""
-            run.turn(0.2)
+            run.step(0.2)
             assert run.connection.trouble == f"nothing came from {url_of(server)} for 5 s; connecting anew"
-            run.until(lambda: run.sessions_count == 2, passed_s=0.1)
+            run.until(lambda: run.connections_count == 2, passed_s=0.1)
 
 
 def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well() -> None:
@@ -160,21 +169,21 @@ def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well(
 
         run.connection._link.open = open_and_note  # type: ignore[method-assign]
         for _ in range(300):
-            run.turn(0.05)
+            run.step(0.05)
         pauses = [after - before for before, after in itertools.pairwise(attempts)]
         assert pauses[0] < 0.4
         assert all(after >= before - 0.1 for before, after in itertools.pairwise(pauses))
         assert pauses[-1] == pytest.approx(LONGEST_PAUSE_S, abs=0.3)
-        run.connection.heard(run.now_s)
+        run.connection.on_heard(run.now_s)
         attempts.clear()
         for _ in range(100):
-            run.turn(0.05)
+            run.step(0.05)
         assert attempts[1] - attempts[0] < 0.4
 
 
 def test_a_host_that_nobody_knows_is_told() -> None:
     with running("tcp://no-such-host.invalid:5760") as run:
-        run.turn()
+        run.step()
         assert run.connection.trouble.startswith("cannot find the host no-such-host.invalid: ")
 
 
@@ -193,10 +202,11 @@ def test_a_slow_name_service_holds_nothing_up(monkeypatch: pytest.MonkeyPatch, s
         return look_up(HERE, *rest, **named)
 
     monkeypatch.setattr(socket, "getaddrinfo", slowly)
+    monkeypatch.setattr(PATIENCE, 0.02)
     with running(f"tcp://uav.example:{server.getsockname()[1]}") as run:
         run.until(lambda: run.connection.trouble == "looking for the host uav.example")
         answer.set()
-        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+        run.until(lambda: run.connections_count == 1, passed_s=0.5)
 
 
 def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.MonkeyPatch, server: socket.socket) -> None:
@@ -207,7 +217,7 @@ def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.Monkey
         with monkeypatch.context() as patch:
             patch.setattr(socket, "getaddrinfo", times_out)
             run.until(lambda: "Connection timed out; trying again" in run.connection.trouble, passed_s=0.5)
-        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+        run.until(lambda: run.connections_count == 1, passed_s=0.5)
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "udpin"])
@@ -231,11 +241,11 @@ def test_a_system_that_has_no_socket_left_is_told_and_tried_again(
 def test_who_does_not_read_gets_no_old_setpoints_and_whole_frames_only(server: socket.socket) -> None:
     setpoint, command = b"s" * 70, b"c" * 40
     with running(url_of(server)) as run:
-        run.turn()
+        run.step()
         server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
         peer, _ = server.accept()
         with peer:
-            run.until(lambda: run.sessions_count)
+            run.until(lambda: run.connections_count)
             sent = 0
             begin_s = time.monotonic()
             for _ in range(20_000):
@@ -264,10 +274,10 @@ def connect(port: int) -> socket.socket:
 def test_tcpin_lets_one_connect_and_after_it_the_next() -> None:
     port = free_port()
     with running(f"tcpin://{HERE}:{port}") as run:
-        run.turn()
+        run.step()
         for count in (1, 2):
             with connect(port) as peer:
-                run.until(lambda count=count: run.sessions_count == count)  # type: ignore[misc]
+                run.until(lambda count=count: run.connections_count == count)  # type: ignore[misc]
                 peer.sendall(b"hello")
                 run.until(lambda: run.got == b"hello")
                 assert run.connection.send(b"you")
@@ -277,21 +287,21 @@ def test_tcpin_lets_one_connect_and_after_it_the_next() -> None:
             assert not run.connection.send(b"nobody")
 
 
-def test_a_second_one_is_turned_away_while_the_first_speaks_and_let_in_when_it_is_silent() -> None:
+def test_a_second_one_is_refused_while_the_first_sends_and_let_in_when_it_is_silent() -> None:
     port = free_port()
     with running(f"tcpin://{HERE}:{port}") as run:
-        run.turn()
+        run.step()
         with connect(port) as first:
-            run.until(lambda: run.sessions_count == 1)
+            run.until(lambda: run.connections_count == 1)
             with connect(port) as second:
-                run.turn(1.0)
-                run.turn()
+                run.step(1.0)
+                run.step()
                 assert second.recv(10) == b""
             first.sendall(b"x")
             run.until(lambda: run.got == b"x")
             with connect(port) as third:
                 run.now_s += 2.0
-                run.until(lambda: run.sessions_count == 2)
+                run.until(lambda: run.connections_count == 2)
                 assert run.connection.send(b"hello")
                 assert third.recv(10) == b"hello"
 
@@ -299,14 +309,14 @@ def test_a_second_one_is_turned_away_while_the_first_speaks_and_let_in_when_it_i
 def test_a_silent_one_is_hung_up_on() -> None:
     port = free_port()
     with running(f"tcpin://{HERE}:{port}") as run:
-        run.turn()
+        run.step()
         with connect(port) as peer:
-            run.until(lambda: run.sessions_count == 1)
-            run.turn(SILENCE_S + 0.1)
+            run.until(lambda: run.connections_count == 1)
+            run.step(SILENCE_S + 0.1)
             assert peer.recv(10) == b""
         assert run.connection.peer is None
         with connect(port):
-            run.until(lambda: run.sessions_count == 2)
+            run.until(lambda: run.connections_count == 2)
 
 
 def test_a_taken_tcp_port_is_told_and_taken_when_it_is_free() -> None:
@@ -314,7 +324,7 @@ def test_a_taken_tcp_port_is_told_and_taken_when_it_is_free() -> None:
         port = other.getsockname()[1]
         run_of_port = running(f"tcpin://{HERE}:{port}")
         with run_of_port as run:
-            run.turn()
+            run.step()
             assert run.connection.trouble == (
                 f"cannot listen at TCP {HERE}:{port}: Address already in use; trying again "
                 "(does another program use this port?)"
@@ -322,7 +332,7 @@ def test_a_taken_tcp_port_is_told_and_taken_when_it_is_free() -> None:
             other.close()
             run.until(lambda: run.connection._is_open, passed_s=0.5)
             with connect(port):
-                run.until(lambda: run.sessions_count == 1)
+                run.until(lambda: run.connections_count == 1)
 
 
 # --- Serial lines -----------------------------------------------------------------------------------------------------
@@ -361,7 +371,7 @@ def test_a_serial_line_carries_bytes_as_they_are(line: Line) -> None:
     line.plug()
     everything = bytes(range(256))
     with running_serial(line) as run:
-        run.turn()
+        run.step()
         os.write(line.device, everything)
         run.until(lambda: run.got == everything)
         assert run.connection.send(everything)
@@ -375,20 +385,20 @@ def test_a_serial_line_carries_bytes_as_they_are(line: Line) -> None:
 def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING), running_serial(line) as run:
         for _ in range(5):
-            run.turn(1.0)
+            run.step(1.0)
         missing = f"cannot open {line.path}: there is no such device (is it plugged in?); trying again"
         assert run.connection.trouble == missing
         for count in (1, 2):
             line.plug()
-            run.until(lambda count=count: run.sessions_count == count, passed_s=0.5)  # type: ignore[misc]
+            run.until(lambda count=count: run.connections_count == count, passed_s=0.5)  # type: ignore[misc]
             os.write(line.device, b"hello")
             run.until(lambda: run.got == b"hello")
-            run.connection.heard(run.now_s + 0.1)
+            run.connection.on_heard(run.now_s + 0.1)
             run.got = b""
             line.unplug()
             run.until(lambda: run.connection.trouble)
-            run.turn(1.0)
-            run.turn(5.0)
+            run.step(1.0)
+            run.step(5.0)
     gone = f"{line.path} is gone (unplugged?); opening it anew"
     assert [record.message for record in caplog.records] == [missing, gone, missing, gone, missing]
 
@@ -402,7 +412,7 @@ def test_a_line_that_is_unplugged_while_it_is_opened_is_told(line: Line, monkeyp
         with monkeypatch.context() as patch:
             patch.setattr(termios, "tcflush", gone)
             run.until(lambda: run.connection.trouble.endswith("Input/output error; trying again"))
-        run.until(lambda: run.sessions_count == 1, passed_s=0.5)
+        run.until(lambda: run.connections_count == 1, passed_s=0.5)
     line.unplug()
 
 
@@ -411,10 +421,10 @@ def test_a_line_that_another_program_uses_is_told(line: Line) -> None:
     other = os.open(line.path, os.O_RDWR | os.O_NOCTTY)
     fcntl.flock(other, fcntl.LOCK_EX)
     with running_serial(line) as run:
-        run.turn()
+        run.step()
         assert run.connection.trouble == f"cannot open {line.path}: another program uses it; trying again"
         os.close(other)
-        run.until(lambda: run.sessions_count, passed_s=1.0)
+        run.until(lambda: run.connections_count, passed_s=1.0)
     line.unplug()
 
 
@@ -422,7 +432,7 @@ def test_a_line_that_nobody_reads_holds_nothing_up_and_sends_whole_frames(line: 
     line.plug()
     frame = b"0123456789" * 5
     with running_serial(line) as run:
-        run.turn()
+        run.step()
         taken = sum(run.connection.send(frame) for _ in range(5000))
         assert 0 < taken < 5000
         os.set_blocking(line.device, False)
@@ -463,7 +473,7 @@ def test_without_pyserial_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_waking_ends_the_wait() -> None:
     with running(f"udpin://{HERE}:{free_port()}") as run:
-        run.turn()
+        run.step()
         run.connection.wake()
         begin_s = time.monotonic()
         assert run.connection.receive(PATIENCE_S, 0.0) == []

@@ -5,7 +5,7 @@ import pytest
 from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
-from ual_daemon.backends.mavlink.session.vehicle import ASK_HEARTBEAT_S, HEARTBEAT_LATE_S
+from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S, HEARTBEAT_REQUEST_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FAILS = 1.0 - (1.0 - 0.3) * (1.0 - 0.1)
@@ -44,5 +44,5 @@ def test_whether_it_is_armed_does_not_go_stale_by_chance_on_a_bad_link() -> None
     # PX4's come once a second, and are asked for, with question and answer at risk, once one is late
     limit_s = Px4().freshness.mode_s
     fails_asked = 1.0 - (1.0 - FAILS) ** 2
-    asked_count = int((limit_s - HEARTBEAT_LATE_S - 2 * JITTER_S) / ASK_HEARTBEAT_S)
+    asked_count = int((limit_s - HEARTBEAT_LATE_S - 2 * JITTER_S) / HEARTBEAT_REQUEST_S)
     assert stale_per_hour(PX4_HEARTBEAT_HZ, limit_s) * fails_asked**asked_count < 1e-3

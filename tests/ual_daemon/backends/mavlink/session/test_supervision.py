@@ -1,51 +1,13 @@
 import logging
-import random
 from typing import Any
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Talk, attitude, heartbeat, packer
-from ual_daemon.backends.mavlink.session.supervision import LinkState, RoundTrip, SequenceGaps, Supervision
-from ual_daemon.backends.mavlink.session.vehicle import HEARTBEAT_LATE_S
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, packer
+from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S
+from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-
-
-def lost(sequences: list[int]) -> int:
-    gaps = SequenceGaps()
-    return sum(gaps.lost(sequence % 256) for sequence in sequences)
-
-
-@pytest.mark.parametrize(
-    ("sequences", "count"),
-    [
-        ([], 0),
-        ([7, 8, 9], 0),
-        ([254, 255, 256, 257], 0),
-        ([0, 1, 4], 2),
-        ([250, 260], 9),
-        ([0, 0, 1, 1, 1], 0),  # doubled
-        ([0, 2, 1, 3], 0),  # reordered
-        ([0, 2, 1, 1, 3], 0),
-        ([0, 3, 2, 2, 4], 1),
-        ([0, 5, 4, 3, 2, 1], 0),
-        ([0, 120], 119),
-    ],
-)
-def test_loss_is_told_by_gaps_in_the_numbers(sequences: list[int], count: int) -> None:
-    assert lost(sequences) == count
-
-
-def test_the_counted_loss_is_the_real_one_whatever_is_reordered_or_doubled() -> None:
-    noise = random.Random(4)
-    sent = list(range(5000))
-    kept = [each for each in sent if noise.random() > 0.3 or each in (0, 4999)]
-    came = sorted(
-        [*kept, *(each for each in kept if noise.random() < 0.1)], key=lambda each: each + noise.random() * 20
-    )
-    first = came.index(0)  # what came before the first heard is nobody's loss
-    count = lost([0, *came[:first], *came[first + 1 :]])
-    assert count == len(sent) - len(kept)
 
 
 def state(watch: Supervision) -> LinkState:
@@ -56,7 +18,7 @@ def beat(watch: Supervision, begin_s: float, end_s: float, rate_hz: float = 10.0
     """Frames come; the next number."""
     count = round((end_s - begin_s) * rate_hz)
     for index in range(count):
-        watch.heard((first + index) % 256, begin_s + index / rate_hz)
+        watch.on_frame((first + index) % 256, begin_s + index / rate_hz)
         watch.tick(begin_s + index / rate_hz)
     return first + count
 
@@ -73,7 +35,7 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back() 
     assert state(watch) is LinkState.STALE
     watch.tick(102.95)
     assert state(watch) is LinkState.LOST
-    watch.heard(0, 110.0)
+    watch.on_frame(0, 110.0)
     assert state(watch) is LinkState.CONNECTED
     assert watch.statistics(110.0).lost_count == 1
 
@@ -84,7 +46,7 @@ def test_each_change_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
         beat(watch, 0.0, 2.0)
         for tick in range(20, 100):
             watch.tick(tick / 10)
-        watch.heard(0, 10.0)
+        watch.on_frame(0, 10.0)
     told: list[Any] = caplog.records
     assert [record.ual_fields["new"] for record in told] == ["connected", "lost", "connected"]
     assert told[2].ual_fields["silence_s"] == 8.1
@@ -94,7 +56,7 @@ def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
     watch = Supervision("udp", lost_s=1.0)
     for index in range(2000):
         if index % 4 or index < 1000:
-            watch.heard(index % 256, index / 100)
+            watch.on_frame(index % 256, index / 100)
     late = watch.statistics(20.0)
     assert late.rate_hz == pytest.approx(75.0, rel=0.05)
     assert late.loss == pytest.approx(0.25, abs=0.02)
@@ -111,79 +73,61 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
 def test_a_boot_time_that_runs_back_is_a_reboot() -> None:
     watch = Supervision("udp", lost_s=1.0)
     told = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.1), (3.1, 1.2)]
-    assert [watch.booted(boot_s, now_s) for boot_s, now_s in told] == [False] * 4 + [True, False]
+    assert [watch.update_boot_time(boot_s, now_s) for boot_s, now_s in told] == [False] * 4 + [True, False]
     assert watch.statistics(0.0).reboots_count == 1
 
 
 @pytest.mark.parametrize(("boot_s", "is_reboot"), [(20.0, True), (33.5, True), (45.0, False), (44.0, False)])
 def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: float, is_reboot: bool) -> None:
     watch = Supervision("udp", lost_s=1.0)
-    assert not watch.booted(10.0, now_s=100.0)
-    assert watch.booted(boot_s, now_s=135.0) is is_reboot
+    assert not watch.update_boot_time(10.0, now_s=100.0)
+    assert watch.update_boot_time(boot_s, now_s=135.0) is is_reboot
 
 
-def test_the_round_trip_is_measured_once_a_second_by_answers_to_our_requests_only() -> None:
-    trip = RoundTrip()
-    asked_ns = trip.request_ns(5.0)
-    assert asked_ns == 5_000_000_000
-    assert trip.request_ns(5.9) is None
-    trip.answered(asked_ns + 1, 5.1)
-    assert trip.newest_s is None
-    trip.answered(asked_ns, 5.25)
-    assert trip.newest_s == pytest.approx(0.25)
-    trip.answered(asked_ns, 5.9)  # a copy that took another way
-    assert trip.newest_s == pytest.approx(0.25)
-    asked_ns = trip.request_ns(6.0)
-    assert asked_ns is not None
-    assert trip.request_ns(20.0) is not None
-    trip.answered(asked_ns, 20.1)  # nobody waits for it any more
-    assert trip.newest_s == pytest.approx(0.25)
-
-
-# --- In the conversation ----------------------------------------------------------------------------------------------
+# --- In the session ---------------------------------------------------------------------------------------------------
 
 
 def test_only_the_chosen_autopilot_counts() -> None:
-    talk = Talk()
-    talk.hear(heartbeat())
-    talk.now_s = 0.9
-    talk.hear(data=packer(2)(heartbeat()) + packer(1, 154)(attitude()))
-    talk.run(0.2)
-    assert talk.supervision.state is LinkState.LOST
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.now_s = 0.9
+    harness.receive(data=packer(2)(heartbeat()) + packer(1, 154)(attitude()))
+    harness.run(0.2)
+    assert harness.supervision.state is LinkState.LOST
 
 
 def test_timesync_is_asked_and_answered() -> None:
-    talk = Talk()
-    talk.hear(heartbeat())
-    talk.run(0.05)
-    (request,) = talk.link.take("TIMESYNC")
-    talk.now_s += 0.03
-    talk.hear(mavlink.MAVLink_timesync_message(123, request.ts1))
-    assert talk.supervision.statistics(talk.now_s).round_trip_s == pytest.approx(0.03)
-    assert talk.link.take("TIMESYNC") == []
-    talk.hear(mavlink.MAVLink_timesync_message(0, 77))
-    (answer,) = talk.link.take("TIMESYNC")
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.run(0.05)
+    (request,) = harness.link.take("TIMESYNC")
+    harness.now_s += 0.03
+    harness.receive(mavlink.MAVLink_timesync_message(123, request.ts1))
+    assert harness.supervision.statistics(harness.now_s).round_trip_s == pytest.approx(0.03)
+    assert harness.link.take("TIMESYNC") == []
+    harness.receive(mavlink.MAVLink_timesync_message(0, 77))
+    (answer,) = harness.link.take("TIMESYNC")
     assert answer.ts1 == 77
     assert answer.tc1 > 0
-    talk.run(3.1)
-    assert len(talk.link.take("TIMESYNC")) == 3
+    harness.run(3.1)
+    assert len(harness.link.take("TIMESYNC")) == 3
 
 
 def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> None:
-    talk = Talk()
-    talk.hear(heartbeat(), attitude())
+    harness = Harness()
+    harness.receive(heartbeat(), attitude())
     young = attitude()
     young.time_boot_ms = BOOT_MS // 10
-    talk.hear(young)
-    assert talk.supervision.reboots_count == 1
+    harness.receive(young)
+    assert harness.supervision.reboots_count == 1
 
 
 def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: pytest.LogCaptureFixture) -> None:
-    talk = Talk()
+    harness = Harness()
     ground_station = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink.MAV_TYPE_GCS)
     with caplog.at_level(logging.WARNING):
         for _ in range(3):
-            talk.hear(data=packer(7)(heartbeat()) + packer(3)(heartbeat()) + packer(255)(ground_station))
+            harness.receive(data=packer(7)(heartbeat()) + packer(3)(heartbeat()) + packer(255)(ground_station))
     (told,) = [record.message for record in caplog.records if "more than one" in record.message]
     assert told == (
         "more than one autopilot is heard: systems 3, 7; this one flies system 7, the first heard; "
@@ -192,22 +136,22 @@ def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: p
 
 
 def test_who_has_chosen_is_not_told_of_others(caplog: pytest.LogCaptureFixture) -> None:
-    talk = Talk(MavlinkSettings(system_id=7))
+    harness = Harness(MavlinkSettings(system_id=7))
     with caplog.at_level(logging.WARNING):
-        talk.hear(data=packer(7)(heartbeat()) + packer(3)(heartbeat()))
+        harness.receive(data=packer(7)(heartbeat()) + packer(3)(heartbeat()))
     assert caplog.records == []
 
 
 def test_a_heartbeat_that_is_late_is_asked_for_while_others_come() -> None:
-    talk = Talk()
-    talk.hear(heartbeat())
+    harness = Harness()
+    harness.receive(heartbeat())
     asked: list[float] = []
-    while talk.now_s < 2.0:
-        talk.hear(attitude())
-        talk.run(0.1)
-        asked += [talk.now_s for each in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 0.0]
+    while harness.now_s < 2.0:
+        harness.receive(attitude())
+        harness.run(0.1)
+        asked += [harness.now_s for each in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 0.0]
     assert asked[0] == pytest.approx(HEARTBEAT_LATE_S, abs=0.11)
     assert len(asked) > 3
-    talk.hear(heartbeat())
-    talk.run(1.0)
-    assert [each for each in talk.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 0.0] == []
+    harness.receive(heartbeat())
+    harness.run(1.0)
+    assert [each for each in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if each.param1 == 0.0] == []

@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink import fakes
-from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat, packer
+from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, packer
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
@@ -108,29 +108,29 @@ def test_frames_come_as_soon_as_they_are_whole() -> None:
 
 def test_what_only_looks_like_a_beginning_does_not_hold_a_frame_up_for_ever() -> None:
     """A heartbeat a second takes many to complete a false beginning that announces 280 bytes."""
-    talk = Talk(is_stream=True)
-    talk.hear(data=b"\xfd\xff\x00")
-    talk.hear(heartbeat())
-    assert talk.conversation.vehicle is None
-    talk.run(0.6)
-    assert talk.vehicle.system_id == 1
+    harness = Harness(is_stream=True)
+    harness.receive(data=b"\xfd\xff\x00")
+    harness.receive(heartbeat())
+    assert harness.discovery.session is None
+    harness.run(0.6)
+    assert harness.session.system_id == 1
 
 
 def test_a_frame_that_comes_in_two_pieces_is_heard() -> None:
-    talk = Talk(is_stream=True)
-    talk.hear(data=FRAMES[0][:7])
-    talk.run(0.2)
-    talk.hear(data=FRAMES[0][7:])
-    assert talk.vehicle.system_id == 1
-    assert talk.conversation.corrupt_count == 0
+    harness = Harness(is_stream=True)
+    harness.receive(data=FRAMES[0][:7])
+    harness.run(0.2)
+    harness.receive(data=FRAMES[0][7:])
+    assert harness.session.system_id == 1
+    assert harness.discovery.receiver.corrupt_count == 0
 
 
 def test_after_a_new_connection_the_old_ones_last_piece_is_not_continued() -> None:
-    talk = Talk(is_stream=True)
-    talk.hear(data=FRAMES[1][:7])
-    talk.conversation.reconnected()
-    talk.hear(data=FRAMES[0])
-    assert talk.vehicle.system_id == 1
+    harness = Harness(is_stream=True)
+    harness.receive(data=FRAMES[1][:7])
+    harness.discovery.reconnected()
+    harness.receive(data=FRAMES[0])
+    assert harness.session.system_id == 1
 
 
 def test_flags_that_nobody_knows_make_a_frame_that_is_passed_over() -> None:
@@ -141,15 +141,15 @@ def test_flags_that_nobody_knows_make_a_frame_that_is_passed_over() -> None:
 
 
 def test_garbage_is_counted_and_harms_nothing() -> None:
-    talk = Talk()
-    talk.hear(heartbeat())
+    harness = Harness()
+    harness.receive(heartbeat())
     noise = random.Random(2)
     for _ in range(2000):
         head = bytes((0xFD, noise.randrange(60), 0, 0, 0, 1, 1, noise.choice((0, 1, 24, 32, 77)), 0, 0))
-        talk.hear(data=noise.choice((b"", head)) + noise.randbytes(noise.randrange(1, 80)))
-    assert talk.conversation.corrupt_count == 2000
-    talk.hear(heartbeat(armed=True))
-    assert talk.snapshot().armed.value is True
+        harness.receive(data=noise.choice((b"", head)) + noise.randbytes(noise.randrange(1, 80)))
+    assert harness.discovery.receiver.corrupt_count == 2000
+    harness.receive(heartbeat(armed=True))
+    assert harness.snapshot().armed.value is True
 
 
 def test_every_message_is_read_as_pymavlink_reads_it() -> None:
@@ -173,21 +173,21 @@ def test_every_message_is_read_as_pymavlink_reads_it() -> None:
 def test_no_content_of_a_message_is_too_strange() -> None:
     """Whatever an autopilot puts into the messages that are used, with a right checksum."""
     noise = random.Random(3)
-    talk = Talk()
-    talk.hear(heartbeat())
-    used = sorted(talk.vehicle.used_ids)
+    harness = Harness()
+    harness.receive(heartbeat())
+    used = sorted(harness.session.decoded_ids)
     assert len(used) == 16
     for _ in range(300):
         for message_id in used:
             kind = mavlink.mavlink_map[message_id]
             size = kind.unpacker.size
             payload = noise.choice((noise.randbytes(size), b"\xff" * size, b"\0", noise.randbytes(size // 2 + 1)))
-            talk.now_s += 0.001
-            talk.hear(data=_frame(message_id, kind.crc_extra, payload))
-            talk.conversation.tick(talk.now_s)
-            talk.snapshot()
-            talk.vehicle.info()
-    assert talk.conversation.corrupt_count == 0
+            harness.now_s += 0.001
+            harness.receive(data=_frame(message_id, kind.crc_extra, payload))
+            harness.discovery.tick(harness.now_s)
+            harness.snapshot()
+            harness.session.info()
+    assert harness.discovery.receiver.corrupt_count == 0
 
 
 def _frame(message_id: int, crc_extra: int, payload: bytes) -> bytes:

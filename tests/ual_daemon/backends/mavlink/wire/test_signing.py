@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Talk, attitude, heartbeat, packer
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.mavlink.wire.frames import Frame, split
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, Signer, Verdict, read_key
@@ -118,53 +118,53 @@ def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:
     assert ours.next_timestamp() >= NOW
 
 
-# --- In the conversation ----------------------------------------------------------------------------------------------
+# --- In the receiver --------------------------------------------------------------------------------------------------
 
 
 def test_what_we_send_is_signed_so_that_pymavlink_believes_it() -> None:
-    talk = Talk(signer=signer())
-    talk.hear(data=Vehicle().pack(heartbeat()))
-    talk.run(1.0)
+    harness = Harness(signer=signer())
+    harness.receive(data=Vehicle().pack(heartbeat()))
+    harness.run(1.0)
     receiver: Any = mavlink.MAVLink(None)
     receiver.signing.secret_key = KEY
-    assert len(talk.link.sent) > 5
-    for data in talk.link.sent:
+    assert len(harness.link.sent) > 5
+    for data in harness.link.sent:
         receiver.decode(bytearray(data))
-    assert receiver.signing.goodsig_count == len(talk.link.sent)
+    assert receiver.signing.goodsig_count == len(harness.link.sent)
 
 
 def test_unsigned_messages_are_dropped_counted_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
-    talk = Talk(signer=signer())
+    harness = Harness(signer=signer())
     with caplog.at_level(logging.WARNING):
-        talk.hear(heartbeat(), heartbeat(), attitude())
-    assert talk.conversation.vehicle is None
-    assert talk.link.peer is None
-    assert talk.supervision.unsigned_count == 3
+        harness.receive(heartbeat(), heartbeat(), attitude())
+    assert harness.discovery.session is None
+    assert harness.link.peer is None
+    assert harness.discovery.receiver.unsigned_count == 3
     assert [record.message for record in caplog.records] == ["messages of system 1 are dropped: not signed"]
     vehicle = Vehicle()
-    talk.hear(data=vehicle.pack(heartbeat()))
-    talk.hear(heartbeat(armed=True), address=("6.6.6.6", 6))
-    assert talk.snapshot().armed.value is False
-    assert talk.link.peer == ADDRESS
+    harness.receive(data=vehicle.pack(heartbeat()))
+    harness.receive(heartbeat(armed=True), address=("6.6.6.6", 6))
+    assert harness.snapshot().armed.value is False
+    assert harness.link.peer == ADDRESS
 
 
 def test_an_autopilot_whose_clock_is_behind_is_answered_so_that_it_can_follow() -> None:
-    talk = Talk(signer=signer())
-    talk.hear(data=Vehicle(timestamp=5).pack(heartbeat()))
-    assert talk.conversation.vehicle is None
-    talk.run(0.1)
-    assert len(talk.link.take("HEARTBEAT")) == 1
-    talk.hear(data=Vehicle(timestamp=NOW).pack(heartbeat()))
-    assert talk.vehicle.system_id == 1
+    harness = Harness(signer=signer())
+    harness.receive(data=Vehicle(timestamp=5).pack(heartbeat()))
+    assert harness.discovery.session is None
+    harness.run(0.1)
+    assert len(harness.link.take("HEARTBEAT")) == 1
+    harness.receive(data=Vehicle(timestamp=NOW).pack(heartbeat()))
+    assert harness.session.system_id == 1
 
 
 def test_signed_messages_are_heard_without_a_key_and_that_it_is_missing_is_told_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    talk, vehicle = Talk(), Vehicle()
+    harness, vehicle = Harness(), Vehicle()
     with caplog.at_level(logging.WARNING):
-        talk.hear(data=vehicle.pack(heartbeat()) + vehicle.pack(attitude()))
-    assert talk.vehicle.system_id == 1
+        harness.receive(data=vehicle.pack(heartbeat()) + vehicle.pack(attitude()))
+    assert harness.session.system_id == 1
     assert [record.message for record in caplog.records] == [
         "system 1 signs its messages and may not listen to ours: set mavlink.signing_key_file"
     ]

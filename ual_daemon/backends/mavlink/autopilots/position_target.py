@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ual.geometry import Vector3
-from ual_daemon.backends.mavlink.autopilots.axes import swap_local, swap_yaw
+from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
@@ -16,17 +16,20 @@ VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 _ZERO = Vector3()
 
 
-def local_target(setpoint: Setpoint, system_id: int, time_ms: int, *, with_acceleration: bool = True) -> Message:
-    """Position, velocity, acceleration (or not), heading and yaw rate, all of them; or velocity and yaw rate, and only
-    they.
+def encode_position_target(
+    setpoint: Setpoint, system_id: int, time_ms: int, *, with_acceleration: bool = True
+) -> Message:
+    """Returns the message of a setpoint.
 
-    The yaw rate is always there: without it, and without a heading, ArduPilot turns its nose to where it flies.
+    A position setpoint has position, velocity, acceleration (unless left out), heading and yaw rate; a velocity
+    setpoint has velocity and yaw rate only. The yaw rate is in both: without it, and without a heading, ArduPilot turns
+    its nose to where it flies.
     """
-    velocity = _swapped(setpoint.velocity)
+    velocity = enu_to_ned(setpoint.velocity)
     if isinstance(setpoint, PositionSetpoint):
         mask = POSITION_MASK if with_acceleration else _IGNORE_ACCELERATION
-        position, acceleration = _swapped(setpoint.position), _swapped(setpoint.acceleration)
-        yaw_rad = swap_yaw(setpoint.yaw_rad)
+        position, acceleration = enu_to_ned(setpoint.position), enu_to_ned(setpoint.acceleration)
+        yaw_rad = enu_to_ned_yaw(setpoint.yaw_rad)
     else:
         mask = VELOCITY_MASK
         position = acceleration = _ZERO
@@ -47,9 +50,5 @@ def local_target(setpoint: Setpoint, system_id: int, time_ms: int, *, with_accel
         acceleration.y,
         acceleration.z,
         yaw_rad,
-        -setpoint.yaw_rate_rad_s,
+        enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s),
     )
-
-
-def _swapped(vector: Vector3) -> Vector3:
-    return swap_local(vector.x, vector.y, vector.z)

@@ -3,11 +3,11 @@ from typing import Any
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import Talk, heartbeat
+from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError, UalTimeoutError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.safety_pilot import SimulatedPilot
+from ual_daemon.backends.mavlink.session.safety_pilot import SimulatedPilot
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 SIMULATOR_UID = int.from_bytes(b"ONIDLATI", "little")  # of system 1
@@ -27,9 +27,9 @@ class Pilot:
     """The pilot of a scripted PX4."""
 
     def __init__(self) -> None:
-        self.talk = Talk()
+        self.harness = Harness()
         self.armings: list[Future[None]] = []
-        self.pilot = SimulatedPilot(lambda: self.talk.conversation.vehicle, self._arm)
+        self.pilot = SimulatedPilot(lambda: self.harness.discovery.session, self._arm)
 
     def _arm(self) -> Future[None]:
         self.armings.append(Future())
@@ -39,23 +39,23 @@ class Pilot:
 def test_nothing_may_be_armed_before_it_says_that_it_is_a_simulator_and_ready() -> None:
     it = Pilot()
     assert not it.pilot.may_arm()
-    it.talk.hear(heartbeat(LOITER), status(is_ready=True))
+    it.harness.receive(heartbeat(LOITER), status(is_ready=True))
     assert not it.pilot.may_arm()
-    it.talk.hear(version(SIMULATOR_UID), status(is_ready=False))
+    it.harness.receive(version(SIMULATOR_UID), status(is_ready=False))
     assert not it.pilot.may_arm()
-    it.talk.hear(status(is_ready=True))
+    it.harness.receive(status(is_ready=True))
     assert it.pilot.may_arm()
 
 
 def test_in_a_mode_in_which_it_cannot_be_armed_it_is_ready_all_the_same_since_arming_leaves_that() -> None:
     it = Pilot()
-    it.talk.hear(heartbeat(OFFBOARD), version(SIMULATOR_UID), status(is_ready=False))
+    it.harness.receive(heartbeat(OFFBOARD), version(SIMULATOR_UID), status(is_ready=False))
     assert it.pilot.may_arm()
 
 
 def test_the_id_of_a_flight_controller_is_refused() -> None:
     it = Pilot()
-    it.talk.hear(heartbeat(LOITER), version(0x3130_5110_3332_3438), status(is_ready=True))
+    it.harness.receive(heartbeat(LOITER), version(0x3130_5110_3332_3438), status(is_ready=True))
     with pytest.raises(PermissionDeniedError, match="no simulator: its unique id is 0x3130511033323438"):
         it.pilot.may_arm()
     with pytest.raises(PermissionDeniedError):
@@ -67,32 +67,32 @@ def test_hardware_in_the_loop_is_hardware() -> None:
     it = Pilot()
     beat = heartbeat(LOITER)
     beat.base_mode |= mavlink.MAV_MODE_FLAG_HIL_ENABLED
-    it.talk.hear(beat, version(SIMULATOR_UID), status(is_ready=True))
+    it.harness.receive(beat, version(SIMULATOR_UID), status(is_ready=True))
     with pytest.raises(PermissionDeniedError, match="hardware in the loop"):
         it.pilot.may_arm()
-    assert it.talk.vehicle.info().is_simulation  # though what flies is simulated
+    assert it.harness.session.info().is_simulation  # though what flies is simulated
 
 
 def test_an_autopilot_that_is_not_known_is_refused() -> None:
     it = Pilot()
-    it.talk.hear(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
+    it.harness.receive(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
     with pytest.raises(PermissionDeniedError):
         it.pilot.may_arm()
 
 
 def ready() -> Pilot:
     it = Pilot()
-    it.talk.hear(heartbeat(LOITER), version(SIMULATOR_UID), status(is_ready=True))
+    it.harness.receive(heartbeat(LOITER), version(SIMULATOR_UID), status(is_ready=True))
     return it
 
 
-def test_he_arms_and_says_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_daemon.backends.mavlink.safety_pilot.ARMING_LIMIT_S", 0.01)
+def test_it_arms_and_reports_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ual_daemon.backends.mavlink.session.safety_pilot.ARMING_LIMIT_S", 0.01)
     it = ready()
     with pytest.raises(UalTimeoutError):
         it.pilot.arm()
     assert it.armings[0].cancelled()  # and is not sent again
-    refusing = SimulatedPilot(lambda: it.talk.conversation.vehicle, refused)
+    refusing = SimulatedPilot(lambda: it.harness.discovery.session, refused)
     with pytest.raises(RejectedByAutopilotError, match="no GPS"):
         refusing.arm()
 

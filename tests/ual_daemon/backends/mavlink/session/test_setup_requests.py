@@ -1,0 +1,221 @@
+"""What is asked to be streamed is asked again until it flows, whatever was acknowledged."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Mapping
+from concurrent.futures import Future
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, ack, attitude, heartbeat, position
+from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+STEP_S = 0.01
+INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
+
+
+def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 60.0) -> Counter[int]:
+    """How often each message is asked for, where every request is acknowledged, but these are the rates."""
+    telemetry = SimpleNamespace(message_counts=Counter[int](), parameters=dict.fromkeys(dialect.parameters, 0.0))
+    found: Counter[int] = Counter()
+
+    class Acknowledged:
+        def is_under_way(self, _: CommandLong) -> bool:
+            return False
+
+        def submit(self, command: CommandLong, _: float) -> Future[None]:
+            if command.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                found[round(command.params[0])] += 1
+            done: Future[None] = Future()
+            done.set_result(None)
+            return done
+
+    setup = SetupRequests(dialect, cast("Any", telemetry), cast("Any", Acknowledged()), lambda _: None, 50.0)
+    due = dict.fromkeys(rates_hz, 0.0)
+    for index in range(round(duration_s / STEP_S)):
+        for message_id, rate_hz in rates_hz.items():
+            due[message_id] += rate_hz * STEP_S
+            if due[message_id] >= 1.0:
+                due[message_id] -= 1.0
+                telemetry.message_counts[message_id] += 1
+        setup.tick(index * STEP_S)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("message_id", "unasked_hz"),
+    [
+        (mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1.0),  # tells its mode: at 1 Hz the safety pilot is seen a second late
+        (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 4.0),
+        (mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, 4.0),
+    ],
+)
+def test_a_stream_of_ardupilot_at_its_own_rate_is_asked_for_again(message_id: int, unasked_hz: float) -> None:
+    assert asked(ArduCopter(), {message_id: unasked_hz})[message_id] > 10
+
+
+def test_px4s_mode_flows_when_it_comes_twice_a_second_and_not_by_its_own_rate() -> None:
+    current_mode = mavlink.MAVLINK_MSG_ID_CURRENT_MODE
+    assert asked(Px4(), {current_mode: 2.0})[current_mode] <= 2
+    assert asked(Px4(), {current_mode: 0.5})[current_mode] > 10
+
+
+@pytest.mark.parametrize("dialect", [Px4(), ArduCopter()])
+def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
+    rates_hz = {round(each.params[0]): 1e6 / each.params[1] for each in dialect.streams(50.0)}
+    assert set(asked(dialect, rates_hz).values()) == {1}
+
+
+# --- In a session -----------------------------------------------------------------------------------------------------
+
+STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 100_000.0, 31: 20_000.0, 32: 20_000.0}
+
+
+def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
+    """What it asks to be streamed while every request is accepted."""
+    asked: dict[int, float] = {}
+    while harness.now_s < until_s:
+        harness.run(0.05)
+        for sent in harness.commands(INTERVAL):
+            asked[int(sent.param1)] = sent.param2
+            harness.receive(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
+    return asked
+
+
+def _attitude_at(now_s: float) -> Any:
+    message = attitude()
+    message.time_boot_ms += int(now_s * 1000)
+    return message
+
+
+def _stream(harness: Harness, *, until_s: float, without: int = 0) -> set[float]:
+    """It sends what it was asked for, a third of it at that: the link is bad. What it is asked meanwhile."""
+    asked: set[float] = set()
+    while harness.now_s < until_s:
+        harness.run(0.15)
+        said = [
+            mavlink.MAVLink_current_mode_message(0, 0x03040000, 0),
+            mavlink.MAVLink_extended_sys_state_message(0, 1),
+            mavlink.MAVLink_estimator_status_message(0, 0x37F, *[0.0] * 8),
+            *[_attitude_at(harness.now_s), position(harness.now_s)] * 3,
+        ]
+        for sent in harness.commands(INTERVAL):
+            asked.add(sent.param1)
+            said.append(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
+        harness.receive(*[message for message in said if message.get_msgId() != without])
+    return asked
+
+
+def test_streams_are_asked_for_until_each_is_acknowledged_and_flows() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.run(30.0)  # nobody answers
+    harness.link.sent.clear()
+    assert _asked_streams(harness, until_s=45.0) == STREAMS
+    _stream(harness, until_s=60.0)
+    assert _stream(harness, until_s=90.0) == set()
+
+
+def test_a_stream_that_does_not_flow_is_asked_for_again_though_it_was_acknowledged() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    assert _asked_streams(harness, until_s=2.0) == STREAMS  # by the acknowledgement of another, for all we know
+    _stream(harness, until_s=4.0, without=245)
+    assert _stream(harness, until_s=6.0, without=245) == {245.0}
+
+
+def test_a_stream_that_it_refuses_is_not_asked_for_again() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    asked_count = 0
+    for _ in range(400):
+        harness.run(0.05)
+        for _ in harness.commands(INTERVAL):
+            asked_count += 1
+            harness.receive(ack(INTERVAL, mavlink.MAV_RESULT_UNSUPPORTED))
+    assert asked_count == len(STREAMS)
+
+
+def test_what_is_sent_only_on_request_is_requested_until_it_comes() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.run(20.0)
+    assert {sent.param1 for sent in harness.commands(REQUEST)} == {148.0, 49.0, 242.0}
+    harness.receive(mavlink.MAVLink_home_position_message(1, 1, 1, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
+    harness.run(5.0)  # those that were under way
+    harness.link.sent.clear()
+    harness.run(60.0)
+    assert {sent.param1 for sent in harness.commands(REQUEST)} == {148.0, 49.0}
+
+
+def test_px4s_origin_is_asked_for_now_and_then_as_the_message_that_moves_it_may_have_been_lost() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.receive(mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    harness.run(20.0)
+    harness.link.sent.clear()
+    harness.run(60.0)
+    assert 5 <= [sent.param1 for sent in harness.commands(REQUEST)].count(49.0) <= 6 * 4  # each four times at most
+
+
+def test_limits_come_from_parameters_that_are_read_until_they_are_known() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.run(0.1)
+    asked = {message.param_id for message in harness.link.take("PARAM_REQUEST_READ")}
+    assert "MPC_XY_VEL_MAX" in asked
+    harness.receive(mavlink.MAVLink_param_value_message(b"MPC_XY_VEL_MAX", 12.0, 9, 900, 1))
+    harness.receive(mavlink.MAVLink_param_value_message(b"MPC_YAWRAUTO_MAX", 90.0, 9, 900, 1))
+    harness.run(1.0)
+    again = {message.param_id for message in harness.link.take("PARAM_REQUEST_READ")}
+    assert again == asked - {"MPC_XY_VEL_MAX", "MPC_YAWRAUTO_MAX"}
+    limits = harness.session.info().limits
+    assert limits.horizontal_speed_m_s == 12.0
+    assert limits.yaw_rate_rad_s == pytest.approx(math.pi / 2)
+
+
+def test_a_parameter_that_it_does_not_have_is_asked_for_ever_more_rarely() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    asked_s: list[float] = []
+    while harness.now_s < 3600.0:
+        harness.run(0.5, 0.5)
+        asked = [message.param_id for message in harness.link.take("PARAM_REQUEST_READ")]
+        asked_s += [harness.now_s] * asked.count("MPC_XY_VEL_MAX")
+    assert 8 <= len(asked_s) <= 17
+    pauses_s = [later - earlier for earlier, later in itertools.pairwise(asked_s)]
+    assert pauses_s == sorted(pauses_s)
+    assert pauses_s[-1] > 600.0
+
+
+def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
+    assert _asked_streams(harness, until_s=10.0) == STREAMS
+    harness.receive(
+        mavlink.MAVLink_attitude_quaternion_message(BOOT_MS // 10, 1, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0),
+    )
+    assert harness.snapshot().projection is None
+    assert harness.snapshot().stamp_s == pytest.approx(UTC_S + harness.now_s)
+    assert harness.supervision.reboots_count == 1
+    assert _asked_streams(harness, until_s=20.0) == STREAMS
+
+
+def test_after_a_silence_everything_is_asked_anew() -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    assert _asked_streams(harness, until_s=2.0) == STREAMS
+    harness.run(10.0)
+    harness.receive(heartbeat())
+    assert _asked_streams(harness, until_s=20.0) == STREAMS

@@ -1,0 +1,106 @@
+"""Commands to an autopilot, and the makers of those that all autopilots take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import LandedState, Snapshot
+
+_PARAMS_COUNT = 7
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLong:
+    """A COMMAND_LONG, and what shows that it was obeyed.
+
+    `params` are the first ones; zeros follow. `what` is for people ("arm"). Of one `group` only the newest command is
+    kept; a command without a group only requests data. `acks_count` is how often the autopilot acknowledges it.
+    `needs_setpoints_s` is for how long setpoints must have been sent before it. `shows` returns whether a snapshot
+    taken since it was sent shows its effect, whatever was acknowledged. `explain` makes the autopilot give the reason
+    of a refusal. `then` follows once it is accepted.
+    """
+
+    id: int
+    params: tuple[float, ...]
+    what: str
+    group: str = ""
+    acks_count: int = 1
+    needs_setpoints_s: float = 0.0
+    shows: Callable[[Snapshot, float], bool] | None = field(default=None, compare=False)
+    explain: CommandLong | None = None
+    then: CommandLong | None = None
+
+    def encode(self, system_id: int, confirmation: int) -> Message:
+        """Returns the message to the autopilot of a system. `confirmation` is how often it was sent before."""
+        params = (*self.params, *(0.0,) * (_PARAMS_COUNT - len(self.params)))
+        return mavlink.MAVLink_command_long_message(
+            system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, self.id, confirmation, *params
+        )
+
+
+def arm_or_disarm(*, is_arming: bool) -> CommandLong:
+    """Arms or disarms, never by force."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        armed = snapshot.armed
+        return armed is not None and armed.time_s > since_s and armed.value is is_arming
+
+    what = "arm" if is_arming else "disarm"
+    return CommandLong(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(is_arming),), what, group="arm", shows=shows)
+
+
+def set_mode(name: str, *numbers: int, what: str) -> CommandLong:
+    """Changes the mode to the one of a name, which is given to the autopilot by its own numbers."""
+    params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), *map(float, numbers))
+    return CommandLong(mavlink.MAV_CMD_DO_SET_MODE, params, what, group="mode", shows=shows_mode(name))
+
+
+def shows_mode(name: str) -> Callable[[Snapshot, float], bool]:
+    """For `CommandLong.shows`: the autopilot is in the mode of this name."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        mode = snapshot.mode
+        return mode is not None and mode.time_s > since_s and mode.value.name == name
+
+    return shows
+
+
+def shows_landed(*states: LandedState) -> Callable[[Snapshot, float], bool]:
+    """For `CommandLong.shows`: the autopilot is in one of these landed states."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        landed = snapshot.landed
+        return landed is not None and landed.time_s > since_s and landed.value in states
+
+    return shows
+
+
+def set_message_interval(message_id: int, rate_hz: float) -> CommandLong:
+    """Requests a stream of a message."""
+    return CommandLong(
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz), f"stream message {message_id}"
+    )
+
+
+def pose_streams(rate_hz: float) -> list[CommandLong]:
+    """Requests streams of attitude and position."""
+    return [
+        set_message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, rate_hz),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, rate_hz),
+    ]
+
+
+def slow_streams() -> list[CommandLong]:
+    """Requests streams of what changes slowly, from an autopilot that does not send it without a request."""
+    return [
+        set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+    ]
+
+
+def request_message(message_id: int) -> CommandLong:
+    """Requests a message once."""
+    return CommandLong(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),), f"send message {message_id}")

@@ -1,0 +1,100 @@
+"""An autopilot that UAL does not fly: only its telemetry is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from typing_extensions import override
+
+from ual.errors import NotSupportedError
+from ual.types import Limits
+from ual_daemon.backends.mavlink.autopilots.command_long import (
+    CommandLong,
+    pose_streams,
+    set_message_interval,
+    slow_streams,
+)
+from ual_daemon.backends.mavlink.autopilots.dialect import NO_PARAMETERS, Dialect, SimulationVerdict
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
+from ual_daemon.geodesy import EllipsoidProjection, Projection
+
+
+class Unknown(Dialect):
+    """An unknown autopilot, or a known one on a vehicle that is not a multirotor: read by the common messages."""
+
+    wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+
+    def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
+        entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
+        name = f"autopilot {autopilot}" if entry is None else entry.name.removeprefix("MAV_AUTOPILOT_").lower()
+        vehicle = mavlink.enums["MAV_TYPE"].get(kind)
+        of = "" if vehicle is None or kind == mavlink.MAV_TYPE_GENERIC else f", {_plain(vehicle.name)}"
+        self.name = f"unknown ({name}{of})"
+
+    @override
+    def mode(self, custom_mode: int) -> Mode:
+        return Mode(f"mode {custom_mode}", Control.OTHER)
+
+    @override
+    def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
+        return EllipsoidProjection(latitude_deg, longitude_deg, altitude_amsl_m)
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return [
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 2.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
+        ]
+
+    @override
+    def judge_simulation(
+        self, version: Message | None, parameters: Mapping[str, float], system_id: int
+    ) -> SimulationVerdict:
+        return SimulationVerdict(False, "UAL cannot recognize a simulator of this autopilot")
+
+    @override
+    def limits(self, parameters: Mapping[str, float]) -> Limits:
+        return Limits()
+
+    @override
+    def encode_setpoint(
+        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        raise self._refusal()
+
+    @override
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def disarm(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def land(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def take_control(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def hold(self) -> CommandLong:
+        raise self._refusal()
+
+    def _refusal(self) -> NotSupportedError:
+        return NotSupportedError(
+            f"UAL only watches an autopilot that is {self.name}; it flies PX4 and ArduPilot multirotors",
+            {"autopilot": self.name},
+        )
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower()

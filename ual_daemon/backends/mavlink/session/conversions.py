@@ -1,0 +1,76 @@
+"""From the content of MAVLink messages to UAL's value types and units."""
+
+from __future__ import annotations
+
+from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import LandedState
+
+_LANDED = {
+    mavlink.MAV_LANDED_STATE_ON_GROUND: LandedState.ON_GROUND,
+    mavlink.MAV_LANDED_STATE_IN_AIR: LandedState.IN_AIR,
+    mavlink.MAV_LANDED_STATE_TAKEOFF: LandedState.TAKING_OFF,
+    mavlink.MAV_LANDED_STATE_LANDING: LandedState.LANDING,
+}
+_FIX = {
+    mavlink.GPS_FIX_TYPE_2D_FIX: GpsFix.FIX_2D,
+    mavlink.GPS_FIX_TYPE_3D_FIX: GpsFix.FIX_3D,
+    mavlink.GPS_FIX_TYPE_DGPS: GpsFix.DIFFERENTIAL,
+    mavlink.GPS_FIX_TYPE_RTK_FLOAT: GpsFix.RTK_FLOAT,
+    mavlink.GPS_FIX_TYPE_RTK_FIXED: GpsFix.RTK_FIXED,
+    mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
+    mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
+}
+_UNKNOWN_U16 = 0xFFFF
+_UNKNOWN_U8 = 0xFF
+
+
+def milli(value: int) -> float:
+    """Converts thousandths (mm, ms, mV) to the unit."""
+    return value / 1000.0
+
+
+def degrees(value: int) -> float:
+    """Converts 1e-7 degrees to degrees."""
+    return value / 1e7
+
+
+def landed_state(value: int) -> LandedState:
+    """Converts a MAV_LANDED_STATE."""
+    return _LANDED.get(value, LandedState.UNKNOWN)
+
+
+def battery(message: Message) -> Battery | None:
+    """Returns the battery of a SYS_STATUS; None where it has no value."""
+    voltage, current, remaining = message.voltage_battery, message.current_battery, message.battery_remaining
+    found = Battery(
+        remaining_percent=None if remaining < 0 else float(remaining),
+        voltage_v=None if voltage in (0, _UNKNOWN_U16) else milli(voltage),  # 0 from ArduPilot without a monitor
+        current_a=None if current < 0 else current / 100.0,  # unknown: -1 in MAVLink, -100 from PX4
+    )
+    return None if found == Battery() else found
+
+
+def gps_info(message: Message) -> GpsInfo:
+    """Returns the fix of a GPS_RAW_INT."""
+    satellites_count = message.satellites_visible
+    return GpsInfo(
+        _FIX.get(message.fix_type, GpsFix.NONE),
+        satellites_count=0 if satellites_count == _UNKNOWN_U8 else satellites_count,
+        horizontal_accuracy_m=milli(message.h_acc) or None,  # 0 where it is not known
+        vertical_accuracy_m=milli(message.v_acc) or None,
+    )
+
+
+def geo_point(message: Message, geoid_separation_m: float | None) -> GeoPoint | None:
+    """Returns the position of a GLOBAL_POSITION_INT; None for the zeros that ArduPilot sends before its first fix."""
+    if message.lat == message.lon == 0:
+        return None
+    altitude_m = milli(message.alt)
+    return GeoPoint(
+        degrees(message.lat),
+        degrees(message.lon),
+        altitude_amsl_m=altitude_m,
+        altitude_home_m=milli(message.relative_alt),
+        altitude_ellipsoid_m=None if geoid_separation_m is None else altitude_m + geoid_separation_m,
+    )

@@ -1,0 +1,102 @@
+"""Finds the autopilot on a link, and opens the session with it. No threads, sockets or clock."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+
+from typing_extensions import override
+
+from ual_daemon.backends.mavlink.autopilots.detection import dialect_of
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
+from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message
+from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector
+from ual_daemon.backends.mavlink.wire.sender import Sender
+from ual_daemon.backends.mavlink.wire.signing import Signer
+
+_log = logging.getLogger(__name__)
+
+_CALLER_SYSTEM_ID = 245
+"""Our system until the autopilot is found, whose system we then join."""
+
+
+class Discovery(Selector):
+    """Selects the first autopilot whose heartbeat comes, if the settings allow it, and keeps the session with it.
+
+    Not thread-safe: belongs to the thread that receives. `receiver` and `sender` are the two ways through the link;
+    `session` is None until the autopilot is found. `url` is for the log.
+    """
+
+    def __init__(
+        self,
+        settings: MavlinkSettings,
+        link: Transport,
+        url: str,
+        setpoints_s: Callable[[float], float],
+        signer: Signer | None = None,
+    ) -> None:
+        codec = Codec(settings.component_id, signer)
+        codec.join(_CALLER_SYSTEM_ID)
+        self.sender = Sender(link, codec)
+        self.receiver = Receiver(link, codec, self, settings.system_id, signer)
+        self.supervision = Supervision(url, Dialect.freshness.link_s)
+        self.session: Session | None = None
+        self._settings = settings
+        self._link = link
+        self._setpoints_s = setpoints_s
+        self._next_heartbeat_s = -math.inf
+        self._other_system_ids: set[int] = set()
+
+    def reconnected(self) -> None:
+        """Starts anew with a new other end of the link, which continues no frame and has received no request."""
+        self.receiver.reconnected()
+        if self.session is not None:
+            self.session.restart_setup()
+
+    def discard_state(self) -> None:
+        """Discards all that may have changed since it was received."""
+        if self.session is not None:
+            self.session.discard_state()
+
+    def tick(self, now_s: float) -> None:
+        """Does what is due; to be called often."""
+        self.receiver.tick(now_s)
+        self.supervision.tick(now_s)
+        if self.session is not None:
+            self.session.tick(now_s)
+        elif self._link.peer is not None and now_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = now_s + OWN_HEARTBEAT_S
+            self.sender.send(own_heartbeat())
+
+    def link_statistics(self, now_s: float) -> LinkStatistics:
+        """Returns the quality of the link. From any thread."""
+        return self.supervision.statistics(now_s, self.receiver.corrupt_count, self.receiver.unsigned_count)
+
+    @override
+    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> Session:
+        dialect = dialect_of(heartbeat)
+        self.sender.join(system_id)
+        self.session = Session(system_id, dialect, self._settings, self.sender, self.supervision, self._setpoints_s)
+        self.supervision.lost_s = dialect.freshness.link_s
+        where = "" if address is None else f", at {address[0]}:{address[1]}"
+        _log.info("connected to %s, system %d%s", dialect.name, system_id, where)
+        return self.session
+
+    @override
+    def on_other_heartbeat(self, system_id: int) -> None:
+        if self.session is None or self._settings.system_id is not None or system_id in self._other_system_ids:
+            return
+        self._other_system_ids.add(system_id)
+        _log.warning(
+            "more than one autopilot is heard: systems %s; this one flies system %d, the first heard; "
+            "choose with %s.system_id",
+            ", ".join(map(str, sorted({self.session.system_id, *self._other_system_ids}))),
+            self.session.system_id,
+            SECTION,
+        )

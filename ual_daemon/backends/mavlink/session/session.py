@@ -1,0 +1,245 @@
+"""The session with one autopilot: takes its messages, sends it what is due. Belongs to the thread that receives."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
+from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
+from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
+from ual_daemon.backends.mavlink.session.command_sender import CommandSender
+from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
+from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
+from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
+from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
+from ual_daemon.backends.mavlink.wire.sender import Sender
+from ual_daemon.backends.values import Snapshot, VehicleInfo
+
+_log = logging.getLogger(__name__)
+
+SILENCE_S = 3.0
+"""After a silence this long everything is requested anew: the autopilot may have booted, or be another one."""
+OLD_EVENT_S = 1.0
+"""An event of PX4 that is this much older than the newest time since boot is a repetition."""
+STREAMLESS_S = 10.0
+"""How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
+
+
+class Session:
+    """The session with the autopilot of a system. `setpoints_s` is as for `CommandSender`."""
+
+    def __init__(
+        self,
+        system_id: int,
+        dialect: Dialect,
+        settings: MavlinkSettings,
+        sender: Sender,
+        supervision: Supervision,
+        setpoints_s: Callable[[float], float],
+    ) -> None:
+        self.system_id = system_id
+        self.dialect = dialect
+        self.telemetry = Telemetry(dialect)
+        learns = settings.learns_feed_forward and dialect.takes_feed_forward
+        self._feed_forward = FeedForward() if learns else None
+        self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
+        self._own_ids = (system_id, settings.component_id)
+        self._pose_rate_hz = settings.pose_rate_hz
+        self._sender = sender
+        self._supervision = supervision
+        self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
+        self._setup = self._new_setup()
+        self._next_setup_s = -math.inf
+        self._heartbeats = HeartbeatWatchdog()
+        self._next_own_heartbeat_s = -math.inf
+        self._unlearned_s: tuple[float, float] | None = None
+        """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
+        self._handlers: dict[int, Callable[[Message, float, float], None]] = {
+            mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
+            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+        }
+        """What follows from a message, after `telemetry` has taken its values."""
+        self.decoded_ids = self.telemetry.decoded_ids | self._handlers.keys()
+        """Ids of the messages that are worth decoding; of others only the arrival counts."""
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a command is under way, or a heartbeat is wanted at once, so that `tick` should be called often."""
+        return self._heartbeats.is_wanted or self._commands.is_any_under_way
+
+    def on_message(self, frame: Frame, message: Message | None, now_s: float, utc_now_s: float) -> None:
+        """Takes a frame of this autopilot, and its content where that is decoded."""
+        self._supervision.on_frame(frame.sequence, now_s)
+        self._end_silence(now_s)
+        if message is None:
+            self._on_undecoded(frame, now_s)
+        else:
+            self._on_decoded(message, now_s, utc_now_s)
+
+    def discard_state(self) -> None:
+        """Discards all that may have changed, as `Telemetry.discard_state` does, and requests a heartbeat at once."""
+        self.telemetry.discard_state()
+        self._heartbeats.want()
+
+    def restart_setup(self) -> None:
+        """Requests everything anew: the autopilot may have booted, or have been connected anew."""
+        _log.debug("requesting everything anew from %s", self.dialect.name)
+        self._setup = self._new_setup()
+
+    def submit(
+        self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
+    ) -> Future[None]:
+        """Sends a command; see `CommandSender.submit`."""
+        future = self._commands.submit(command, now_s, is_withdrawn)
+        future.add_done_callback(lambda _: self._heartbeats.want())  # runs on the thread that this belongs to
+        return future
+
+    def tick(self, now_s: float) -> None:
+        """Does what is due, and what could wait until the last update was published; to be called often."""
+        if self._unlearned_s is not None:
+            self._learn(*self._unlearned_s)
+            self._unlearned_s = None
+        if now_s >= self._next_own_heartbeat_s:
+            self._next_own_heartbeat_s = now_s + OWN_HEARTBEAT_S
+            self._sender.send(own_heartbeat())
+        requested_ns = self._supervision.timesync.request_ns(now_s)
+        if requested_ns is not None:
+            self._sender.send(mavlink.MAVLink_timesync_message(0, requested_ns))
+        if self._has_stopped_streaming(now_s):
+            _log.info("%s is heard, but sends no attitude any more: requesting everything anew", self.dialect.name)
+            self._next_setup_s = now_s + STREAMLESS_S
+            self._setup = self._new_setup()
+        self._setup.tick(now_s)
+        self._commands.tick(now_s)
+        is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
+        if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """Returns the newest data as of now."""
+        return self.telemetry.snapshot(now_s)
+
+    def judge_simulation(self) -> SimulationVerdict:
+        """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
+        telemetry = self.telemetry
+        if telemetry.is_hardware_in_the_loop:
+            return SimulationVerdict(False, "it is a flight controller in a simulation (hardware in the loop)")
+        return self.dialect.judge_simulation(telemetry.version, telemetry.parameters, self.system_id)
+
+    def is_ready_to_arm(self) -> bool:
+        """Returns whether its data say that arming would succeed. From any thread.
+
+        In a mode in which it cannot be armed, PX4 is not ready because of the mode; that says nothing of the mode in
+        which it will be armed.
+        """
+        mode = self.telemetry.mode_name
+        return self.telemetry.is_ready_to_arm or not self.dialect.can_be_armed_in(mode)
+
+    def info(self) -> VehicleInfo:
+        """Returns what is known of the vehicle so far."""
+        telemetry, dialect = self.telemetry, self.dialect
+        version = telemetry.version
+        return VehicleInfo(
+            autopilot=dialect.name,
+            autopilot_version="" if version is None else dialect.version(version),
+            is_simulation=telemetry.is_hardware_in_the_loop or self.judge_simulation().is_simulated is True,
+            capabilities=dialect.capabilities,
+            limits=dialect.limits(telemetry.parameters),
+            flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
+        )
+
+    def _end_silence(self, now_s: float) -> None:
+        """Checks how long nothing came before the present frame.
+
+        After a silence that counts as a lost link nothing from before it is valid. PX4 may have left OFFBOARD
+        meanwhile, and a setpoint sent because of the old mode would take it back there.
+        """
+        heard_s = self.telemetry.heard_s
+        silence_s = 0.0 if heard_s is None else now_s - heard_s
+        if silence_s > self.dialect.freshness.link_s:
+            self.discard_state()
+        if silence_s > SILENCE_S:
+            self.restart_setup()
+
+    def _on_decoded(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        telemetry = self.telemetry
+        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
+            telemetry.discard_boot()
+            self.restart_setup()
+        telemetry.update(message, now_s, utc_now_s)
+        if telemetry.is_mode_doubtful:
+            telemetry.is_mode_doubtful = False
+            self._heartbeats.want()
+        handler = self._handlers.get(message.get_msgId())
+        if handler is not None:
+            handler(message, now_s, utc_now_s)
+
+    def _on_undecoded(self, frame: Frame, now_s: float) -> None:
+        """Takes a message that no dialect of pymavlink has, or that is not used."""
+        self.telemetry.on_frame(frame.sequence, now_s)
+        event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
+        # PX4 repeats its last events when any program requests them, and every listener receives the repetitions.
+        if event is not None and event.boot_s >= self._supervision.boot_s - OLD_EVENT_S:
+            # PX4 reports arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
+            self._heartbeats.want()
+            if event.armed is not None:
+                self.telemetry.set_armed(event.armed, now_s)
+            if event.text:
+                self._commands.on_text(event.text)
+
+    def _learn(self, received_s: float, autopilot_s: float) -> None:
+        pose, velocity = self.telemetry.pose, self.telemetry.velocity
+        if self._feed_forward is None or pose is None or velocity is None or pose.time_s != received_s:
+            return
+        self._feed_forward.learn(autopilot_s, pose.value, velocity.value.linear)
+
+    def _has_stopped_streaming(self, now_s: float) -> bool:
+        """Whether it is heard, but does not send the requested attitude any more, as after a short reboot."""
+        heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
+        if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
+            return False
+        return now_s - heard_s < SILENCE_S < now_s - attitude_s
+
+    def _on_ack(self, message: Message, now_s: float, _: float) -> None:
+        if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
+            self._commands.on_ack(message, now_s)
+
+    def _on_heartbeat(self, _message: Message, now_s: float, _: float) -> None:
+        self._heartbeats.on_heartbeat(now_s)
+
+    def _on_position(self, message: Message, now_s: float, _: float) -> None:
+        if self._feed_forward is not None:
+            self._unlearned_s = (now_s, message.time_boot_ms / 1000.0)
+
+    def _on_text(self, _message: Message, _now_s: float, _: float) -> None:
+        self._commands.on_text(self.telemetry.status_text)
+
+    def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
+        if message.tc1:  # an answer
+            self._supervision.timesync.on_answer(message.ts1, now_s)
+        else:
+            self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
+
+    def _new_setup(self) -> SetupRequests:
+        return SetupRequests(self.dialect, self.telemetry, self._commands, self._request_parameter, self._pose_rate_hz)
+
+    def _send_command(self, command: CommandLong, sent_before_count: int) -> None:
+        self._sender.send(command.encode(self.system_id, sent_before_count))
+
+    def _request_parameter(self, name: str) -> None:
+        self._sender.send(
+            mavlink.MAVLink_param_request_read_message(
+                self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode("ascii"), -1
+            )
+        )

@@ -1,0 +1,88 @@
+"""Requests streams, single messages and parameters from an autopilot, again until it has sent them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.session.command_sender import CommandSender
+from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+
+ROUND_S = 1.0
+FAST_ROUNDS_COUNT = 10
+"""After so many rounds requests become rarer: what the autopilot has not sent by then it may not have (no fix yet)."""
+SLOW_ROUND_S = 10.0
+FAST_PARAMETER_ROUNDS_COUNT = 5
+"""After so many rounds the missing parameters are requested at intervals that double each time. An autopilot does not
+answer that it has no parameter of the name, as a real ArduPilot has no SIM_SPEEDUP."""
+FLOWS_SHARE, SPARSE_FLOWS_SHARE = 0.25, 0.05
+"""A stream flows if at least this part of the requested rate comes. The second one is for messages that are sent on a
+change and else seldom (`Dialect.sparse_messages`). Acknowledgements do not show which of these requests they are for:
+on a bad link one that comes twice can be taken for that of another request, so only the flow counts."""
+
+
+class SetupRequests:
+    """What is requested from an autopilot that was found, or that has booted.
+
+    Not thread-safe: belongs to the thread that receives.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect,
+        telemetry: Telemetry,
+        commands: CommandSender,
+        request_parameter: Callable[[str], None],
+        pose_rate_hz: float,
+    ) -> None:
+        self._dialect = dialect
+        self._telemetry = telemetry
+        self._commands = commands
+        self._request_parameter = request_parameter
+        self._streams: dict[CommandLong, Future[None] | None] = dict.fromkeys(dialect.streams(pose_rate_hz))
+        self._rounds_count = 0
+        self._round_s = 0.0
+        self._next_s: float | None = None
+        self._counts_at_start = self._counts_before_round = telemetry.message_counts.copy()
+        self._parameter_rounds_count = 0
+        self._next_parameters_s: float | None = None
+
+    def tick(self, now_s: float) -> None:
+        """Requests what is missing; to be called often."""
+        if self._next_s is None or now_s >= self._next_s:
+            self._request_messages(now_s)
+            self._rounds_count += 1
+            self._round_s = ROUND_S if self._rounds_count < FAST_ROUNDS_COUNT else SLOW_ROUND_S
+            self._next_s = now_s + self._round_s
+        if self._next_parameters_s is None or now_s >= self._next_parameters_s:
+            self._request_parameters()
+            self._parameter_rounds_count += 1
+            doublings_count = max(0, self._parameter_rounds_count - FAST_PARAMETER_ROUNDS_COUNT)
+            self._next_parameters_s = now_s + ROUND_S * 2.0**doublings_count
+
+    def _request_messages(self, now_s: float) -> None:
+        for command, future in self._streams.items():
+            is_settled = future is not None and future.done() and (self._flows(command) or future.exception())
+            if not (is_settled or self._commands.is_under_way(command)):
+                self._streams[command] = self._commands.submit(command, now_s)
+        counts = self._counts_before_round = self._telemetry.message_counts.copy()
+        for message_id in self._dialect.wanted_messages:
+            request = request_message(message_id)
+            has_come = counts[message_id] > self._counts_at_start[message_id]
+            is_settled = has_come and message_id not in self._dialect.changing_messages
+            if not (is_settled or self._commands.is_under_way(request)):
+                self._commands.submit(request, now_s)
+
+    def _flows(self, command: CommandLong) -> bool:
+        """Whether the requested stream came in the last round."""
+        message_id, interval_us = round(command.params[0]), command.params[1]
+        came_count = self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
+        share = SPARSE_FLOWS_SHARE if message_id in self._dialect.sparse_messages else FLOWS_SHARE
+        return came_count >= share * self._round_s / (interval_us * 1e-6)
+
+    def _request_parameters(self) -> None:
+        for name in self._dialect.parameters:
+            if name not in self._telemetry.parameters:
+                self._request_parameter(name)

@@ -1,0 +1,165 @@
+"""From received bytes to the checked and decoded messages of one autopilot."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Set as AbstractSet
+from typing import Protocol
+
+from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.signing import KEY, Signer, Verdict
+
+_log = logging.getLogger(__name__)
+
+INCOMPLETE_FRAME_S = 0.5
+"""What begins like a frame and is not completed within this time is not a frame."""
+
+
+class MessageHandler(Protocol):
+    """Takes the messages of the selected autopilot."""
+
+    @property
+    def decoded_ids(self) -> AbstractSet[int]:
+        """Ids of the messages that are worth decoding."""
+
+    def on_message(self, frame: Frame, message: Message | None, now_s: float, utc_now_s: float) -> None:
+        """Takes a checked frame, and its content where that is decoded."""
+
+
+class Selector(Protocol):
+    """Selects the autopilot whose messages are received."""
+
+    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> MessageHandler | None:
+        """Takes an autopilot's heartbeat while none is selected. Returns the handler that selects this autopilot."""
+
+    def on_other_heartbeat(self, system_id: int) -> None:
+        """Takes note of the heartbeat of an autopilot that is not the selected one."""
+
+
+class Receiver:
+    """Finds frames, checks their senders and signatures, decodes them, and passes them to the handler.
+
+    Not thread-safe: belongs to the thread that receives. Only frames of component 1 (autopilots) count. Before one is
+    selected, only the autopilot with `system_id` can be (None: any). With a `signer` only signed messages are accepted.
+    """
+
+    def __init__(
+        self,
+        link: Transport,
+        codec: Codec,
+        selector: Selector,
+        system_id: int | None = None,
+        signer: Signer | None = None,
+    ) -> None:
+        self.unsigned_count = 0
+        """Frames dropped for their signature."""
+        self._link = link
+        self._codec = codec
+        self._selector = selector
+        self._system_id = system_id
+        self._signer = signer
+        self._handler: MessageHandler | None = None
+        self._reader = FrameReader()
+        self._incomplete_since_s: float | None = None
+        self._utc_offset_s = 0.0
+        self._undecodable_count = 0
+        self._logged: set[str] = set()
+
+    @property
+    def corrupt_count(self) -> int:
+        """How often bytes between frames belonged to none, or a frame could not be decoded."""
+        return self._reader.corrupt_count + self._undecodable_count
+
+    def receive(self, data: bytes, address: Address | None, now_s: float, utc_now_s: float) -> None:
+        """Takes a datagram, or on a stream any piece of it, received from an address.
+
+        `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
+        """
+        self._utc_offset_s = utc_now_s - now_s
+        if self._link.is_stream:
+            frames = self._reader.feed(data)
+            self._incomplete_since_s = now_s if self._reader.is_waiting else None
+        else:
+            frames = self._reader.read(data)
+        self._take_all(frames, address, now_s, utc_now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Gives up a frame that was begun and not completed in time; to be called often."""
+        if self._incomplete_since_s is not None and now_s - self._incomplete_since_s > INCOMPLETE_FRAME_S:
+            self._incomplete_since_s = None
+            self._take_all(self._reader.finish(), self._link.peer, now_s, now_s + self._utc_offset_s)
+
+    def reconnected(self) -> None:
+        """Drops the incomplete frame of the old connection, which the new one does not continue."""
+        self._reader.finish()
+
+    def _take_all(self, frames: list[Frame], address: Address | None, now_s: float, utc_now_s: float) -> None:
+        for frame in frames:
+            if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1:
+                try:
+                    self._take(frame, address, now_s, utc_now_s)
+                except CorruptFrameError as error:
+                    self._undecodable_count += 1
+                    _log.debug("dropped a frame: %s", error)
+                except Exception:  # noqa: BLE001 - a defect that one message triggers must not cost the others
+                    defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
+                    self._log_once(defect, logging.ERROR, has_traceback=True)
+
+    def _take(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
+        handler = self._handler
+        if handler is None:
+            handler = self._select(frame, address)
+            if handler is None:
+                return
+        elif frame.system_id != self._system_id:
+            if self._autopilot_heartbeat(frame) is not None:
+                self._selector.on_other_heartbeat(frame.system_id)
+            return
+        elif not self._is_accepted(frame, address):
+            return
+        message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
+        if self._link.peer != address:
+            self._link.answer_to(address)
+        handler.on_message(frame, message, now_s, utc_now_s)
+
+    def _select(self, frame: Frame, address: Address | None) -> MessageHandler | None:
+        """Offers the sender of a heartbeat to the selector."""
+        if self._system_id not in (None, frame.system_id) or not self._is_accepted(frame, address):
+            return None
+        heartbeat = self._autopilot_heartbeat(frame)
+        if heartbeat is not None:
+            self._handler = self._selector.on_heartbeat(frame.system_id, heartbeat, address)
+        if self._handler is not None:
+            self._system_id = frame.system_id
+        return self._handler
+
+    def _autopilot_heartbeat(self, frame: Frame) -> Message | None:
+        """The heartbeat in a frame; None for any other message, and for the heartbeat of what is not an autopilot."""
+        if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            return None
+        heartbeat = self._codec.decode(frame)
+        return None if heartbeat.autopilot == mavlink.MAV_AUTOPILOT_INVALID else heartbeat
+
+    def _is_accepted(self, frame: Frame, address: Address | None) -> bool:
+        """Whether its signature is right, where one is required."""
+        if self._signer is None:
+            if frame.is_signed:
+                self._log_once(f"system {frame.system_id} signs its messages and may not listen to ours: set {KEY}")
+            return True
+        verdict = self._signer.check(frame)
+        if verdict is Verdict.GOOD:
+            return True
+        self.unsigned_count += 1
+        if verdict is Verdict.OLD and self._link.peer is None:
+            # Its clock is behind ours. It follows the newest timestamp that it receives, so it must receive ours.
+            self._link.answer_to(address)
+        if verdict is not Verdict.REPEATED:  # a message that comes twice, or late, is no reason for a warning
+            self._log_once(f"messages of system {frame.system_id} are dropped: {verdict.value}")
+        return False
+
+    def _log_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
+        if text not in self._logged:
+            self._logged.add(text)
+            _log.log(level, "%s", text, exc_info=has_traceback)
