@@ -1,34 +1,68 @@
-"""gRPC's core by itself: what is under the calls, with a real client."""
+"""What every transport does with a call, with a real client."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import grpc
 import pytest
 
-from ual_daemon.server.transport.core import Call, Core, CoreServer
+from tests.ual_daemon.server.serving import taking
+from ual_daemon.server.transport import selection
+from ual_daemon.server.transport.base import Call, Transport, TransportServer
+from ual_daemon.server.transport.selection import Choice
 
+T = TypeVar("T")
 LIMIT_S = 30.0
+Served: TypeAlias = Callable[[Callable[[Call], None]], AbstractContextManager[grpc.Channel]]
 
 
-@contextmanager
-def served(take: Callable[[Call], None]) -> Iterator[grpc.Channel]:
-    core = Core()
-    server = CoreServer(core, [("grpc.so_reuseport", 0)], take)
-    port = server.listen("127.0.0.1:0")
-    server.start()
-    with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
-        yield channel
-    stopped = server.stop()
-    server.cancel_calls()
-    stopped.result(LIMIT_S)
-    core.close()
+class Loop:
+    """An event loop in a thread of its own: the tests block."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread.start()
+
+    def run(self, work: Awaitable[T]) -> T:
+        async def run() -> T:
+            return await work
+
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(LIMIT_S)
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(LIMIT_S)
+        self._loop.close()
+
+
+@pytest.fixture
+def loop() -> Iterator[Loop]:
+    loop = Loop()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture
+def served(loop: Loop, transport: Choice) -> Served:
+    """Serves calls that `take` takes until the block ends; a client's channel."""
+
+    @contextmanager
+    def served(take: Callable[[Call], None]) -> Iterator[grpc.Channel]:
+        with ExitStack() as stack:
+            serving = taking(transport, take)
+            address = loop.run(serving.__aenter__())
+            stack.callback(lambda: loop.run(serving.__aexit__(None, None, None)))
+            yield stack.enter_context(grpc.insecure_channel(address))
+
+    return served
 
 
 def stream(channel: grpc.Channel) -> Any:
@@ -36,7 +70,7 @@ def stream(channel: grpc.Channel) -> Any:
     return channel.stream_stream("/a.B/C")
 
 
-def test_a_call_has_its_method_metadata_and_peer() -> None:
+def test_a_call_has_its_method_metadata_and_peer(served: Served) -> None:
     taken: SimpleQueue[Call] = SimpleQueue()
 
     def take(call: Call) -> None:
@@ -54,7 +88,7 @@ def test_a_call_has_its_method_metadata_and_peer() -> None:
         del call
 
 
-def test_messages_come_in_their_order_and_then_none() -> None:
+def test_messages_come_in_their_order_and_then_none(served: Served) -> None:
     def take(call: Call) -> None:
         received: list[bytes] = []
 
@@ -71,7 +105,7 @@ def test_messages_come_in_their_order_and_then_none() -> None:
         assert list(stream(channel)(iter([b"a", b"b", b"c"]))) == [b"abc"]
 
 
-def test_one_message_after_the_other_is_sent_then_the_status() -> None:
+def test_one_message_after_the_other_is_sent_then_the_status(served: Served) -> None:
     def take(call: Call) -> None:
         left = [b"1", b"2", b"3"]
 
@@ -95,7 +129,7 @@ def test_one_message_after_the_other_is_sent_then_the_status() -> None:
         assert ("why-bin", b"x") in answers.trailing_metadata()
 
 
-def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out() -> None:
+def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out(served: Served) -> None:
     def take(call: Call) -> None:
         call.finish(b"first")
         call.finish(code=grpc.StatusCode.INTERNAL)
@@ -107,7 +141,7 @@ def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out() -> No
         assert list(stream(channel)(iter([]))) == [b"first"]
 
 
-def test_a_caller_who_gives_up_is_told_of() -> None:
+def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
     told, taken = threading.Event(), SimpleQueue[Call]()
 
     def take(call: Call) -> None:
@@ -124,7 +158,7 @@ def test_a_caller_who_gives_up_is_told_of() -> None:
         del call
 
 
-def test_a_call_that_ended_well_is_not_told_as_given_up() -> None:
+def test_a_call_that_ended_well_is_not_told_as_given_up(served: Served) -> None:
     told = threading.Event()
 
     def take(call: Call) -> None:
@@ -136,7 +170,7 @@ def test_a_call_that_ended_well_is_not_told_as_given_up() -> None:
     assert not told.is_set()  # the core has ended: nothing comes any more
 
 
-def test_a_deadline_that_passes_is_a_caller_who_gives_up() -> None:
+def test_a_deadline_that_passes_is_a_caller_who_gives_up(served: Served) -> None:
     told = threading.Event()
     with served(lambda call: call.watch(told.set)) as channel:
         with pytest.raises(grpc.RpcError, match="Deadline Exceeded"):
@@ -144,7 +178,7 @@ def test_a_deadline_that_passes_is_a_caller_who_gives_up() -> None:
         assert told.wait(LIMIT_S)
 
 
-def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out() -> None:
+def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out(served: Served) -> None:
     ended: SimpleQueue[bool] = SimpleQueue()
 
     def take(call: Call) -> None:
@@ -163,7 +197,9 @@ def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out() -> None:
         assert ended.get(timeout=LIMIT_S) is False
 
 
-def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
     def take(call: Call) -> None:
         if ("fail", "1") in call.metadata:
             call.watch(lambda: None)
@@ -179,27 +215,35 @@ def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(caplog
     assert record.exc_info is not None
 
 
-def test_servers_of_one_core_stop_each_by_itself() -> None:
-    core = Core()
-    ports, servers = [], []
-    for number in range(20):
-        server = CoreServer(core, [("grpc.so_reuseport", 0)], lambda call, number=number: call.finish(b"%d" % number))  # type: ignore[misc]
-        ports.append(server.listen("127.0.0.1:0"))
-        server.start()
-        servers.append(server)
+def test_servers_of_one_transport_stop_each_by_itself(loop: Loop, transport: Choice) -> None:
+    async def begin() -> tuple[Transport, list[TransportServer], list[int]]:
+        made = await selection.choose(transport)
+        servers = [
+            made.server([("grpc.so_reuseport", 0)], lambda call, number=number: call.finish(b"%d" % number))  # type: ignore[misc]
+            for number in range(20)
+        ]
+        ports = [server.listen("127.0.0.1:0") for server in servers]
+        for server in servers:
+            await server.start()
+        return made, servers, ports
+
+    made, servers, ports = loop.run(begin())
     for number, (port, server) in enumerate(zip(ports, servers, strict=True)):
         with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
             unary: Any = channel.unary_unary("/a.B/C")
             assert unary(b"") == b"%d" % number
-        server.stop().result(LIMIT_S)
-    core.close()
+        assert loop.run(server.stop(LIMIT_S))
+    made.close()
 
 
-def test_an_address_that_cannot_be_had_is_an_error_and_the_server_can_still_be_left() -> None:
-    core = Core()
-    server = CoreServer(core, [], lambda _: None)
-    with pytest.raises(RuntimeError):
-        server.listen("192.0.2.1:1")
-    server.listen("127.0.0.1:0")
-    server.stop().result(LIMIT_S)  # never started
-    core.close()
+def test_an_address_that_cannot_be_had_is_an_error_and_the_server_can_still_be_left(transport: Choice) -> None:
+    async def run() -> None:
+        made = await selection.choose(transport)
+        server = made.server([], lambda _: None)
+        with pytest.raises(RuntimeError):
+            server.listen("192.0.2.1:1")
+        server.listen("127.0.0.1:0")
+        assert await server.stop(LIMIT_S)  # never started
+        made.close()
+
+    asyncio.run(run())
