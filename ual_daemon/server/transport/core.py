@@ -31,12 +31,12 @@ _END_S = 5.0
 """How long `close` waits for the thread. It ends at once, unless a call never ended."""
 
 
-def _log_defect(_: Exception) -> None:
-    _log.exception("a callback of gRPC failed; this is a defect of UAL, please report it")
+def _log_defect(error: Exception) -> None:
+    _log.error("gRPC's core failed; this is a defect of UAL, please report it", exc_info=error)
 
 
 class CoreTransport(Transport):
-    """The thread that waits for gRPC's events. `on_defect` is called there with what a callback raised.
+    """The thread that waits for gRPC's events. `on_defect` gets what a callback raises, and what gRPC cannot do.
 
     With `gather_s` it looks for events only that often. Where many UAVs are served, it would otherwise take Python's
     lock after each message that went out, from the thread that sends the next one.
@@ -55,7 +55,7 @@ class CoreTransport(Transport):
 
     @override
     def server(self, options: Options, take: Callable[[Call], None]) -> CoreServer:
-        return CoreServer(self._queue, options, take)
+        return CoreServer(self._queue, options, take, self._on_defect)
 
     @override
     def close(self) -> None:
@@ -100,9 +100,16 @@ class CoreTransport(Transport):
 class CoreServer(TransportServer):
     """A server that hands each call to `take`, on the transport's thread."""
 
-    def __init__(self, queue: Any, options: Options, take: Callable[[Call], None]) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        queue: Any,  # noqa: ANN401
+        options: Options,
+        take: Callable[[Call], None],
+        on_defect: Callable[[Exception], None],
+    ) -> None:
         self._queue = queue
         self._take = take
+        self._on_defect = on_defect
         self._server = cygrpc.Server(tuple(options), False)  # no xDS
         self._server.register_completion_queue(self._queue)
         # gRPC's server may not be destroyed while a thread is still in one of its functions.
@@ -160,7 +167,7 @@ class CoreServer(TransportServer):
         if not event.success:
             return  # the server stops
         try:
-            self._take(CoreCall(event))
+            self._take(CoreCall(event, self._on_defect))
         finally:
             with self._lock:
                 if self._stopped is None:
@@ -177,8 +184,9 @@ class CoreServer(TransportServer):
 class CoreCall(Call):
     """One call of the core. Its callbacks come on the transport's thread."""
 
-    def __init__(self, event: Any) -> None:  # noqa: ANN401
+    def __init__(self, event: Any, on_defect: Callable[[Exception], None]) -> None:  # noqa: ANN401
         self._call = event.call
+        self._on_defect = on_defect
         self.method = event.call_details.method.decode(errors="replace")
         self.metadata = event.invocation_metadata or ()
         self.is_finished = False
@@ -245,7 +253,7 @@ class CoreCall(Call):
             error = self._call.start_server_batch(operations, _ignore)
         finally:
             if error != cygrpc.CallError.ok:  # without a status the caller would wait for ever
-                _log.error("%s: its end could not be sent (grpc_call_error %s)", self.method, error)
+                self._on_defect(RuntimeError(f"{self.method}: its end cannot be sent (grpc_call_error {error})"))
                 self._call.cancel()
 
     def _beginning(self) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import grpc
@@ -51,8 +52,16 @@ async def run() -> None:
         test.call(await test.serve())
     except Exception as error:  # noqa: BLE001  what the server's thread raised says more
         await test.abandon()
-        raise test.defect or error from None
+        raise test.defect or _plain(error) from None
     await test.end()
+
+
+def _plain(error: Exception) -> Exception:
+    """Returns the error; that of a call, whose text has several lines, with its status only."""
+    if not isinstance(error, grpc.RpcError):
+        return error
+    status: Any = error
+    return SelfTestError(f"a call ends with {status.code().name}: {status.details()}")
 
 
 class _SelfTest:
@@ -119,7 +128,7 @@ class _SelfTest:
 
     def _call_stream(self, stream: Any) -> None:  # noqa: ANN401
         answers = stream(_REQUEST, timeout=LIMIT_S)
-        _require([next(answers), next(answers)] == [_FIRST, _SECOND], "a stream has other answers")
+        _require(list(islice(answers, 2)) == [_FIRST, _SECOND], "a stream has other answers")
         answers.cancel()
         _require(self._cancelled.wait(LIMIT_S), "a call that is cancelled goes on")
 
