@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import ual
-from tests.conftest import DaemonProcess
-from ual import _discovery, conformance
+from tests.conftest import DaemonProcess, daemon_environment
+from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
@@ -40,7 +40,7 @@ def over_unix_socket(stack: ExitStack, directory: Path) -> Uav:
 def started(stack: ExitStack, directory: Path, listen: str, transport: str) -> str:
     speed = f"light.speed_factor={SPEED_FACTOR}"
     flags = ("--backend", "light", "--listen", listen, "--transport", transport, "--set", speed)
-    daemon = DaemonProcess(flags, "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    daemon = DaemonProcess(flags, "uav_1", daemon_environment(directory))
     stack.callback(daemon.close)
     return daemon.address
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from grpc._cython import cygrpc
 
 import ual
-from tests.conftest import DaemonProcess, StartDaemon
+from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
 from tests.ual_daemon.server.transport.broken_core import Binding
 from ual_daemon.server import transport as package
 from ual_daemon.server.transport import core, selection, self_test
@@ -131,12 +131,11 @@ def test_a_binding_that_is_gone_is_not_used(monkeypatch: pytest.MonkeyPatch, cap
     assert vars(record)["ual_fields"]["why"].startswith(("ImportError: ", "ModuleNotFoundError: "))
 
 
-@pytest.mark.usefixtures("runtime_dir")
-def test_a_daemon_whose_core_is_broken_flies() -> None:
+def test_a_daemon_whose_core_is_broken_flies(runtime_dir: Path) -> None:
     daemon = DaemonProcess(
         ("--listen", "127.0.0.1:0", "--auto-arm", "--set", "light.speed_factor=10"),
         "uav_1",
-        dict(os.environ),
+        daemon_environment(runtime_dir),
         "tests.ual_daemon.server.transport.broken_core",
     )
     try:
