@@ -19,9 +19,9 @@ from ual_daemon.server.transport.base import Call, TransportServer
 from ual_daemon.server.transport.core import CoreTransport
 
 LIMIT_S = 2.0
-"""For each call. One that works takes a millisecond, the first one some more."""
-_END_S = 0.5
-"""For the end of what the test started."""
+"""For each call, and for the end. Each takes a millisecond where the core works, the first call some more."""
+ABANDON_S = 0.5
+"""For the end of what a failed test leaves."""
 
 _METADATA = (("ual-self-test", "value"), ("ual-self-test-bin", b"\0\xff"))
 _REQUEST = b"request"
@@ -96,8 +96,8 @@ class _SelfTest:
     async def end(self) -> None:
         """Ends the server, and with it the test."""
         assert self._server is not None
-        _require(await self._server.stop(_END_S), "the server does not stop")
-        _require(self._transport.end(_END_S), "the thread does not end")
+        _require(await self._server.stop(LIMIT_S), "the server does not stop")
+        _require(self._transport.end(LIMIT_S), "the thread does not end")
         if self.defect is not None:
             raise self.defect
 
@@ -105,9 +105,9 @@ class _SelfTest:
         """Ends what can be ended. A thread that cannot stays, and keeps what it uses."""
         with suppress(Exception):
             if self._server is not None:
-                await self._server.stop(_END_S)
+                await self._server.stop(ABANDON_S)
         with suppress(Exception):
-            self._transport.end(_END_S)
+            self._transport.end(ABANDON_S)
 
     # --- The caller ---------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ import pytest
 from grpc._cython import cygrpc
 
 import ual
-from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, daemon_environment
 from tests.ual_daemon.server.transport.broken_core import Binding
 from ual_daemon.server import transport as package
 from ual_daemon.server.transport import core, selection, self_test
@@ -28,7 +28,10 @@ def chosen(choice: Choice) -> str:
 
 
 @pytest.mark.parametrize(("choice", "name"), [("auto", "core"), ("core", "core"), ("aio", "aio")])
-def test_the_core_is_chosen_where_it_works(choice: Choice, name: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_core_is_chosen_where_it_works(
+    choice: Choice, name: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(self_test, "LIMIT_S", LIMIT_S)
     threads = set(threading.enumerate())
     assert chosen(choice) == name
     assert not caplog.records
@@ -95,30 +98,48 @@ USED = ("CallError", "CompletionQueue", "CompletionType", "Server", *OPERATIONS)
         *((Binding(**{name: of_other_arguments}), "TypeError: of_other_arguments() takes 0") for name in OPERATIONS),
         (Binding(Server=of_other_arguments), "TypeError: of_other_arguments() takes 0"),
         (Binding(CompletionQueue=of_other_arguments), "AttributeError: 'NoneType' object has no"),
-        (Binding(Server=DeafServer), "SelfTestError: a call ends with DEADLINE_EXCEEDED"),
         (Binding(Server=CrashingServer), "RuntimeError: a crash"),
         (Binding(CompletionQueue=CrashingQueue), "RuntimeError: a crash"),
         (Binding(SendMessageOperation=send_another_message), "SelfTestError: a unary call has another answer"),
         (Binding(SendMessageOperation=send_no_message), "RuntimeError: /ual.SelfTest/Echo: its end cannot be sent"),
         (Binding(SendStatusFromServerOperation=send_another_status), "SelfTestError: an error does not come"),
         (Binding(SendStatusFromServerOperation=send_no_metadata), "SelfTestError: an error lacks its metadata"),
-        (Binding(ReceiveCloseOnServerOperation=DeafToCancels), "SelfTestError: a call that is cancelled goes on"),
     ],
     ids=str,
 )
 def test_a_broken_core_is_not_used_and_one_line_says_why(
     binding: Binding, why: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    monkeypatch.setattr(self_test, "LIMIT_S", LIMIT_S)
+    assert why_not(binding, monkeypatch, caplog).startswith(why)
+
+
+@pytest.mark.parametrize(
+    ("binding", "why"),
+    [
+        (Binding(Server=DeafServer), "SelfTestError: a call ends with DEADLINE_EXCEEDED"),
+        (Binding(ReceiveCloseOnServerOperation=DeafToCancels), "SelfTestError: a call that is cancelled goes on"),
+    ],
+    ids=str,
+)
+def test_a_core_that_does_not_answer_is_waited_for_in_vain_only_for_a_while(
+    binding: Binding, why: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert why_not(binding, monkeypatch, caplog).startswith(why)
+
+
+def why_not(binding: Binding, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> str:
+    """Why the core is not chosen, by the one line in the log."""
     monkeypatch.setattr(core, "cygrpc", binding)
-    monkeypatch.setattr(self_test, "LIMIT_S", 0.5)
-    monkeypatch.setattr(self_test, "_END_S", 0.1)
+    monkeypatch.setattr(self_test, "ABANDON_S", 0.1)
     assert chosen("auto") == "aio"
     (record,) = caplog.records
     assert record.levelname == "WARNING"
     fields = vars(record)["ual_fields"]
     assert fields["transport"] == "aio"
-    assert fields["why"].startswith(why)
-    assert "\n" not in fields["why"]
+    why = str(fields["why"])
+    assert "\n" not in why
+    return why
 
 
 def test_a_binding_that_is_gone_is_not_used(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
