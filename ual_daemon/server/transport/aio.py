@@ -23,6 +23,9 @@ _OnSent: TypeAlias = Callable[[bool], object]
 
 _log = logging.getLogger(__name__)
 
+_WATCH_S = 1.0
+"""How often a server is looked at that may have ended, and an address is tried again."""
+
 
 class AioTransport(Transport):
     """The event loop that runs when its servers are made."""
@@ -40,26 +43,76 @@ class AioTransport(Transport):
 
 
 class AioServer(TransportServer):
-    """A server that hands each call to `take`, on the event loop."""
+    """A server that hands each call to `take`, on the event loop.
+
+    ``grpc.aio`` ends its server after some errors, for example if the path of a request is no UTF-8. Then another one
+    takes its place; calls that are under way go on.
+    """
 
     def __init__(self, options: Options, take: Callable[[Call], None]) -> None:
-        self._server = grpc.aio.server(handlers=[_AnyMethod(take)], options=options)
+        self._options = options
+        self._handlers = [_AnyMethod(take)]
+        self._server = self._make()
+        self._replaced: list[grpc.aio.Server] = []
+        self._opened: list[tuple[str, grpc.ServerCredentials | None]] = []
+        self._watching: asyncio.Task[None] | None = None
 
     @override
     def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
-        if credentials is None:
-            return self._server.add_insecure_port(address)
-        return self._server.add_secure_port(address, credentials)
+        port = _open(self._server, address, credentials)
+        host, _, number = address.rpartition(":")
+        self._opened.append((f"{host}:{port}" if number == "0" else address, credentials))
+        return port
 
     @override
     async def start(self) -> None:
         await self._server.start()
+        self._watching = asyncio.create_task(self._watch())
 
     @override
     async def stop(self, grace_s: float) -> bool:
-        stopping = asyncio.create_task(self._server.stop(grace_s))
-        await asyncio.wait((stopping,), timeout=2.0 * grace_s)
-        return stopping.done()
+        if self._watching is not None:
+            self._watching.cancel()
+        servers = (self._server, *self._replaced)
+        stopping = [asyncio.create_task(server.stop(grace_s)) for server in servers]
+        await asyncio.wait(stopping, timeout=2.0 * grace_s)
+        return all(each.done() for each in stopping)
+
+    def _make(self) -> grpc.aio.Server:
+        return grpc.aio.server(handlers=self._handlers, options=self._options)
+
+    async def _watch(self) -> None:
+        while True:
+            try:
+                # While there are calls, it raises what ended the server only with a timeout.
+                if not await self._server.wait_for_termination(_WATCH_S):
+                    return
+            except Exception as error:  # noqa: BLE001  whatever it was, others must be served
+                _log.error("grpc.aio ended its server (%s: %s); it starts again", type(error).__name__, error)
+                await self._replace()
+
+    async def _replace(self) -> None:
+        self._replaced.append(self._server)
+        self._server = server = self._make()
+        for address, credentials in self._opened:
+            while not _try_to_open(server, address, credentials):  # noqa: ASYNC110  nothing notifies of free ports
+                await asyncio.sleep(_WATCH_S)
+        await server.start()
+
+
+def _open(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
+    if credentials is None:
+        return server.add_insecure_port(address)
+    return server.add_secure_port(address, credentials)
+
+
+def _try_to_open(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> bool:
+    try:
+        _open(server, address, credentials)
+    except RuntimeError as error:
+        _log.error("%s", error)
+        return False
+    return True
 
 
 class _AnyMethod(grpc.GenericRpcHandler):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
+import struct
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -213,6 +215,43 @@ def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
         assert unary(b"") == b""
     (record,) = caplog.records
     assert record.exc_info is not None
+
+
+def http2(kind: int, flags: int, stream: int, payload: bytes) -> bytes:
+    return struct.pack(">I", len(payload))[1:] + bytes((kind, flags)) + struct.pack(">I", stream) + payload
+
+
+def headers(values: dict[bytes, bytes]) -> bytes:
+    """As literals."""
+    return b"".join(b"\0" + bytes((len(name),)) + name + bytes((len(value),)) + value for name, value in values.items())
+
+
+def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loop, transport: Choice) -> None:
+    serving = taking(transport, lambda call: call.finish(b"answer"))
+    address = loop.run(serving.__aenter__())
+    host, _, port = address.partition(":")
+    with socket.create_connection((host, int(port)), LIMIT_S) as caller:
+        path = headers(
+            {
+                b":method": b"POST",
+                b":scheme": b"http",
+                b":path": b"/\xff/x",
+                b":authority": b"a",
+                b"te": b"trailers",
+                b"content-type": b"application/grpc",
+            }
+        )
+        settings, request, message = http2(4, 0, 0, b""), http2(1, 4, 1, path), http2(0, 1, 1, bytes(5))
+        caller.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + settings + request + message)
+        answer = b""
+        while b"grpc-status" not in answer:
+            received = caller.recv(4096)
+            assert received
+            answer += received
+    with grpc.insecure_channel(address) as channel:
+        unary: Any = channel.unary_unary("/a.B/C")
+        assert unary(b"", wait_for_ready=True, timeout=LIMIT_S) == b"answer"
+    loop.run(serving.__aexit__(None, None, None))
 
 
 def test_servers_of_one_transport_stop_each_by_itself(loop: Loop, transport: Choice) -> None:
