@@ -53,7 +53,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.GetTelemetryResponse(telemetry=_convert.telemetry_to_proto(self._vehicle.telemetry()))
 
     @override
-    def StreamTelemetry(  # type: ignore[override] # sends from where the updates come: see `dispatch`
+    def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
         self, request: pb.StreamTelemetryRequest, context: Call
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
@@ -158,7 +158,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.SetVelocityResponse()
 
     @override
-    def StreamSetpoints(  # type: ignore[override] # each request is sent into it: see `dispatch`
+    def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `dispatch`
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
         accepted_count = 0
@@ -215,10 +215,9 @@ async def _after(future: Future[None], response: R) -> R:
 async def _outcome(
     task: VehicleTask, make: Callable[..., R], non_blocking: bool, *, ends_with_caller: bool = False
 ) -> R:
-    """Returns the response with a task that has begun: at once, or when it has ended. Raises the task's error.
+    """The response with a task that has begun: at once, or when it has ended; its error where it did not succeed.
 
-    With `ends_with_caller` the task is cancelled if the caller stops waiting: it cancelled or vanished, or its deadline
-    passed.
+    `ends_with_caller` cancels it when the caller gives up waiting: the deadline passed, or he vanished.
     """
     if not non_blocking:
         try:
