@@ -9,7 +9,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install run test test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install run test test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -27,6 +27,22 @@ run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simula
 
 test: $(INSTALLED)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest -n $$((2 * $$(nproc)))  # two for each processor: most of them wait for a flight
+
+# Another grpcio is laid over that of the virtual environment, which is quicker than an environment of its own.
+GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
+INSTALL_OVER = rm -rf $(1) && $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target $(1)
+TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest -n $$((2 * $$(nproc))) \
+	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not over_unix'
+
+test-newest-grpc: $(INSTALLED)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed
+	$(call INSTALL_OVER,build/newest-grpc) grpcio
+	@found=$$(basename build/newest-grpc/grpcio-*.dist-info); \
+	if ls -d $(VENV)/lib/*/site-packages/$$found >/dev/null 2>&1; then echo "$$found is installed: \`make test\` runs on it"; \
+	else $(call TEST_WITH,build/newest-grpc); fi
+
+test-oldest-grpc: $(INSTALLED)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
+	$(call INSTALL_OVER,build/oldest-grpc) $(addsuffix ==1.76.0,$(GRPC_FAMILY))
+	$(call TEST_WITH,build/oldest-grpc)
 
 test-clients: $(INSTALLED) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi

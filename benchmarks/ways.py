@@ -14,11 +14,15 @@ from benchmarks.servers import BareServer, MavsdkServer, UalDaemon
 
 @dataclass(frozen=True)
 class Way:
-    """One way: its name in tables, the module of `benchmarks.peers`, and the server's address, if there is a server."""
+    """One way: its name in tables, the module of `benchmarks.peers`, and the server's address, if there is a server.
+
+    `flags` are further ones of ``ual-daemon``.
+    """
 
     name: str
     peer: str
     address: str = ""
+    flags: tuple[str, ...] = ()
 
     @property
     def is_missing(self) -> bool:
@@ -32,15 +36,21 @@ MAVSDK_GRPC = Way("mavsdk-grpc", "mavsdk_grpc", "tcp")
 CLASS = Way("UAL class", "ual_class")
 STREAM = Way("UAL stream", "ual_stream", "tcp")
 STREAM_UNIX = Way("UAL stream, unix", "ual_stream", "unix")
+STREAM_AIO = Way("UAL stream, grpc.aio", "ual_stream", "tcp", ("--transport", "aio"))
 UNARY = Way("UAL unary", "ual_unary", "tcp")
 UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
+UNARY_AIO = Way("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"))
 BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
 BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
 FLOORS = {STREAM: BARE_STREAM, UNARY: BARE_UNARY, CLASS: RAW}
 """What does the same with nothing behind it: what Python and gRPC cost by themselves."""
 
-SETPOINT_WAYS = (RAW, NATIVE, CLASS, MAVSDK_GRPC, BARE_STREAM, STREAM, STREAM_UNIX, BARE_UNARY, UNARY, UNARY_UNIX)
-TELEMETRY_WAYS = (MAVSDK_GRPC, BARE_STREAM, STREAM, NATIVE, CLASS)
+SETPOINT_WAYS = (
+    *(RAW, NATIVE, CLASS, MAVSDK_GRPC),
+    *(BARE_STREAM, STREAM, STREAM_UNIX, STREAM_AIO),
+    *(BARE_UNARY, UNARY, UNARY_UNIX, UNARY_AIO),
+)
+TELEMETRY_WAYS = (MAVSDK_GRPC, BARE_STREAM, STREAM, STREAM_AIO, NATIVE, CLASS)
 SERVER_WAYS = (MAVSDK_GRPC, STREAM)
 
 Server = UalDaemon | MavsdkServer | BareServer
@@ -73,7 +83,7 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
         BARE_STREAM: BareServer,
         BARE_UNARY: BareServer,
     }
-    with kinds.get(way, UalDaemon)(port) as server:
+    with kinds[way](port) if way in kinds else UalDaemon(port, *way.flags) as server:
         server.wait()
         try:
             yield server

@@ -121,6 +121,12 @@ class DaemonProcess:
             self._changed.notify_all()
 
 
+def daemon_environment(runtime_dir: Path) -> dict[str, str]:
+    """That of this process without its settings of UAL, for daemons that register in the directory."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
+    return {**environment, _discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)}
+
+
 StartDaemon = Callable[..., DaemonProcess]
 
 
@@ -135,8 +141,7 @@ def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def start_daemon(runtime_dir: Path) -> Iterator[StartDaemon]:
     """Starts daemons: ``start_daemon("--auto-arm", ns="uav_2", backend="light", listen="127.0.0.1:0")``."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
-    environment[_discovery.RUNTIME_DIR_VARIABLE] = str(runtime_dir)
+    environment = daemon_environment(runtime_dir)
     started: list[DaemonProcess] = []
 
     def start(

@@ -1,4 +1,4 @@
-"""The conformance checks over the class in the process and over the client to a real daemon."""
+"""The conformance checks over the class in the process, and over the client to a real daemon on each transport."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import ual
-from tests.conftest import DaemonProcess
-from ual import _discovery, conformance
+from tests.conftest import DaemonProcess, daemon_environment
+from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
@@ -26,21 +26,29 @@ def over_class(stack: ExitStack, directory: Path) -> Uav:
 
 
 def over_tcp(stack: ExitStack, directory: Path) -> Uav:
-    return stack.enter_context(ual.Uav("uav_1", address=started(stack, directory, "127.0.0.1:0")))
+    return stack.enter_context(ual.Uav("uav_1", address=started(stack, directory, "127.0.0.1:0", "core")))
+
+
+def over_tcp_by_grpc_aio(stack: ExitStack, directory: Path) -> Uav:
+    return stack.enter_context(ual.Uav("uav_1", address=started(stack, directory, "127.0.0.1:0", "aio")))
 
 
 def over_unix_socket(stack: ExitStack, directory: Path) -> Uav:
-    return stack.enter_context(ual.Uav(address=started(stack, directory, f"unix:{directory}/uav.sock")))
+    return stack.enter_context(ual.Uav(address=started(stack, directory, f"unix:{directory}/uav.sock", "core")))
 
 
-def started(stack: ExitStack, directory: Path, listen: str) -> str:
-    flags = ("--backend", "light", "--listen", listen, "--set", f"light.speed_factor={SPEED_FACTOR}")
-    daemon = DaemonProcess(flags, "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+def started(stack: ExitStack, directory: Path, listen: str, transport: str) -> str:
+    speed = f"light.speed_factor={SPEED_FACTOR}"
+    flags = ("--backend", "light", "--listen", listen, "--transport", transport, "--set", speed)
+    daemon = DaemonProcess(flags, "uav_1", daemon_environment(directory))
     stack.callback(daemon.close)
     return daemon.address
 
 
-@pytest.fixture(scope="module", params=[over_class, over_tcp, over_unix_socket], ids=lambda make: make.__name__)
+WAYS = (over_class, over_tcp, over_tcp_by_grpc_aio, over_unix_socket)
+
+
+@pytest.fixture(scope="module", params=WAYS, ids=lambda make: make.__name__)
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav: Uav = request.param(stack, tmp_path_factory.mktemp("ual"))

@@ -17,8 +17,9 @@ from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.server.addresses import Address
 from ual_daemon.server.server import Server
-from ual_daemon.server.transport.core import Core
-from ual_daemon.server.updates import Hops
+from ual_daemon.server.transport import selection
+from ual_daemon.server.transport.base import Transport
+from ual_daemon.server.updates import LoopCalls
 from ual_daemon.server.waiting import completion
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -47,10 +48,16 @@ class Daemon:
     """UAVs with a server each, from start to end, on one event loop. Mostly it is one UAV."""
 
     def __init__(
-        self, uavs: Sequence[Uav], credentials: grpc.ServerCredentials | None = None, *, is_auto_arming: bool = False
+        self,
+        uavs: Sequence[Uav],
+        credentials: grpc.ServerCredentials | None = None,
+        *,
+        transport: selection.Choice = "auto",
+        is_auto_arming: bool = False,
     ) -> None:
         self._uavs = uavs
         self._credentials = credentials
+        self._transport = transport
         self._is_auto_arming = is_auto_arming
 
     async def run(self) -> None:
@@ -61,16 +68,17 @@ class Daemon:
             for uav in self._uavs:
                 uav.vehicle.log_name = uav.vehicle.ns
         gather_s = _GATHER_S if len(self._uavs) > 1 else 0.0
-        hops, core = Hops(gather_s), Core(gather_s)
+        transport, loop_calls = await selection.choose(self._transport, gather_s), LoopCalls(gather_s)
         served = [
-            _Served(uav, core, hops, self._credentials, is_auto_arming=self._is_auto_arming) for uav in self._uavs
+            _Served(uav, transport, loop_calls, self._credentials, is_auto_arming=self._is_auto_arming)
+            for uav in self._uavs
         ]
         try:
             for each in served:
-                each.start()
+                await each.start()
         except BaseException:
             await asyncio.gather(*(each.server.stop() for each in served))
-            core.close()
+            transport.close()
             raise
         # What is loaded by now stays. Unfrozen, a full collection takes 10 to 15 ms, between two setpoints.
         gc.freeze()
@@ -81,7 +89,7 @@ class Daemon:
             await stop.wait()
         finally:
             await asyncio.gather(*(each.end() for each in served))
-            core.close()
+            transport.close()
             gc.unfreeze()
         logs.event(_log, logging.INFO, "ended")
 
@@ -90,17 +98,24 @@ class _Served:
     """One UAV with its server."""
 
     def __init__(
-        self, uav: Uav, core: Core, hops: Hops, credentials: grpc.ServerCredentials | None, *, is_auto_arming: bool
+        self,
+        uav: Uav,
+        transport: Transport,
+        loop_calls: LoopCalls,
+        credentials: grpc.ServerCredentials | None,
+        *,
+        is_auto_arming: bool,
     ) -> None:
         self._vehicle, self._namespace, self._listen = uav
         self._credentials = credentials
+        self._transport_name = transport.name
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
-        self.server = Server(self._vehicle, core, hops)
+        self.server = Server(self._vehicle, transport, loop_calls)
 
-    def start(self) -> None:
+    async def start(self) -> None:
         """Serves, and lets clients find it."""
-        addresses = self.server.start(self._listen, self._credentials)
+        addresses = await self.server.start(self._listen, self._credentials)
         self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
         logs.event(
             _log,
@@ -110,6 +125,7 @@ class _Served:
             backend=self._vehicle.backend.name,
             addresses=" ".join(map(str, addresses)),
             tls=self._credentials is not None,
+            transport=self._transport_name,
             pid=os.getpid(),
         )
 
@@ -118,7 +134,7 @@ class _Served:
         self._vehicle.open()
         if self._pilot is not None:
             self._arming = asyncio.create_task(self._auto_arm(self._pilot))
-            self._arming.add_done_callback(_tell_defect)
+            self._arming.add_done_callback(_log_defect)
 
     async def _auto_arm(self, pilot: SafetyPilot) -> None:
         logs.uav.set(self._vehicle.log_name)
@@ -174,7 +190,7 @@ def _on_first_signal(stop: asyncio.Event) -> None:
         loop.add_signal_handler(number, on_first, number)
 
 
-def _tell_defect(task: asyncio.Task[None]) -> None:
+def _log_defect(task: asyncio.Task[None]) -> None:
     """Logs how a task failed that should not end at all, when it does and not when the daemon ends."""
     if not task.cancelled() and task.exception() is not None:
         _log.error("the simulated safety pilot has failed", exc_info=task.exception())

@@ -76,6 +76,11 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
 @click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
+@click.option(
+    "--transport",
+    type=click.Choice(["auto", "core", "aio"]),
+    help="How gRPC is served: on its core, by grpc.aio, or what works best here.  [auto]",
+)
 @click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error"]), help="[info]")
 @click.option("--log-format", type=click.Choice(["text", "json"]), help="[text]")
 @click.option("--print-config", is_flag=True, allow_from_autoenv=False, help="Check the configuration, print it, end.")
@@ -224,7 +229,8 @@ def _serve(
                 namespace = held.enter_context(Namespace(each.backend.options.ns))
                 vehicle = Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming)
                 uavs.append(Uav(vehicle, namespace, each.listen))
-            asyncio.run(Daemon(uavs, credentials, is_auto_arming=settings.auto_arm).run())
+            daemon = Daemon(uavs, credentials, transport=settings.transport, is_auto_arming=settings.auto_arm)
+            asyncio.run(daemon.run())
     except (ListenError, NamespaceError) as error:
         _fail(str(error), _CANNOT_START)
 

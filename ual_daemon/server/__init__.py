@@ -1,1 +1,1 @@
-"""The gRPC server: servicers that unpack, call the vehicle and pack, and what is the same for all calls."""
+"""The gRPC server: servicers that unpack, call the vehicle and pack; their dispatch; and the transports below."""

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import grpc
 
-from ual_daemon.server.transport.core import CoreServer
+from ual_daemon.server.transport.base import TransportServer
 from ual_daemon.settings import ConfigError
 
 _LONGEST_UNIX_PATH = 107
 
 
 class ListenError(Exception):
-    """An address cannot be listened on; the message says which and why."""
+    """The server cannot listen on an address; the message says on which and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Address:
 
     @property
     def is_local(self) -> bool:
-        """True when only this computer can reach it."""
+        """Whether only this computer can reach it."""
         if self.is_unix or self.host == "localhost":
             return True
         try:
@@ -49,7 +49,12 @@ class Address:
 
 
 def parse(text: str) -> Address:
-    """The address that a text says. Raises `ConfigError`."""
+    """Returns the address that the text stands for.
+
+    Raises:
+        ConfigError: It stands for none.
+
+    """
     if text.startswith("unix:"):
         path = text.removeprefix("unix://" if text.startswith("unix:///") else "unix:")
         if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH:
@@ -61,13 +66,15 @@ def parse(text: str) -> Address:
     return Address(match[1] or match[2], int(match[3]))
 
 
-def bind(server: CoreServer, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
-    """Makes the server listen there, with TLS where there are credentials; the address with the port it got.
+def bind(server: TransportServer, address: Address, credentials: grpc.ServerCredentials | None) -> Address:
+    """Makes the server listen, with TLS where there are credentials. Returns the address with the port it got.
 
-    Raises `ListenError`, which says who is there already where that can be told.
+    Raises:
+        ListenError: The address cannot be had. The message names the program that has it, where the system shows it.
+
     """
     if address.is_unix:
-        _make_way(address)
+        _check_unix_path(address)
     try:
         port = server.listen(str(address), None if address.is_unix else credentials)
     except RuntimeError as error:
@@ -75,8 +82,8 @@ def bind(server: CoreServer, address: Address, credentials: grpc.ServerCredentia
     return address if address.is_unix else Address(address.host, port)
 
 
-def _make_way(address: Address) -> None:
-    """Refuses a unix socket that somebody listens on, which gRPC would take from him, and what is no socket."""
+def _check_unix_path(address: Address) -> None:
+    """Refuses a path where another program listens, whose socket gRPC would replace, or where there is no socket."""
     path = Path(address.host)
     try:
         if not stat.S_ISSOCK(path.lstat().st_mode):
@@ -87,12 +94,12 @@ def _make_way(address: Address) -> None:
         try:
             probe.connect(str(path))
         except OSError:
-            return  # left by one that was killed
+            return  # a killed daemon left it
     raise ListenError(f"cannot listen on {address}: another program listens there")
 
 
 def _why(address: Address) -> str | None:
-    """What the system says to the address; gRPC does not tell."""
+    """Returns the system's own error for the address, which gRPC does not pass on."""
     try:
         if address.is_unix:
             with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
@@ -115,7 +122,7 @@ def _why(address: Address) -> str | None:
 
 
 def _holder(port: int) -> str | None:
-    """The program that listens on a TCP port, where the system lets us see it (Linux: ours, or all for root)."""
+    """Returns the program that listens on a TCP port, where the system shows it (Linux: our own, or all to root)."""
     sockets = {f"socket:[{inode}]" for inode in _listening_inodes(port)}
     for process in Path("/proc").glob("[0-9]*"):
         try:

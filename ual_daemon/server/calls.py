@@ -11,17 +11,17 @@ import grpc
 from ual.errors import InvalidArgumentError
 from ual_daemon import logs
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
-from ual_daemon.server.transport.core import Call
+from ual_daemon.server.transport.base import Call
 
 NAMESPACE_KEY = "ual-ns"
 
 
 class Calls:
-    """Answers the calls for one UAV by what is registered with it, on the event loop that runs when this is made.
+    """Answers the calls for one UAV, with the servicers that are registered. Belongs to the event loop that runs now.
 
-    It is a registry for generated code (``add_..._to_server``), and `take` takes a server's calls. `log_name` is what
-    the log calls the UAV. `shutdown_refuses` are the beginnings of the methods that are refused once the shutdown has
-    begun.
+    It is a registry for generated code (``add_..._to_server``), and `take` takes the calls of a server. `log_name` is
+    the UAV's name in the log. Once the shutdown has begun, methods that begin with one of `shutdown_refuses` are
+    refused.
     """
 
     def __init__(self, ns: str, shutdown_refuses: tuple[str, ...], log_name: str = "") -> None:
@@ -36,15 +36,15 @@ class Calls:
         self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
-        """Nothing: these are the same methods again, as they were registered before gRPC 1.67."""
+        """Does nothing: these are the same methods again, in the form of gRPC before 1.67."""
 
     def add_registered_method_handlers(self, service: str, handlers: Mapping[str, Handler]) -> None:
-        """The methods of a service."""
+        """Registers the methods of a service."""
         for name, handler in handlers.items():
             self._methods[f"/{service}/{name}"] = Method(handler)
 
     def take(self, call: Call) -> None:
-        """Answers a call. On the thread that waits for gRPC."""
+        """Begins to answer a call, on the transport's thread."""
         method = self._methods.get(call.method)
         if method is None:
             call.finish(code=grpc.StatusCode.UNIMPLEMENTED, details=f"there is no method {call.method:.100}")
@@ -53,16 +53,16 @@ class Calls:
 
     @property
     def running_count(self) -> int:
-        """How many calls are being answered."""
+        """How many calls are under way that a shutdown has to end."""
         return len(self._answers)
 
     def begin_shutdown(self) -> None:
-        """Ends the streams, and refuses new calls that fly. On the event loop, as all that ends calls."""
+        """Ends the streams, and refuses new calls that fly. To be called on the event loop, as is `end_waiting`."""
         self.is_shutting_down = True
         self._end(streams=True)
 
     def end_waiting(self) -> None:
-        """Ends the calls that still wait for something, and those that would begin to."""
+        """Ends the calls that still wait, and from now on those that would begin to."""
         self._has_ended_waiting = True
         self._end(streams=False)
 
@@ -75,19 +75,25 @@ class Calls:
     # --- For the answers ----------------------------------------------------------------------------------------------
 
     def join(self, answer: Answer) -> None:
-        """It runs from now on, to be ended by a shutdown."""
+        """Adds an answer that is under way: a shutdown ends it."""
         with self._lock:
             self._answers.add(answer)
-        if self._has_ended_waiting and not answer.is_stream:  # what it does began before, but was not known yet
+        if self._has_ended_waiting and not answer.is_stream:  # it began before, but was not known yet
             answer.end()
 
     def leave(self, answer: Answer) -> None:
-        """It has ended."""
+        """Removes an answer that has ended."""
         with self._lock:
             self._answers.discard(answer)
 
-    def require_welcome(self, call: Call) -> None:
-        """Refuses a call for another UAV, and one that flies where the shutdown has begun."""
+    def require_accepted(self, call: Call) -> None:
+        """Refuses a call for another UAV, and after the shutdown has begun one that flies.
+
+        Raises:
+            InvalidArgumentError: The caller means another UAV.
+            StatusError: The daemon is shutting down.
+
+        """
         if self.is_shutting_down and call.method.startswith(self._shutdown_refuses):
             raise StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
         for key, value in call.metadata:
@@ -96,14 +102,14 @@ class Calls:
                     f"this daemon flies {self._ns}, not {value!s:.64}", {"field": NAMESPACE_KEY, "namespace": self._ns}
                 )
 
-    def tell_log(self, call: Call | None) -> None:
-        """What this thread, or this task, logs from now on is about this UAV, and of this caller."""
+    def set_log_context(self, call: Call | None) -> None:
+        """Names this UAV, and the caller, in what this thread or task logs from now on."""
         logs.caller.set(None if call is None else call.peer)
         if self._log_name:
             logs.uav.set(self._log_name)
 
     def on_loop(self, callback: Callable[..., object], *arguments: object) -> bool:
-        """Calls it on the event loop, soon; false where that is closed."""
+        """Calls it on the event loop, soon. Returns False if that is closed."""
         try:
             self._loop.call_soon_threadsafe(callback, *arguments)
         except RuntimeError:

@@ -1,10 +1,10 @@
-"""How one call is answered, by the way in which its method is written.
+"""How one call is answered, which depends on how the servicer's method is written.
 
-- ``def`` of a request, or a generator into which each request of a stream is sent: answered where it was received, on
-  the thread that waits for gRPC, in the order of the calls. It must not block. The fast way, without a hop to another
-  thread. What begins at once and ends later returns a coroutine, which the event loop awaits.
-- ``def`` that answers by a stream: begins to send by the `Call`, from whichever thread, and returns what ends that.
-- An asynchronous generator: all of it on the event loop.
+- ``def`` of a request, or a generator into which each request of a stream is sent: it runs on the transport's thread,
+  in the order of the calls, and must not block. This is the fast way: no other thread has to wake. If it begins
+  something that ends later, it returns a coroutine, which the event loop awaits.
+- ``def`` with a stream of responses: it sends by the `Call`, from any thread. It returns a function that ends that.
+- An asynchronous generator: it runs on the event loop.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 import grpc
 from google.protobuf.message import DecodeError
+from typing_extensions import override
 
 from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
-from ual_daemon.server.transport.core import Call
+from ual_daemon.server.transport.base import Call
 
 if TYPE_CHECKING:
     from ual_daemon.server.calls import Calls
@@ -37,7 +38,7 @@ SHUTTING_DOWN = "the daemon is shutting down"
 
 
 class StatusError(Exception):
-    """Ends a call with a status of gRPC, where the contract is not ours."""
+    """Ends a call with a status of gRPC, where our contract has no error for it."""
 
     def __init__(self, code: grpc.StatusCode, details: str) -> None:
         super().__init__(details)
@@ -55,49 +56,49 @@ class Method:
             "Callable[[Any, Any], Any]",
             handler.unary_unary or handler.unary_stream or handler.stream_unary or handler.stream_stream,
         )
-        self.is_asked_by_stream: bool = handler.request_streaming
-        self.is_answered_by_stream: bool = handler.response_streaming
+        self.has_request_stream: bool = handler.request_streaming
+        self.has_response_stream: bool = handler.response_streaming
         self.kind: type[Answer]
         if inspect.isasyncgenfunction(self.serve):
-            self.kind = _Generated
-        elif self.is_asked_by_stream:
-            self.kind = _Received
+            self.kind = _GeneratorAnswer
+        elif self.has_request_stream:
+            self.kind = _RequestStreamAnswer
         else:
-            self.kind = _Sent if self.is_answered_by_stream else _One
+            self.kind = _PushAnswer if self.has_response_stream else _UnaryAnswer
 
 
 class Answer:
     """One call that is being answered."""
 
     def __init__(self, calls: Calls, method: Method, call: Call) -> None:
-        self.is_stream = method.is_asked_by_stream or method.is_answered_by_stream
+        self.is_stream = method.has_request_stream or method.has_response_stream
         self._calls = calls
         self._method = method
         self._call = call
 
     def begin(self) -> None:
-        """Begins with it."""
-        if self._method.is_answered_by_stream:
-            # Now, and not with the first message: the caller knows that he is heard.
+        """Begins, on the transport's thread."""
+        if self._method.has_response_stream:
+            # Now, and not with the first message: so the caller knows that it is connected.
             self._call.begin()
         self._do(self._begin)
 
     def end(self) -> None:
-        """The daemon shuts down."""
+        """Ends it because the daemon shuts down."""
         self._fail(self._shutdown())
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
-        """Does a step of it, on the thread that waits for gRPC. What goes wrong there ends the call."""
-        self._calls.tell_log(self._call)
+        """Does a step, on the transport's thread. An error ends the call."""
+        self._calls.set_log_context(self._call)
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
             self._fail(error)
         finally:
-            self._calls.tell_log(None)  # the thread must not hold the call
+            self._calls.set_log_context(None)  # the thread must not keep the call alive
 
     def _begin(self) -> None:
-        self._calls.require_welcome(self._call)
+        self._calls.require_accepted(self._call)
         self._call.receive(partial(self._do, self._receive))
 
     def _receive(self, message: bytes | None) -> None:
@@ -125,7 +126,7 @@ class Answer:
             self._call.finish(code=error.code, details=str(error))
             return
         if isinstance(error, UalError):
-            # The vehicle has logged what it refused; this is for what did not come so far.
+            # The vehicle logs what it refuses; this is for what is refused before.
             logs.event(_log, logging.DEBUG, "call_failed", method=self._call.method, reason=error.reason, why=error)
         else:
             _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
@@ -134,13 +135,14 @@ class Answer:
         self._call.finish(None, status.code, status.details, status.trailing_metadata)
 
 
-class _OnLoop(Answer):
-    """What goes on on the event loop."""
+class _LoopAnswer(Answer):
+    """An answer that waits, or all of it, on the event loop."""
 
     _task: asyncio.Task[bytes | None] | None = None
     _has_begun = False
     _is_to_cancel = False
 
+    @override
     def end(self) -> None:
         if self._task is None:
             super().end()
@@ -148,31 +150,31 @@ class _OnLoop(Answer):
             self._cancel()
 
     def _watch(self) -> None:
-        """It takes a while from here on."""
+        """From here on the call may be cancelled, or ended by a shutdown."""
         self._call.watch(lambda: self._calls.on_loop(self._cancel))
-        self._call.peer()  # the call may end before the log needs it
+        self._call.peer()  # the call may end before a log line needs it
         self._calls.join(self)
 
     def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
-        """Awaits it on the loop, and ends the call with what it returns."""
+        """Awaits it on the loop, and ends the call with its result."""
         if not self._calls.on_loop(self._start, coroutine):
             coroutine.close()
 
     def _start(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
         self._task = asyncio.create_task(self._serve(coroutine))
         self._task.add_done_callback(self._on_end)
-        if self._call.is_finished or self._call.is_cancelled:  # meanwhile
+        if self._call.is_finished or self._call.is_cancelled:  # in the meantime
             self._cancel()
 
     async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.tell_log(self._call)
+        self._calls.set_log_context(self._call)
         self._has_begun = True
         if self._is_to_cancel:
             self._cancel()
         return await coroutine
 
     def _cancel(self) -> None:
-        """Cancels it where it waits. Before it has begun it would not hear of that, and what it has to undo be left."""
+        """Cancels the task, once it has begun: before that it could not undo what was begun for it."""
         self._is_to_cancel = True
         if self._task is not None and self._has_begun:
             self._task.cancel()
@@ -190,9 +192,10 @@ class _OnLoop(Answer):
             self._fail(error)
 
 
-class _One(_OnLoop):
-    """By one message, where the request was received, or when what that began has ended."""
+class _UnaryAnswer(_LoopAnswer):
+    """One response to one request: at once, or when the coroutine that the method returned has ended."""
 
+    @override
     def _answer(self, request: object) -> None:
         response = self._method.serve(request, None)
         if inspect.iscoroutine(response):
@@ -205,17 +208,19 @@ class _One(_OnLoop):
         return self._method.encode(await response)
 
 
-class _Generated(_OnLoop):
-    """By the messages of an asynchronous generator."""
+class _GeneratorAnswer(_LoopAnswer):
+    """The responses of an asynchronous generator."""
 
+    @override
     def _begin(self) -> None:
         self._watch()
-        if self._method.is_asked_by_stream:
-            self._calls.require_welcome(self._call)
+        if self._method.has_request_stream:
+            self._calls.require_accepted(self._call)
             self._answer(self._requests())
         else:
             super()._begin()
 
+    @override
     def _answer(self, request: object) -> None:
         self._go_on(self._send(request))
 
@@ -229,28 +234,30 @@ class _Generated(_OnLoop):
             yield self._decoded(message)
 
     async def _until(self, start: Callable[[Callable[[T], object]], None]) -> T:
-        """What an operation ends with."""
+        """Waits for an operation of the call. Returns its result."""
         ended: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
-        def tell(result: T) -> None:
+        def set_result(result: T) -> None:
             if not ended.done():
                 ended.set_result(result)
 
-        start(lambda result: self._calls.on_loop(tell, result))
+        start(lambda result: self._calls.on_loop(set_result, result))
         return await ended
 
 
-class _Received(Answer):
-    """By one message, after all those of a stream have been received, each of which is taken where it was received."""
+class _RequestStreamAnswer(Answer):
+    """One response to a stream of requests, each of which is processed on the transport's thread."""
 
+    @override
     def _begin(self) -> None:
         self._calls.join(self)
         self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
         next(self._requests)
         super()._begin()
 
+    @override
     def _receive(self, message: bytes | None) -> None:
-        if self._call.is_finished:  # by a shutdown: what comes now is not for us any more
+        if self._call.is_finished:  # by a shutdown: requests that still arrive are ignored
             return
         try:
             self._requests.send(None if message is None else self._decoded(message))
@@ -261,21 +268,24 @@ class _Received(Answer):
             self._call.receive(partial(self._do, self._receive))
 
 
-class _Sent(Answer):
-    """By messages that are sent from elsewhere."""
+class _PushAnswer(Answer):
+    """A stream of responses that other threads send."""
 
     _stop: Callable[[], None] | None = None
 
+    @override
     def _begin(self) -> None:
         self._call.watch(self._on_cancel)
         self._calls.join(self)
         super()._begin()
 
+    @override
     def _answer(self, request: object) -> None:
         self._stop = self._method.serve(request, self._call)
-        if self._call.is_cancelled or self._call.is_finished:  # meanwhile; by a shutdown
+        if self._call.is_cancelled or self._call.is_finished:  # in the meantime
             self._stop()
 
+    @override
     def end(self) -> None:
         super().end()
         if self._stop is not None:

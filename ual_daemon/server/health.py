@@ -1,7 +1,7 @@
 """The standard gRPC health service.
 
-Our own, as grpcio-health-checking's asyncio servicer forgets all watchers of a service when one of them leaves, and
-lets a watcher that does not read hold up the one who sets the status.
+It replaces grpcio-health-checking's asyncio servicer, which forgets all watchers of a service when one of them leaves,
+and in which a watcher that does not read delays whoever sets the status.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Iterable
 
 import grpc
 from grpc_health.v1 import health_pb2, health_pb2_grpc
+from typing_extensions import override
 
 from ual_daemon.server.dispatch import StatusError
 
@@ -18,7 +19,7 @@ _Status = health_pb2.HealthCheckResponse
 
 
 class HealthServicer(health_pb2_grpc.HealthServicer):
-    """Says of the services, and of the server as a whole (the empty name), that they serve or that they do not."""
+    """Reports whether the services, and the server as a whole (the empty name), serve."""
 
     def __init__(self, services: Iterable[str]) -> None:
         self._services = frozenset({"", *services})
@@ -26,13 +27,14 @@ class HealthServicer(health_pb2_grpc.HealthServicer):
         self._changed = asyncio.Event()
 
     def set_serving(self, is_serving: bool) -> None:
-        """Sets the status of all the services, and tells the watchers."""
+        """Sets the status of all the services, and notifies the watchers."""
         self._status = _Status.SERVING if is_serving else _Status.NOT_SERVING
         # An event for each change, as one event would have to be cleared while some have not seen it.
         self._changed.set()
         self._changed = asyncio.Event()
 
-    def Check(  # noqa: N802  the contract's name
+    @override
+    def Check(
         self,
         request: health_pb2.HealthCheckRequest,
         context: object,
@@ -41,18 +43,19 @@ class HealthServicer(health_pb2_grpc.HealthServicer):
             raise StatusError(grpc.StatusCode.NOT_FOUND, f"no service {request.service!r} here")
         return health_pb2.HealthCheckResponse(status=self._status)
 
-    async def Watch(  # noqa: N802
+    @override
+    async def Watch(
         self,
         request: health_pb2.HealthCheckRequest,
         context: object,
     ) -> AsyncIterator[health_pb2.HealthCheckResponse]:
-        told = None
+        sent = None
         while True:
             changed, status = self._changed, self._status
             if request.service not in self._services:
                 status = _Status.SERVICE_UNKNOWN
-            if status != told:
+            if status != sent:
                 yield health_pb2.HealthCheckResponse(status=status)
-                told = status
-                continue  # it may have changed while that was written
+                sent = status
+                continue  # it may have changed meanwhile
             await changed.wait()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Sequence
 from typing import cast
 
@@ -18,10 +17,9 @@ from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.simulation_service import SimulationServicer
-from ual_daemon.server.transport.core import Core, CoreServer
+from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import Hops, Updates
-from ual_daemon.server.waiting import completion
+from ual_daemon.server.updates import LoopCalls, Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
@@ -29,22 +27,22 @@ _SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["Simulatio
 _HEALTH_SERVICE: str = health_pb2.DESCRIPTOR.services_by_name["Health"].full_name
 
 _OPTIONS: Sequence[tuple[str, int]] = (
-    # One port, one daemon: with this on, as is gRPC's default, a second one would get a part of the calls.
+    # One daemon for a port: with this on (gRPC's default), a second one could listen, too, and get a part of the calls.
     ("grpc.so_reuseport", 0),
-    # A host that vanished without a word (cable, radio) is noticed within 8 s, and its flying calls cancelled.
+    # A host that vanishes silently (cable, radio) is noticed within 8 s, and its flying calls are cancelled.
     ("grpc.keepalive_time_ms", 4000),
     ("grpc.keepalive_timeout_ms", 4000),
-    # The one that counts with gRPC 1.8x: it waits for the answer to a ping for 60 s by default.
+    # gRPC 1.8x uses this one: it waits 60 s for the answer to a ping by default.
     ("grpc.http2.ping_timeout_ms", 4000),
     ("grpc.keepalive_permit_without_calls", 1),
     ("grpc.http2.max_pings_without_data", 0),
-    # A client may look after us as often.
+    # A client may ping the daemon as often.
     ("grpc.http2.min_ping_interval_without_data_ms", 1000),
-    # Hardly any setpoint waits in buffers: those that came while the daemon could not read (a stopped process, a busy
-    # machine) would all be flown late. By default some 600 fit; now at most 5 do, and the client drops the rest.
+    # Setpoints that arrive while the daemon cannot read (a stopped process, a busy machine) would all be flown late. By
+    # default some 600 fit into the buffers; with these two at most 5 do, and the client drops the rest.
     ("grpc.http2.lookahead_bytes", 512),
     ("grpc.http2.bdp_probe", 0),
-    # The longest path that anybody can mean has some ten thousand waypoints.
+    # The longest path that makes sense has some ten thousand waypoints.
     ("grpc.max_receive_message_length", 4 << 20),
 )
 _GRACE_S = 1.0
@@ -53,17 +51,17 @@ _GRACE_S = 1.0
 class Server:
     """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made.
 
-    Servers of one process share the `core`, and their `hops`.
+    Servers of one process share the `transport` and the `loop_calls`.
     """
 
-    def __init__(self, vehicle: Vehicle, core: Core, hops: Hops | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, transport: Transport, loop_calls: LoopCalls | None = None) -> None:
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
-        # A simulated safety pilot must be able to act until the end.
+        # During a shutdown only flying is refused: a simulated safety pilot must be able to act until the end.
         self._calls = calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
         self._health = HealthServicer(services)
-        self.updates = Updates(vehicle, self._on_state, hops)
-        self._server = CoreServer(core, _OPTIONS, calls.take)
+        self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
+        self._server = transport.server(_OPTIONS, calls.take)
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:
@@ -73,28 +71,29 @@ class Server:
         servicer = reflection.aio.ReflectionServicer(names)
         reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, registry)  # type: ignore[no-untyped-call]
 
-    def start(
+    async def start(
         self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None
     ) -> tuple[Address, ...]:
-        """Begins to serve; the addresses with the ports that they got. Raises `ListenError`."""
+        """Begins to serve. Returns the addresses with the ports that they got.
+
+        Raises:
+            ListenError: One of the addresses cannot be had.
+
+        """
         bound = tuple(bind(self._server, address, credentials) for address in addresses)
-        self._server.start()
+        await self._server.start()
         return bound
 
     def begin_shutdown(self) -> None:
-        """Says that it no longer serves, ends the streams and refuses new flying calls; running ones go on."""
+        """Reports that it no longer serves, ends the streams, and refuses new flying calls. Running ones go on."""
         self._health.set_serving(False)
         self.updates.close()
         self._calls.begin_shutdown()
 
     async def stop(self) -> None:
-        """Ends what still waits, and closes."""
+        """Ends the calls that still wait, and closes."""
         self._calls.end_waiting()
-        stopped = completion(self._server.stop())
-        await asyncio.wait((stopped,), timeout=_GRACE_S)
-        if not stopped.done():
-            self._server.cancel_calls()
-            await asyncio.wait((stopped,), timeout=_GRACE_S)
+        await self._server.stop(_GRACE_S)
 
     def _on_state(self, state: State) -> None:
         self._health.set_serving(state is not State.UNINITIALIZED)

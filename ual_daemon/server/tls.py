@@ -1,4 +1,4 @@
-"""TLS credentials of the server, checked before they are used: gRPC itself would accept anything and then fail."""
+"""TLS credentials of the server, checked at start: gRPC accepts any bytes, and fails later with each connection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from ual_daemon.settings import ConfigError
 
 
 def credentials(certificate: str | None, key: str | None) -> grpc.ServerCredentials | None:
-    """Credentials from a certificate (chain) and its key, both PEM files; None without. Raises `ConfigError`."""
+    """Returns credentials from the PEM files of a certificate (chain) and its key, or None where neither is given.
+
+    Raises:
+        ConfigError: One of them is missing, unreadable, encrypted, or does not belong to the other.
+
+    """
     if certificate is None and key is None:
         return None
     if certificate is None or key is None:
@@ -20,7 +25,7 @@ def credentials(certificate: str | None, key: str | None) -> grpc.ServerCredenti
     import ssl
 
     def refuse_password() -> str:
-        raise ConfigError(f"{key} is encrypted; a daemon has nobody to ask for the password", "tls_key")
+        raise ConfigError(f"{key} is encrypted: a daemon cannot ask for the password", "tls_key")
 
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, refuse_password)

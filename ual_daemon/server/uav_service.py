@@ -1,4 +1,4 @@
-"""`UalService`: unpacks the request, calls the vehicle, packs the answer. What is allowed is judged by the vehicle."""
+"""`UalService`: unpacks the request, calls the vehicle, packs the response. The vehicle decides what is allowed."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from concurrent.futures import Future
 from typing import TypeAlias, TypeVar
 
+from typing_extensions import override
+
 from ual import _convert
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
@@ -18,7 +20,7 @@ from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.server.transport.core import Call
+from ual_daemon.server.transport.base import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.vehicle.prepared import Prepared
@@ -26,17 +28,17 @@ from ual_daemon.vehicle.vehicle import Vehicle
 
 R = TypeVar("R")
 _Maybe: TypeAlias = R | Awaitable[R]
-"""A response, or what it will be."""
+"""A response, or a coroutine that returns it."""
 
 _log = logging.getLogger(__name__)
 
 _WATCH_RATE_HZ = 10.0
 _MAX_WATCH_RATE_HZ = 50.0
-"""As often as a UAV is updated: nothing is new in between, and one watcher must not take a core of the daemon."""
+"""As often as a UAV is updated: nothing changes in between, and one watcher must not take a core of the daemon."""
 
 
 class UalServicer(ual_pb2_grpc.UalServiceServicer):
-    """The interface of one vehicle. See ``ual/v1/ual.proto`` for what each method does."""
+    """The interface of one vehicle. ``ual/v1/ual.proto`` describes each method, `dispatch` how it is answered."""
 
     def __init__(self, vehicle: Vehicle, updates: Updates) -> None:
         self._vehicle = vehicle
@@ -45,50 +47,62 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._updates = updates
 
     # Names and order are those of the contract.
-    # ruff: noqa: N802
 
+    @override
     def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
         return _convert.info_to_proto(self._vehicle.info())
 
+    @override
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
         return pb.GetTelemetryResponse(telemetry=_convert.telemetry_to_proto(self._vehicle.telemetry()))
 
+    @override
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
         self, request: pb.StreamTelemetryRequest, context: Call
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
 
+    @override
     def GetTransform(self, request: pb.GetTransformRequest, context: object) -> pb.GetTransformResponse:
         transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
         return pb.GetTransformResponse(transform=_convert.transform_to_proto(transform))
 
+    @override
     def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
         return pb.ListFramesResponse(frames=[_convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
+    @override
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
         self._commands.add_frame(_convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
+    @override
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
         return _after(self._commands.arm(), pb.ArmResponse())
 
+    @override
     def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
         return _after(self._commands.disarm(), pb.DisarmResponse())
 
+    @override
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
         return self._task(request, pb.TakeOffResponse)
 
+    @override
     def Land(self, request: pb.LandRequest, context: object) -> _Maybe[pb.LandResponse]:
         return self._task(request, pb.LandResponse)
 
+    @override
     def GoToWaypoint(self, request: pb.GoToWaypointRequest, context: object) -> _Maybe[pb.GoToWaypointResponse]:
         return self._task(request, pb.GoToWaypointResponse)
 
+    @override
     def GoToWaypointGeo(
         self, request: pb.GoToWaypointGeoRequest, context: object
     ) -> _Maybe[pb.GoToWaypointGeoResponse]:
         return self._task(request, pb.GoToWaypointGeoResponse)
 
+    @override
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
         return self._follow_path(request, self._commands.last_command)
 
@@ -128,6 +142,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
                 raise
         return make(task=_convert.task_to_proto(task.info()))
 
+    @override
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
         pose = _convert.pose_from_proto(request)
         if request.dry_run:
@@ -135,6 +150,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._setpoints.set_pose(pose)
         return pb.SetPoseResponse()
 
+    @override
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
         velocity = _convert.velocity_from_proto(request)
         if request.dry_run:
@@ -142,6 +158,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._setpoints.set_velocity(velocity)
         return pb.SetVelocityResponse()
 
+    @override
     def StreamSetpoints(  # type: ignore[override] # each is taken where it was received: see `dispatch`
         self, request_iterator: None, context: object
     ) -> Generator[None, pb.StreamSetpointsRequest | None, pb.StreamSetpointsResponse]:
@@ -156,6 +173,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
 
+    @override
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
@@ -164,17 +182,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
+    @override
     def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
         self._commands.set_home(request.set_z)
         return pb.SetHomeResponse()
 
+    @override
     def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
         self._commands.abort(request.freeze, request.task_id)
         return pb.AbortResponse()
 
+    @override
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
         return pb.GetTaskResponse(task=_convert.task_to_proto(self._vehicle.task(request.task_id).info()))
 
+    @override
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
         period_s = 1.0 / min(_rate_hz(request.rate_hz) or _WATCH_RATE_HZ, _MAX_WATCH_RATE_HZ)
         task = self._vehicle.task(request.task_id)
@@ -186,7 +208,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
 
 async def _after(future: Future[None], response: R) -> R:
-    """The response once the future has ended; its error where it failed."""
+    """Waits for the future. Returns the response, or raises the future's error."""
     await ended(future)
     return response
 

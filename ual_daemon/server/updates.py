@@ -1,8 +1,9 @@
-"""The vehicle's updates, sent to whoever reads them, and its states, told on the event loop.
+"""Sends the vehicle's telemetry to its readers, and publishes its states on the event loop.
 
-A few readers get a sample from the vehicle's own thread, as soon as it is made. Where there are more, or a process
-flies many UAVs, sending would take that thread too long: the event loop does it then, and updates that come faster than
-it runs become one. A reader that is slow gets the newest sample and the number of those it lost; it holds up nobody.
+The vehicle's own thread sends to a few readers, as soon as it has made a sample. If there are more, if the process
+flies many UAVs, or if the transport sends from the event loop anyway, that would take this thread too long: then the
+event loop sends, and updates that come faster than it runs are merged. A slow reader gets the newest sample and the
+number of those that it missed; it delays nobody.
 """
 
 from __future__ import annotations
@@ -23,58 +24,58 @@ from ual.v1 import ual_pb2 as pb
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _OWN_THREAD_COUNT = 4
-"""To so many readers the vehicle's thread sends by itself: 0.1 ms each."""
+"""To at most so many readers the vehicle's thread sends itself: 0.1 ms each."""
 
 Send: TypeAlias = Callable[[bytes, Callable[[bool], None]], None]
-"""Sends a message, and tells when it is out (or that it never will be); only then may the next be sent."""
+"""Sends a message, and calls back with whether it went out. Only then may the next be sent. See `Call.send`."""
 
 
-class Sample:
-    """One sample; its message is made, and packed, once for all readers."""
+class PackedTelemetry:
+    """One sample. Its message is made and packed once for all readers."""
 
     def __init__(self, telemetry: Telemetry) -> None:
         self.telemetry = telemetry
 
     @cached_property
     def packed(self) -> bytes:
-        """A ``StreamTelemetryResponse`` for a reader that lost nothing."""
+        """A ``StreamTelemetryResponse`` for a reader that missed nothing."""
         message = pb.StreamTelemetryResponse()
         _convert.write_telemetry(self.telemetry, message.telemetry)
         return message.SerializeToString()
 
     def packed_after(self, missed_count: int) -> bytes:
-        """The same for a reader that lost so many before."""
+        """Returns the same for a reader that missed so many samples before this one."""
         if not missed_count:
             return self.packed
-        # Two messages of which one follows the other are read as one with the fields of both.
+        # Protobuf reads two concatenated messages as one with the fields of both.
         return self.packed + pb.StreamTelemetryResponse(missed_count=missed_count).SerializeToString()
 
 
-class Hops:
-    """Brings calls from other threads to the event loop that runs when this is made, in their order.
+class LoopCalls:
+    """Calls back on the event loop that runs when this is made, for other threads and in their order.
 
-    With `gather_s` calls that come so soon after each other go over together. A thread that wakes the loop lets go of
-    Python's lock, and may have to wait long to get it back: what flies many UAVs can afford that once in a step, but
-    not for each of them.
+    With `gather_s` callbacks wait that long, and run together. A thread that wakes the loop releases Python's lock, and
+    may have to wait long to get it back: a process that flies many UAVs can afford that once in a step, but not for
+    each UAV.
     """
 
     def __init__(self, gather_s: float = 0.0) -> None:
         self._loop = asyncio.get_running_loop()
         self._gather_s = gather_s
         self._waiting: deque[Callable[[], None]] = deque()
-        self._is_under_way = False
+        self._is_scheduled = False
 
     @property
     def gathers(self) -> bool:
-        """Whether calls go over together."""
+        """Whether callbacks wait for each other."""
         return self._gather_s > 0.0
 
     def call(self, callback: Callable[[], None]) -> None:
-        """Calls it on the loop, soon; not at all once that is closed."""
+        """Calls back on the loop, soon. Does nothing if that is closed."""
         self._waiting.append(callback)
-        if not self._is_under_way:
-            self._is_under_way = True
-            with suppress(RuntimeError):  # the loop is closed: nobody listens any more
+        if not self._is_scheduled:
+            self._is_scheduled = True
+            with suppress(RuntimeError):  # the loop is closed: nobody reads any more
                 self._loop.call_soon_threadsafe(self._begin)
 
     def _begin(self) -> None:
@@ -84,22 +85,24 @@ class Hops:
             self._run()
 
     def _run(self) -> None:
-        # First this: what comes from here on starts the next hop.
-        self._is_under_way = False
+        # First this: a callback that is added from here on is scheduled again.
+        self._is_scheduled = False
         while self._waiting:
             self._waiting.popleft()()
 
 
 class Reader:
-    """Sends the newest sample to one reader when the one before it is out, at most `rate_hz` of them (0: each)."""
+    """Sends one reader the newest sample, when the one before it is out, at most at `rate_hz` (0: every sample)."""
 
-    def __init__(self, rate_hz: float, first: Sample, send: Send, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, rate_hz: float, first: PackedTelemetry, send: Send, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._period_s = 1.0 / rate_hz if rate_hz > 0.0 else 0.0
         self._send = send
         self._clock = clock
         self._lock = threading.Lock()
         self._due_s = clock() + self._period_s
-        self._newest: Sample | None = None
+        self._newest: PackedTelemetry | None = None
         self._sequence = first.telemetry.sequence
         self._missed_count = 0
         self._is_sending = True
@@ -107,20 +110,20 @@ class Reader:
 
     @property
     def due_s(self) -> float:
-        """When it takes the next sample, by its clock."""
+        """When it takes the next sample, by its clock, in s."""
         return self._due_s
 
-    def offer(self, sample: Sample) -> None:
-        """Takes the sample, unless the rate leaves it out."""
+    def offer(self, sample: PackedTelemetry) -> None:
+        """Sends the sample, or keeps it to be sent next, unless the rate skips it."""
         now_s = self._clock()
         with self._lock:
             if now_s < self._due_s or sample.telemetry.sequence <= self._sequence:
                 return
             if self._period_s:
                 self._missed_count += self._newest is not None
-            else:  # each sample was due: count those, too, that never came here
+            else:  # each sample was due: those that were never offered count, too
                 self._missed_count += sample.telemetry.sequence - self._sequence - (self._newest is None)
-            # From when it was due, not from now: else every sample would be late by up to an update.
+            # From when it was due, not from now: else each sample would be late by up to one update.
             self._due_s = max(self._due_s + self._period_s, now_s)
             self._sequence = sample.telemetry.sequence
             self._newest = sample
@@ -146,20 +149,22 @@ class Reader:
 
 
 class Updates:
-    """The updates of one vehicle. Belongs to the loop that runs when this is made, where `on_state` is called.
+    """The updates of one vehicle. Belongs to the event loop that runs when this is made, where `on_state` is called.
 
-    Vehicles of one process share their `hops`.
+    Vehicles of one process share their `loop_calls`. With `is_sent_on_loop` only the event loop sends.
     """
 
     def __init__(
         self,
         vehicle: Vehicle,
         on_state: Callable[[State], None],
-        hops: Hops | None = None,
+        loop_calls: LoopCalls | None = None,
         clock: Callable[[], float] = time.monotonic,
+        *,
+        is_sent_on_loop: bool = False,
     ) -> None:
         self._vehicle = vehicle
-        self._hops = hops or Hops()
+        self._loop_calls = loop_calls or LoopCalls()
         self._on_state = on_state
         self._clock = clock
         self._loop = asyncio.get_running_loop()
@@ -167,33 +172,33 @@ class Updates:
         self._readers: tuple[Reader, ...] = ()
         self._state = State.UNINITIALIZED
         self._changed = asyncio.Event()
-        self._own_thread_count = 0 if self._hops.gathers else _OWN_THREAD_COUNT
+        self._own_thread_count = 0 if is_sent_on_loop or self._loop_calls.gathers else _OWN_THREAD_COUNT
         # Single references, replaced as a whole: read without the lock.
         self._due_s = math.inf
         self._newest: Telemetry | None = None
-        self._is_hop_under_way = False
+        self._is_delivery_scheduled = False
         self._end_state = vehicle.listen_to_state(self._on_change)
-        self._loop.call_soon(self._tell_state)  # it may be open already
+        self._loop.call_soon(self._publish_state)  # it may be open already
         self._unsubscribe = vehicle.subscribe(self._on_update, self._is_due)
 
     def close(self) -> None:
-        """Ends the updates; readers get no more."""
+        """Ends the updates. Readers get no more samples."""
         self._end_state()
         self._unsubscribe()
 
     @property
     def state(self) -> State:
-        """The state as it was told last."""
+        """The state that was published last."""
         return self._state
 
     async def change(self, timeout_s: float | None = None) -> None:
-        """Waits until a state is told, or for so long."""
+        """Waits until a state is published, at most for so long."""
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._changed.wait(), timeout_s)
 
     def read(self, rate_hz: float, send: Send) -> Callable[[], None]:
-        """Sends samples to a reader from now on, the first at once; see `Reader`. Returns what ends it."""
-        reader = Reader(rate_hz, Sample(self._vehicle.telemetry()), send, self._clock)
+        """Sends samples to a reader from now on, the first at once; see `Reader`. Returns a function that ends it."""
+        reader = Reader(rate_hz, PackedTelemetry(self._vehicle.telemetry()), send, self._clock)
         with self._lock:
             self._readers = (*self._readers, reader)
             self._plan()
@@ -212,9 +217,9 @@ class Updates:
         return self._clock() >= self._due_s
 
     def _on_change(self, state: State) -> None:
-        self._hops.call(self._tell_state)
+        self._loop_calls.call(self._publish_state)
 
-    def _tell_state(self) -> None:
+    def _publish_state(self) -> None:
         self._state = self._vehicle.state()
         self._on_state(self._state)
         # An event for each change, as one event would have to be cleared while some have not seen it.
@@ -225,16 +230,16 @@ class Updates:
         self._newest = telemetry
         if len(self._readers) <= self._own_thread_count:
             self._deliver()
-        elif not self._is_hop_under_way:
-            self._is_hop_under_way = True
-            self._hops.call(self._deliver)
+        elif not self._is_delivery_scheduled:
+            self._is_delivery_scheduled = True
+            self._loop_calls.call(self._deliver)
 
     def _deliver(self) -> None:
-        # First this: an update that comes from here on starts the next hop.
-        self._is_hop_under_way = False
+        # First this: an update that comes from here on is delivered by the next call.
+        self._is_delivery_scheduled = False
         telemetry = self._newest
         assert telemetry is not None
-        sample = Sample(telemetry)
+        sample = PackedTelemetry(telemetry)
         for reader in self._readers:
             reader.offer(sample)
         with self._lock:

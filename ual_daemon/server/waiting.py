@@ -1,4 +1,4 @@
-"""Waiting, on the event loop, for what ends elsewhere."""
+"""Waits on the event loop for futures that other threads complete."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ T = TypeVar("T")
 
 
 def completion(future: Future[Any]) -> asyncio.Future[None]:
-    """Done when the future is, however that ended.
+    """Returns a future of the running loop that is done when the given one is, whatever its result.
 
-    Unlike `asyncio.wrap_future` it cannot cancel the future: a caller that no longer waits must not end what others
-    wait for.
+    Unlike `asyncio.wrap_future`, cancelling it leaves the given future as it is: others may wait for that, too.
     """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
@@ -23,15 +22,15 @@ def completion(future: Future[Any]) -> asyncio.Future[None]:
         if not done.done():
             done.set_result(None)
 
-    def tell(_: Future[Any]) -> None:
+    def notify(_: Future[Any]) -> None:
         with suppress(RuntimeError):  # the loop is closed: nobody waits any more
             loop.call_soon_threadsafe(mark)
 
-    future.add_done_callback(tell)
+    future.add_done_callback(notify)
     return done
 
 
 async def ended(future: Future[T]) -> T:
-    """The result of the future, or its error. Giving up waiting leaves the future as it is."""
+    """Waits for the future. Returns its result, or raises its error. If the caller is cancelled, the future goes on."""
     await completion(future)
     return future.result()

@@ -94,9 +94,10 @@ def test_what_a_killed_daemon_left_is_in_nobodys_way(start_daemon: StartDaemon) 
     assert found.pid == again.pid
 
 
-def test_a_port_in_use_is_refused_and_says_by_whom(start_daemon: StartDaemon) -> None:
-    first = start_daemon()
-    second = start_daemon(ns="uav_2", listen=first.address)
+@pytest.mark.parametrize("transport", ["core", "aio"])
+def test_a_port_in_use_is_refused_and_says_by_whom(transport: str, start_daemon: StartDaemon) -> None:
+    first = start_daemon("--transport", transport)
+    second = start_daemon("--transport", transport, ns="uav_2", listen=first.address)
     assert second.wait() == 1
     assert second.stderr.startswith(
         f"ual-daemon: cannot listen on {first.address}: the port is in use by pid {first.pid} ("
@@ -104,8 +105,9 @@ def test_a_port_in_use_is_refused_and_says_by_whom(start_daemon: StartDaemon) ->
     assert _discovery.registered("uav_2") is None
 
 
-def test_garbage_on_the_port_disturbs_nobody(start_daemon: StartDaemon) -> None:
-    daemon = start_daemon()
+@pytest.mark.parametrize("transport", ["core", "aio"])
+def test_garbage_on_the_port_disturbs_nobody(transport: str, start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--transport", transport)
     host, _, port = daemon.address.partition(":")
     generator = os.urandom
     for garbage in (b"GET / HTTP/1.1\r\n\r\n", generator(4096), b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + generator(4096)):
@@ -116,9 +118,12 @@ def test_garbage_on_the_port_disturbs_nobody(start_daemon: StartDaemon) -> None:
         assert namespace_of(daemon.channel()) == "uav_1"
 
 
-def test_it_listens_on_several_addresses_and_on_a_unix_socket(start_daemon: StartDaemon, tmp_path: Path) -> None:
+@pytest.mark.parametrize("transport", ["core", "aio"])
+def test_it_listens_on_several_addresses_and_on_a_unix_socket(
+    transport: str, start_daemon: StartDaemon, tmp_path: Path
+) -> None:
     path = tmp_path / "uav_1.sock"
-    daemon = start_daemon("--listen", f"unix:{path}")
+    daemon = start_daemon("--transport", transport, "--listen", f"unix:{path}")
     assert namespace_of(daemon.channel()) == "uav_1"
     with grpc.insecure_channel(f"unix:{path}") as channel:
         assert namespace_of(channel) == "uav_1"
@@ -127,9 +132,16 @@ def test_it_listens_on_several_addresses_and_on_a_unix_socket(start_daemon: Star
     assert not path.exists()
 
 
-def test_with_tls_it_serves_who_trusts_it_beyond_loopback(start_daemon: StartDaemon) -> None:
+@pytest.mark.parametrize("transport", ["core", "aio"])
+def test_with_tls_it_serves_who_trusts_it_beyond_loopback(transport: str, start_daemon: StartDaemon) -> None:
     daemon = start_daemon(
-        "--tls-certificate", str(TLS / "certificate.pem"), "--tls-key", str(TLS / "key.pem"), listen="0.0.0.0:0"
+        "--transport",
+        transport,
+        "--tls-certificate",
+        str(TLS / "certificate.pem"),
+        "--tls-key",
+        str(TLS / "key.pem"),
+        listen="0.0.0.0:0",
     )
     port = daemon.address.rpartition(":")[2]
     trusted = grpc.ssl_channel_credentials((TLS / "certificate.pem").read_bytes())

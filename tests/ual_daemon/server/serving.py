@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import cast
@@ -10,26 +9,33 @@ from typing import cast
 import grpc
 
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.transport.core import Core, CoreServer
-from ual_daemon.server.waiting import completion
+from ual_daemon.server.transport import selection
+from ual_daemon.server.transport.base import Call
+
+GRACE_S = 15.0
 
 
 @asynccontextmanager
 async def serving(
-    calls: Calls, *registered: Callable[[grpc.aio.Server], None]
+    choice: selection.Choice, calls: Calls, *registered: Callable[[grpc.aio.Server], None]
 ) -> AsyncIterator[tuple[grpc.aio.Channel, str]]:
     """Serves what is registered, by ``add_..._to_server``, until the block ends. A channel to it, and the address."""
     for register in registered:
         register(cast("grpc.aio.Server", calls))
-    core = Core()
-    server = CoreServer(core, (("grpc.so_reuseport", 0),), calls.take)
+    async with taking(choice, calls.take) as address, grpc.aio.insecure_channel(address) as channel:
+        yield channel, address
+
+
+@asynccontextmanager
+async def taking(choice: selection.Choice, take: Callable[[Call], None]) -> AsyncIterator[str]:
+    """Serves on a transport until the block ends; its address. Calls that still run then are cancelled."""
+    transport = await selection.choose(choice)
+    server = transport.server((("grpc.so_reuseport", 0),), take)
     port = server.listen("127.0.0.1:0")
-    server.start()
+    await server.start()
     try:
-        async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
-            yield channel, f"127.0.0.1:{port}"
+        yield f"127.0.0.1:{port}"
     finally:
-        stopped = completion(server.stop())
-        server.cancel_calls()
-        await asyncio.wait_for(stopped, 30.0)
-        core.close()
+        if not await server.stop(0.0):  # at once, whatever still runs
+            assert await server.stop(GRACE_S), "calls never ended"
+        transport.close()

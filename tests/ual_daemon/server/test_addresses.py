@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 import stat
@@ -8,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from ual_daemon.server.addresses import Address, ListenError, bind, parse
-from ual_daemon.server.transport.core import Core, CoreServer
+from ual_daemon.server.transport import selection
+from ual_daemon.server.transport.selection import Choice
 from ual_daemon.settings import ConfigError
 
 
@@ -59,29 +61,32 @@ def test_only_loopback_and_unix_are_local(text: str, is_local: bool) -> None:
     assert parse(text).is_local is is_local
 
 
-def try_to_bind(address: Address) -> Address:
-    core = Core()
-    server = CoreServer(core, [("grpc.so_reuseport", 0)], lambda _: None)
-    try:
-        bound = bind(server, address, None)
-        server.start()
-        return bound
-    finally:
-        server.stop().result(30.0)
-        core.close()
+def try_to_bind(choice: Choice, address: Address) -> Address:
+    async def run() -> Address:
+        transport = await selection.choose(choice)
+        server = transport.server([("grpc.so_reuseport", 0)], lambda _: None)
+        try:
+            bound = bind(server, address, None)
+            await server.start()
+            return bound
+        finally:
+            assert await server.stop(30.0)
+            transport.close()
+
+    return asyncio.run(run())
 
 
-def test_any_port_becomes_the_one_it_got() -> None:
-    assert try_to_bind(Address("127.0.0.1", 0)).port > 0
+def test_any_port_becomes_the_one_it_got(transport: Choice) -> None:
+    assert try_to_bind(transport, Address("127.0.0.1", 0)).port > 0
 
 
-def test_a_port_in_use_says_by_whom() -> None:
+def test_a_port_in_use_says_by_whom(transport: Choice) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(
             ListenError, match=rf"cannot listen on 127\.0\.0\.1:{port}: the port is in use by pid {os.getpid()} \("
         ):
-            try_to_bind(Address("127.0.0.1", port))
+            try_to_bind(transport, Address("127.0.0.1", port))
 
 
 @pytest.mark.parametrize(
@@ -92,26 +97,26 @@ def test_a_port_in_use_says_by_whom() -> None:
         (Address("/no/such/directory/ual.sock", 0, is_unix=True), "No such file or directory"),
     ],
 )
-def test_an_address_that_is_not_here_says_why(address: Address, why: str) -> None:
+def test_an_address_that_is_not_here_says_why(transport: Choice, address: Address, why: str) -> None:
     with pytest.raises(ListenError, match=f"cannot listen on .*: {why}"):
-        try_to_bind(address)
+        try_to_bind(transport, address)
 
 
-def test_a_unix_socket_in_use_is_not_taken_over(tmp_path: Path) -> None:
+def test_a_unix_socket_in_use_is_not_taken_over(transport: Choice, tmp_path: Path) -> None:
     path = tmp_path / "ual.sock"
     with socket.socket(socket.AF_UNIX) as taken:
         taken.bind(str(path))
         taken.listen()
         with pytest.raises(ListenError, match="another program listens there"):
-            try_to_bind(Address(str(path), 0, is_unix=True))
+            try_to_bind(transport, Address(str(path), 0, is_unix=True))
     # Now it is what a killed daemon leaves.
     assert stat.S_ISSOCK(path.stat().st_mode)
-    try_to_bind(Address(str(path), 0, is_unix=True))
+    try_to_bind(transport, Address(str(path), 0, is_unix=True))
 
 
-def test_a_file_in_the_place_of_a_unix_socket_stays(tmp_path: Path) -> None:
+def test_a_file_in_the_place_of_a_unix_socket_stays(transport: Choice, tmp_path: Path) -> None:
     path = tmp_path / "ual.sock"
     path.write_text("precious")
     with pytest.raises(ListenError, match="there is a file that is no socket"):
-        try_to_bind(Address(str(path), 0, is_unix=True))
+        try_to_bind(transport, Address(str(path), 0, is_unix=True))
     assert path.read_text() == "precious"

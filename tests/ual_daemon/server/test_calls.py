@@ -22,6 +22,7 @@ from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.calls import Calls
+from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -101,12 +102,15 @@ class Served:
 
 
 @asynccontextmanager
-async def served() -> AsyncIterator[Served]:
+async def served(transport: Choice) -> AsyncIterator[Served]:
     vehicle = FakeVehicle()
     calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
     updates = Updates(cast("Vehicle", vehicle), lambda _: None)
     servicer = UalServicer(cast("Vehicle", vehicle), updates)
-    async with serving(calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as (channel, address):
+    async with serving(transport, calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as (
+        channel,
+        address,
+    ):
         yield Served(vehicle, calls, channel, address)
 
 
@@ -120,9 +124,9 @@ def speed(x: float) -> pb.TwistStamped:
     return pb.TwistStamped(twist=pb.Twist(linear=pb.Vector3(x=x), angular=pb.Vector3()))
 
 
-def test_a_refusal_goes_out_as_status_with_reason_and_metadata() -> None:
+def test_a_refusal_goes_out_as_status_with_reason_and_metadata(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             error = await error_of(it.stub.SetHome(pb.SetHomeRequest(set_z=True)))
             assert isinstance(error, WrongStateError)
             assert error.message == "set_home: not in FLYING_AUTO"
@@ -131,9 +135,11 @@ def test_a_refusal_goes_out_as_status_with_reason_and_metadata() -> None:
     asyncio.run(run())
 
 
-def test_a_defect_is_internal_logged_and_the_server_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_defect_is_internal_logged_and_the_server_goes_on(
+    transport: Choice, caplog: pytest.LogCaptureFixture
+) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             with pytest.raises(grpc.aio.AioRpcError) as caught:
                 await it.stub.ListFrames(pb.ListFramesRequest())
             assert caught.value.code() is grpc.StatusCode.INTERNAL
@@ -147,9 +153,11 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(caplog: pytest.LogCa
     assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
 
 
-def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(
+    transport: Choice, caplog: pytest.LogCaptureFixture
+) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             watching = it.stub.WatchTask(pb.WatchTaskRequest(task_id="1", rate_hz=1000.0))
             await watching.read()
             arming = it.stub.Arm(pb.ArmRequest())
@@ -168,9 +176,9 @@ def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(caplog: pytest.Lo
     assert not caplog.records
 
 
-def test_what_is_no_message_is_refused() -> None:
+def test_what_is_no_message_is_refused(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             call: Any = it.channel.unary_unary("/ual.v1.UalService/SetHome")
             with pytest.raises(grpc.aio.AioRpcError, match="no such message") as caught:
                 await call(b"\x0a\xff")
@@ -180,9 +188,9 @@ def test_what_is_no_message_is_refused() -> None:
     asyncio.run(run())
 
 
-def test_a_method_that_is_not_there_is_unimplemented() -> None:
+def test_a_method_that_is_not_there_is_unimplemented(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             call: Any = it.channel.unary_unary("/ual.v1.UalService/Loop")
             with pytest.raises(grpc.aio.AioRpcError, match=r"no method /ual\.v1\.UalService/Loop") as caught:
                 await call(b"")
@@ -191,9 +199,9 @@ def test_a_method_that_is_not_there_is_unimplemented() -> None:
     asyncio.run(run())
 
 
-def test_a_call_without_its_request_is_refused() -> None:
+def test_a_call_without_its_request_is_refused(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             call: Any = it.channel.stream_unary("/ual.v1.UalService/SetHome")()
             await call.done_writing()
             with pytest.raises(grpc.aio.AioRpcError, match="takes one request"):
@@ -203,9 +211,9 @@ def test_a_call_without_its_request_is_refused() -> None:
     asyncio.run(run())
 
 
-def test_another_uavs_name_is_refused() -> None:
+def test_another_uavs_name_is_refused(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             await it.stub.SetHome(pb.SetHomeRequest(), metadata=(("ual-ns", "uav_1"),))
             error = await error_of(it.stub.SetHome(pb.SetHomeRequest(), metadata=(("ual-ns", "uav_2"),)))
             assert isinstance(error, InvalidArgumentError)
@@ -217,9 +225,9 @@ def test_another_uavs_name_is_refused() -> None:
     asyncio.run(run())
 
 
-def test_the_vehicle_knows_who_calls() -> None:
+def test_the_vehicle_knows_who_calls(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             await it.stub.SetHome(pb.SetHomeRequest())
             (caller,) = it.vehicle.callers
             assert caller.startswith("ipv4:127.0.0.1:")
@@ -229,9 +237,9 @@ def test_the_vehicle_knows_who_calls() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [-1.0, float("nan"), float("inf")])
-def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+def test_a_rate_that_is_none_is_refused(transport: Choice, rate_hz: float) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest(rate_hz=rate_hz))
             error = await error_of(anext(aiter(stream)))
             assert isinstance(error, InvalidArgumentError)
@@ -240,9 +248,9 @@ def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
     asyncio.run(run())
 
 
-def test_the_first_refused_setpoint_ends_the_stream() -> None:
+def test_the_first_refused_setpoint_ends_the_stream(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             stream = it.stub.StreamSetpoints()
             await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
             await stream.write(pb.StreamSetpointsRequest(velocity=speed(9.0)))
@@ -253,9 +261,9 @@ def test_the_first_refused_setpoint_ends_the_stream() -> None:
     asyncio.run(run())
 
 
-def test_a_setpoint_stream_that_ends_tells_how_many_were_taken() -> None:
+def test_a_setpoint_stream_that_ends_tells_how_many_were_taken(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             stream = it.stub.StreamSetpoints()
             for _ in range(3):
                 await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
@@ -265,9 +273,9 @@ def test_a_setpoint_stream_that_ends_tells_how_many_were_taken() -> None:
     asyncio.run(run())
 
 
-def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> None:
+def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             telemetry = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
             await telemetry.read()
             setpoints = it.stub.StreamSetpoints()
@@ -286,9 +294,9 @@ def test_shutdown_ends_streams_and_refuses_new_calls_while_others_go_on() -> Non
     asyncio.run(run())
 
 
-def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
+def test_shutdown_ends_at_last_what_still_waits_as_aborted(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             arming = it.stub.Arm(pb.ArmRequest())
             assert await asyncio.to_thread(it.vehicle.is_arming.wait, LIMIT_S)
             it.calls.begin_shutdown()
@@ -300,9 +308,9 @@ def test_shutdown_ends_at_last_what_still_waits_as_aborted() -> None:
     asyncio.run(run())
 
 
-def test_a_call_that_begins_to_wait_after_the_waiting_was_ended_is_ended_too() -> None:
+def test_a_call_that_begins_to_wait_after_the_waiting_was_ended_is_ended_too(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             it.calls.end_waiting()
             error = await error_of(it.stub.Arm(pb.ArmRequest()))
             assert isinstance(error, TaskAbortedError)
@@ -311,9 +319,9 @@ def test_a_call_that_begins_to_wait_after_the_waiting_was_ended_is_ended_too() -
     asyncio.run(run())
 
 
-def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
+def test_shutdown_ends_a_stream_that_has_only_just_begun(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             stream = it.stub.StreamTelemetry(pb.StreamTelemetryRequest())
             await stream.wait_for_connection()
             it.calls.begin_shutdown()  # perhaps in the middle of its first message
@@ -324,9 +332,9 @@ def test_shutdown_ends_a_stream_that_has_only_just_begun() -> None:
     asyncio.run(run())
 
 
-def test_no_setpoint_is_taken_after_the_shutdown_has_begun() -> None:
+def test_no_setpoint_is_taken_after_the_shutdown_has_begun(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as it:
+        async with served(transport) as it:
             stream = it.stub.StreamSetpoints()
             await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
             assert await asyncio.to_thread(it.vehicle.has_setpoint.wait, LIMIT_S)
@@ -339,19 +347,24 @@ def test_no_setpoint_is_taken_after_the_shutdown_has_begun() -> None:
     asyncio.run(run())
 
 
-def test_what_begins_at_once_begins_in_the_order_of_the_calls() -> None:
-    """An abort that was sent after a motion must not come before it, however busy the event loop is."""
+def test_what_begins_at_once_begins_in_the_order_of_the_calls(transport: Choice) -> None:
+    """An abort that was sent after a motion must not come before it."""
+
+    def call(vehicle: FakeVehicle, address: str) -> None:
+        with grpc.insecure_channel(address) as channel:
+            stub = ual_pb2_grpc.UalServiceStub(channel)
+            # Connected: calls that wait for their connection leave a client in any order.
+            stub.SetHome(pb.SetHomeRequest(), timeout=LIMIT_S)
+            arming = stub.Arm.future(pb.ArmRequest())
+            stub.SetHome(pb.SetHomeRequest(), timeout=LIMIT_S)
+            assert vehicle.is_arming.is_set()
+            arming.cancel()
 
     async def run() -> None:
-        async with served() as it:
-            await it.stub.SetHome(pb.SetHomeRequest())  # connected
-            channel = grpc.insecure_channel(it.address)
-            stub = ual_pb2_grpc.UalServiceStub(channel)
-            arming = stub.Arm.future(pb.ArmRequest())
-            homing = stub.SetHome.future(pb.SetHomeRequest())
-            homing.result(LIMIT_S)  # the event loop stands still meanwhile: nothing that begins waits for it
-            assert it.vehicle.is_arming.is_set()
-            arming.cancel()
-            channel.close()
+        async with served(transport) as it:
+            if transport == "core":  # which does so however busy the event loop is: it stands still meanwhile
+                call(it.vehicle, it.address)
+            else:
+                await asyncio.to_thread(call, it.vehicle, it.address)
 
     asyncio.run(run())

@@ -13,6 +13,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 from tests.ual_daemon.server.serving import serving
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
+from ual_daemon.server.transport.selection import Choice
 
 SERVING = health_pb2.HealthCheckResponse.SERVING
 NOT_SERVING = health_pb2.HealthCheckResponse.NOT_SERVING
@@ -20,10 +21,13 @@ SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
 
 
 @asynccontextmanager
-async def served() -> AsyncIterator[tuple[HealthServicer, Any]]:
+async def served(transport: Choice) -> AsyncIterator[tuple[HealthServicer, Any]]:
     servicer = HealthServicer(["ual.v1.UalService"])
     calls = Calls("uav_1", shutdown_refuses=())
-    async with serving(calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as (channel, _):
+    async with serving(transport, calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as (
+        channel,
+        _,
+    ):
         yield servicer, health_pb2_grpc.HealthStub(channel)
 
 
@@ -31,9 +35,9 @@ def request(service: str = "") -> health_pb2.HealthCheckRequest:
     return health_pb2.HealthCheckRequest(service=service)
 
 
-def test_each_service_and_the_server_itself_have_the_status() -> None:
+def test_each_service_and_the_server_itself_have_the_status(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as (servicer, stub):
+        async with served(transport) as (servicer, stub):
             for service in ("", "ual.v1.UalService"):
                 assert (await stub.Check(request(service))).status == NOT_SERVING
             servicer.set_serving(True)
@@ -43,9 +47,9 @@ def test_each_service_and_the_server_itself_have_the_status() -> None:
     asyncio.run(run())
 
 
-def test_an_unknown_service_is_not_found() -> None:
+def test_an_unknown_service_is_not_found(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as (_, stub):
+        async with served(transport) as (_, stub):
             with pytest.raises(grpc.aio.AioRpcError) as caught:
                 await stub.Check(request("nobody"))
             assert caught.value.code() is grpc.StatusCode.NOT_FOUND
@@ -56,9 +60,9 @@ def test_an_unknown_service_is_not_found() -> None:
     asyncio.run(run())
 
 
-def test_a_watcher_that_leaves_takes_no_other_with_it() -> None:
+def test_a_watcher_that_leaves_takes_no_other_with_it(transport: Choice) -> None:
     async def run() -> None:
-        async with served() as (servicer, stub):
+        async with served(transport) as (servicer, stub):
             leaving, staying = stub.Watch(request()), stub.Watch(request())
             assert (await leaving.read()).status == NOT_SERVING
             assert (await staying.read()).status == NOT_SERVING

@@ -10,7 +10,7 @@ import pytest
 from ual import _convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
-from ual_daemon.server.updates import Hops, Reader, Sample, Updates
+from ual_daemon.server.updates import LoopCalls, PackedTelemetry, Reader, Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -81,8 +81,8 @@ class Receiver:
         return [(each.telemetry.sequence, each.missed_count) for each in self.received]
 
 
-def sample(sequence: int) -> Sample:
-    return Sample(Telemetry(State.FLYING_AUTO, sequence=sequence))
+def sample(sequence: int) -> PackedTelemetry:
+    return PackedTelemetry(Telemetry(State.FLYING_AUTO, sequence=sequence))
 
 
 def read_all(rate_hz: float, period_s: float, count: int, read_every: int = 1) -> list[tuple[int, int]]:
@@ -155,13 +155,17 @@ def test_a_few_readers_get_a_sample_where_it_is_made() -> None:
     asyncio.run(run())
 
 
-@pytest.mark.parametrize(("readers_count", "gather_s"), [(20, 0.0), (1, 0.001)])
+@pytest.mark.parametrize(
+    ("readers_count", "gather_s", "is_sent_on_loop"), [(20, 0.0, False), (1, 0.001, False), (1, 0.0, True)]
+)
 def test_for_many_readers_or_uavs_what_never_reached_the_loop_counts_as_missed(
-    readers_count: int, gather_s: float
+    readers_count: int, gather_s: float, is_sent_on_loop: bool
 ) -> None:
     async def run() -> None:
         vehicle, receivers = FakeVehicle(), [Receiver() for _ in range(readers_count)]
-        updates = Updates(cast("Vehicle", vehicle), lambda _: None, Hops(gather_s))
+        updates = Updates(
+            cast("Vehicle", vehicle), lambda _: None, LoopCalls(gather_s), is_sent_on_loop=is_sent_on_loop
+        )
         for receiver in receivers:
             updates.read(0.0, receiver.send)
             receiver.take()
@@ -218,14 +222,14 @@ def test_nothing_is_brought_to_the_loop_while_nobody_reads() -> None:
         vehicle.update()
         await asyncio.sleep(0)
         loop = asyncio.get_running_loop()
-        hops: list[object] = []
-        loop.call_soon_threadsafe = hops.append  # type: ignore[assignment,method-assign]
+        woken: list[object] = []
+        loop.call_soon_threadsafe = woken.append  # type: ignore[assignment,method-assign]
         vehicle.update(count=10)
-        assert not hops
+        assert not woken
         for _ in range(20):
             updates.read(0.0, lambda *_: None)
         vehicle.update(count=10)
-        assert len(hops) == 1
+        assert len(woken) == 1
         del loop.call_soon_threadsafe
         updates.close()
 

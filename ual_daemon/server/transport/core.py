@@ -1,50 +1,73 @@
-"""gRPC's core without the layers of Python above it: one thread that waits for what comes, and calls back there.
+"""The transport on gRPC's core, without the layers of Python above it: one thread waits for events and calls back.
 
-The only module that knows the binding to the core (`grpc._cython.cygrpc`), which gRPC does not promise to keep:
+The only module that uses the binding to the core (`grpc._cython.cygrpc`), which gRPC does not promise to keep:
 docs/decisions/0017. Operations are those of ``grpc/grpc.h`` and follow its rules; of each kind one may be under way.
 """
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, TypeAlias
+from typing import Any
 
 import grpc
 import grpc._cython.cygrpc as cygrpc
+from typing_extensions import override
 
-Metadata: TypeAlias = Sequence[tuple[str, str | bytes]]
+from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.waiting import completion
 
 _log = logging.getLogger(__name__)
 
 _NO_FLAGS = 0
 _READ_S = 0.001
+_RETRY_S = 0.1
+"""After an error of the queue itself, which may come again at once."""
 _END_S = 5.0
-"""The thread ends at once, unless a call never ended: then the process does not wait for it."""
+"""How long `close` waits for the thread. It ends at once, unless a call never ended."""
 
 
-class Core:
-    """The thread that waits for gRPC. Servers of one process share it; what it calls back must not block.
+def _log_defect(error: Exception) -> None:
+    _log.error("gRPC's core failed; this is a defect of UAL, please report it", exc_info=error)
 
-    With `gather_s` it looks only so often: where many UAVs are served, it would take Python's lock from the thread that
-    sends to their readers after each message, to hear that it is out.
+
+class CoreTransport(Transport):
+    """The thread that waits for gRPC's events. `on_defect` gets what a callback raises, and what gRPC cannot do.
+
+    With `gather_s` it looks for events only that often. Where many UAVs are served, it would otherwise take Python's
+    lock after each message that went out, from the thread that sends the next one.
     """
 
-    def __init__(self, gather_s: float = 0.0) -> None:
+    name = "core"
+    is_on_loop = False
+
+    def __init__(self, gather_s: float = 0.0, on_defect: Callable[[Exception], None] = _log_defect) -> None:
         self._gather_s = gather_s
-        self.queue = cygrpc.CompletionQueue()
+        self._on_defect = on_defect
+        self._is_ending = False
+        self._queue = cygrpc.CompletionQueue()
         self._thread = threading.Thread(target=self._run, name="gRPC", daemon=True)
         self._thread.start()
 
+    @override
+    def server(self, options: Options, take: Callable[[Call], None]) -> CoreServer:
+        return CoreServer(self._queue, options, take, self._on_defect)
+
+    @override
     def close(self) -> None:
-        """Ends the thread, once its servers have stopped. Not from the thread itself."""
-        self.queue.shutdown()
-        self._thread.join(_END_S)
-        if self._thread.is_alive():
+        if not self.end(_END_S):
             _log.warning("a call never ended; the thread that waits for gRPC is left behind")
+
+    def end(self, limit_s: float) -> bool:
+        """Ends the thread. Returns whether it has ended within the limit."""
+        self._is_ending = True
+        self._queue.shutdown()
+        self._thread.join(limit_s)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         while True:
@@ -53,27 +76,40 @@ class Core:
                 event = self._next()
                 if event.completion_type == cygrpc.CompletionType.queue_shutdown:
                     return
+            except Exception as error:  # noqa: BLE001
+                self._on_defect(error)
+                # A queue that is freed before its end blocks who frees it: this thread keeps it.
+                threading.Event().wait(None if self._is_ending else _RETRY_S)
+                continue
+            try:
                 event.tag(event)
-            except Exception:  # noqa: BLE001  the thread serves everybody
-                _log.exception("what gRPC called back failed; this is a defect of UAL, please report it")
+            except Exception as error:  # noqa: BLE001  the thread serves everybody
+                self._on_defect(error)
 
     def _next(self) -> Any:  # noqa: ANN401  the binding's, as all events
         if self._gather_s:
             # With a deadline that has passed gRPC would read from one connection only, each time: pings of the others
             # would not be answered.
-            event = self.queue.poll(time.time() + _READ_S)
+            event = self._queue.poll(time.time() + _READ_S)
             if event.completion_type != cygrpc.CompletionType.queue_timeout:
                 return event
             time.sleep(self._gather_s)
-        return self.queue.poll()
+        return self._queue.poll()
 
 
-class CoreServer:
-    """A server that hands each call to `take`, on the core's thread."""
+class CoreServer(TransportServer):
+    """A server that hands each call to `take`, on the transport's thread."""
 
-    def __init__(self, core: Core, options: Sequence[tuple[str, int]], take: Callable[[Call], None]) -> None:
-        self._queue = core.queue
+    def __init__(
+        self,
+        queue: Any,  # noqa: ANN401
+        options: Options,
+        take: Callable[[Call], None],
+        on_defect: Callable[[Exception], None],
+    ) -> None:
+        self._queue = queue
         self._take = take
+        self._on_defect = on_defect
         self._server = cygrpc.Server(tuple(options), False)  # no xDS
         self._server.register_completion_queue(self._queue)
         # gRPC's server may not be destroyed while a thread is still in one of its functions.
@@ -81,8 +117,8 @@ class CoreServer:
         self._is_started = False
         self._stopped: Future[None] | None = None
 
+    @override
     def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
-        """Listens there; the port, where there is one. Raises RuntimeError."""
         if credentials is None:
             port: int = self._server.add_http2_port(address.encode())
         else:
@@ -92,15 +128,24 @@ class CoreServer:
             raise RuntimeError(f"cannot listen on {address}")
         return port
 
-    def start(self) -> None:
-        """Begins to take calls."""
+    @override
+    async def start(self) -> None:
         with self._lock:
             self._server.start()
             self._is_started = True
             self._request()
 
-    def stop(self) -> Future[None]:
-        """Takes no more calls; the future ends when the last of those that were taken has ended."""
+    @override
+    async def stop(self, grace_s: float) -> bool:
+        stopped = completion(self._shut_down())
+        await asyncio.wait((stopped,), timeout=grace_s)
+        if not stopped.done():
+            self._cancel_calls()
+            await asyncio.wait((stopped,), timeout=grace_s)
+        return stopped.done()
+
+    def _shut_down(self) -> Future[None]:
+        """Takes no more calls; the future is done when the last of those that were taken has ended."""
         with self._lock:
             if self._stopped is None:
                 self._stopped = Future()
@@ -110,8 +155,7 @@ class CoreServer:
                     self._stopped.set_result(None)
             return self._stopped
 
-    def cancel_calls(self) -> None:
-        """Ends the calls that still run, after `stop`."""
+    def _cancel_calls(self) -> None:
         with self._lock:
             if self._stopped is not None and not self._stopped.done():
                 self._server.cancel_all_calls()
@@ -123,7 +167,7 @@ class CoreServer:
         if not event.success:
             return  # the server stops
         try:
-            self._take(Call(event))
+            self._take(CoreCall(event, self._on_defect))
         finally:
             with self._lock:
                 if self._stopped is None:
@@ -137,57 +181,54 @@ class CoreServer:
         stopped.set_result(None)
 
 
-class Call:
-    """One call: what is received and sent in it. What its operations end with is told on the core's thread."""
+class CoreCall(Call):
+    """One call of the core. Its callbacks come on the transport's thread."""
 
-    def __init__(self, event: Any) -> None:  # noqa: ANN401
+    def __init__(self, event: Any, on_defect: Callable[[Exception], None]) -> None:  # noqa: ANN401
         self._call = event.call
-        self.method: str = event.call_details.method.decode(errors="replace")
-        """``/package.Service/Method``."""
-        self.metadata: Metadata = event.invocation_metadata or ()
+        self._on_defect = on_defect
+        self.method = event.call_details.method.decode(errors="replace")
+        self.metadata = event.invocation_metadata or ()
+        self.is_finished = False
+        self.is_cancelled = False
         self._peer = ""
         self._lock = threading.Lock()
         self._has_begun = False
-        self.is_finished = False
-        """Whether an end was sent."""
         self._is_watched = False
-        self._end: Callable[[], object] = _nothing
-        self.is_cancelled = False
-        """Whether the caller has given up, or vanished, or his deadline passed; see `watch`."""
+        self._on_cancel: Callable[[], object] = _nothing
 
+    @override
     def peer(self) -> str:
-        """Who calls. To be asked once before the call ends: then gRPC forgets it."""
         if not self._peer:
             self._peer = self._call.peer().decode(errors="replace")
         return self._peer
 
+    @override
     def watch(self, on_cancel: Callable[[], object]) -> None:
-        """Calls back once it is cancelled. To be called once, and only where the call may take a while."""
-        self._end = on_cancel
+        self._on_cancel = on_cancel
         self._is_watched = True
         self._start((cygrpc.ReceiveCloseOnServerOperation(_NO_FLAGS),), self._on_close)
 
+    @override
     def receive(self, then: Callable[[bytes | None], object]) -> None:
-        """The next message of the caller; None when there is no more."""
-
-        def received(event: Any) -> None:  # noqa: ANN401
+        def on_received(event: Any) -> None:  # noqa: ANN401
             then(event.batch_operations[0].message())
 
-        self._start((cygrpc.ReceiveMessageOperation(_NO_FLAGS),), received)
+        self._start((cygrpc.ReceiveMessageOperation(_NO_FLAGS),), on_received)
 
+    @override
     def begin(self) -> None:
-        """Sends the initial metadata at once, and not with the first message."""
         self._start(self._beginning(), _ignore)
 
+    @override
     def send(self, message: bytes, then: Callable[[bool], object]) -> None:
-        """Sends a message; tells whether it went out, after which another may be sent. Nothing once it is finished."""
-
-        def sent(event: Any) -> None:  # noqa: ANN401
+        def on_sent(event: Any) -> None:  # noqa: ANN401
             then(event.success)
 
         if not self.is_finished:
-            self._start((*self._beginning(), cygrpc.SendMessageOperation(message, _NO_FLAGS)), sent)
+            self._start((*self._beginning(), cygrpc.SendMessageOperation(message, _NO_FLAGS)), on_sent)
 
+    @override
     def finish(
         self,
         message: bytes | None = None,
@@ -195,7 +236,6 @@ class Call:
         details: str = "",
         metadata: Metadata = (),
     ) -> None:
-        """Ends it, with a last message or with an error. Only the first that ends it counts."""
         with self._lock:
             if self.is_finished:
                 return
@@ -206,14 +246,14 @@ class Call:
         status: int = code.value[0]
         text = details.encode(errors="replace")
         operations.append(cygrpc.SendStatusFromServerOperation(metadata, status, text, _NO_FLAGS))
-        if not self._is_watched:  # each call must hear of its end, else gRPC takes it for given up
+        if not self._is_watched:  # each call must receive its close, else gRPC counts it as cancelled
             operations.append(cygrpc.ReceiveCloseOnServerOperation(_NO_FLAGS))
         error = None
         try:
             error = self._call.start_server_batch(operations, _ignore)
         finally:
-            if error != cygrpc.CallError.ok:  # the caller must hear of an end
-                _log.error("%s: its end could not be sent (grpc_call_error %s)", self.method, error)
+            if error != cygrpc.CallError.ok:  # without a status the caller would wait for ever
+                self._on_defect(RuntimeError(f"{self.method}: its end cannot be sent (grpc_call_error {error})"))
                 self._call.cancel()
 
     def _beginning(self) -> tuple[Any, ...]:
@@ -224,10 +264,10 @@ class Call:
         return (cygrpc.SendInitialMetadataOperation((), _NO_FLAGS),)
 
     def _on_close(self, event: Any) -> None:  # noqa: ANN401
-        end, self._end = self._end, _nothing
+        on_cancel, self._on_cancel = self._on_cancel, _nothing
         if event.batch_operations[0].cancelled():
             self.is_cancelled = True
-            end()
+            on_cancel()
 
     def _start(self, operations: Sequence[Any], then: Callable[[Any], None]) -> None:
         error = self._call.start_server_batch(operations, then)

@@ -1,0 +1,288 @@
+"""What every transport does with a call, with a real client."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import struct
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from queue import SimpleQueue
+from typing import Any, TypeAlias, TypeVar
+
+import grpc
+import pytest
+
+from tests.ual_daemon.server.serving import taking
+from ual_daemon.server.transport import selection
+from ual_daemon.server.transport.base import Call, Transport, TransportServer
+from ual_daemon.server.transport.selection import Choice
+
+T = TypeVar("T")
+LIMIT_S = 30.0
+Served: TypeAlias = Callable[[Callable[[Call], None]], AbstractContextManager[grpc.Channel]]
+
+
+class Loop:
+    """An event loop in a thread of its own: the tests block."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread.start()
+
+    def run(self, work: Awaitable[T]) -> T:
+        async def run() -> T:
+            return await work
+
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(LIMIT_S)
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(LIMIT_S)
+        self._loop.close()
+
+
+@pytest.fixture
+def loop() -> Iterator[Loop]:
+    loop = Loop()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture
+def served(loop: Loop, transport: Choice) -> Served:
+    """Serves calls that `take` takes until the block ends; a client's channel."""
+
+    @contextmanager
+    def served(take: Callable[[Call], None]) -> Iterator[grpc.Channel]:
+        with ExitStack() as stack:
+            serving = taking(transport, take)
+            address = loop.run(serving.__aenter__())
+            stack.callback(lambda: loop.run(serving.__aexit__(None, None, None)))
+            yield stack.enter_context(grpc.insecure_channel(address))
+
+    return served
+
+
+def stream(channel: grpc.Channel) -> Any:
+    """A method of bytes that asks and answers by streams."""
+    return channel.stream_stream("/a.B/C")
+
+
+def test_a_call_has_its_method_metadata_and_peer(served: Served) -> None:
+    taken: SimpleQueue[Call] = SimpleQueue()
+
+    def take(call: Call) -> None:
+        taken.put(call)
+        call.finish(b"answer")
+
+    with served(take) as channel:
+        unary: Any = channel.unary_unary("/a.B/C")
+        assert unary(b"", metadata=(("key", "value"), ("key-bin", b"\0"))) == b"answer"
+        call = taken.get(timeout=LIMIT_S)
+        assert call.method == "/a.B/C"
+        assert ("key", "value") in call.metadata
+        assert ("key-bin", b"\0") in call.metadata
+        assert call.peer().startswith("ipv4:127.0.0.1:")
+        del call
+
+
+def test_messages_come_in_their_order_and_then_none(served: Served) -> None:
+    def take(call: Call) -> None:
+        received: list[bytes] = []
+
+        def on_message(message: bytes | None) -> None:
+            if message is None:
+                call.finish(b"".join(received))
+            else:
+                received.append(message)
+                call.receive(on_message)
+
+        call.receive(on_message)
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([b"a", b"b", b"c"]))) == [b"abc"]
+
+
+def test_one_message_after_the_other_is_sent_then_the_status(served: Served) -> None:
+    def take(call: Call) -> None:
+        left = [b"1", b"2", b"3"]
+
+        def send(is_out: bool = True) -> None:
+            assert is_out
+            if left:
+                call.send(left.pop(0), send)
+            else:
+                call.finish(code=grpc.StatusCode.ABORTED, details="that is all", metadata=(("why-bin", b"x"),))
+
+        call.begin()
+        send()
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        assert [next(answers) for _ in range(3)] == [b"1", b"2", b"3"]
+        with pytest.raises(grpc.RpcError):
+            next(answers)
+        assert answers.code() is grpc.StatusCode.ABORTED
+        assert answers.details() == "that is all"
+        assert ("why-bin", b"x") in answers.trailing_metadata()
+
+
+def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out(served: Served) -> None:
+    def take(call: Call) -> None:
+        call.finish(b"first")
+        call.finish(code=grpc.StatusCode.INTERNAL)
+        call.send(b"late", lambda _: None)
+        call.receive(lambda _: None)
+        assert call.is_finished
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([]))) == [b"first"]
+
+
+def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
+    told, taken = threading.Event(), SimpleQueue[Call]()
+
+    def take(call: Call) -> None:
+        call.watch(told.set)
+        taken.put(call)
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        call = taken.get(timeout=LIMIT_S)
+        assert not call.is_cancelled
+        answers.cancel()
+        assert told.wait(LIMIT_S)
+        assert call.is_cancelled
+        del call
+
+
+def test_a_call_that_ended_well_is_not_told_as_given_up(served: Served) -> None:
+    told = threading.Event()
+
+    def take(call: Call) -> None:
+        call.watch(told.set)
+        call.finish(b"answer")
+
+    with served(take) as channel:
+        assert list(stream(channel)(iter([]))) == [b"answer"]
+    assert not told.is_set()  # the core has ended: nothing comes any more
+
+
+def test_a_deadline_that_passes_is_a_caller_who_gives_up(served: Served) -> None:
+    told = threading.Event()
+    with served(lambda call: call.watch(told.set)) as channel:
+        with pytest.raises(grpc.RpcError, match="Deadline Exceeded"):
+            next(stream(channel)(iter([]), timeout=1.0))
+        assert told.wait(LIMIT_S)
+
+
+def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out(served: Served) -> None:
+    ended: SimpleQueue[bool] = SimpleQueue()
+
+    def take(call: Call) -> None:
+        def flood(is_out: bool = True) -> None:
+            if is_out:
+                call.send(bytes(100_000), flood)
+            else:
+                ended.put(is_out)
+
+        flood()
+
+    with served(take) as channel:
+        answers = stream(channel)(iter([]))
+        next(answers)
+        answers.cancel()
+        assert ended.get(timeout=LIMIT_S) is False
+
+
+def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    def take(call: Call) -> None:
+        if ("fail", "1") in call.metadata:
+            call.watch(lambda: None)
+            raise RuntimeError("a defect")
+        call.finish(b"")
+
+    with served(take) as channel, caplog.at_level(logging.ERROR, "ual_daemon"):
+        unary: Any = channel.unary_unary("/a.B/C")
+        with pytest.raises(grpc.RpcError):
+            unary(b"", metadata=(("fail", "1"),), timeout=1.0)
+        assert unary(b"") == b""
+    (record,) = caplog.records
+    assert record.exc_info is not None
+
+
+def http2(kind: int, flags: int, stream: int, payload: bytes) -> bytes:
+    return struct.pack(">I", len(payload))[1:] + bytes((kind, flags)) + struct.pack(">I", stream) + payload
+
+
+def headers(values: dict[bytes, bytes]) -> bytes:
+    """As literals."""
+    return b"".join(b"\0" + bytes((len(name),)) + name + bytes((len(value),)) + value for name, value in values.items())
+
+
+def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loop, transport: Choice) -> None:
+    serving = taking(transport, lambda call: call.finish(b"answer"))
+    address = loop.run(serving.__aenter__())
+    host, _, port = address.partition(":")
+    with socket.create_connection((host, int(port)), LIMIT_S) as caller:
+        path = headers(
+            {
+                b":method": b"POST",
+                b":scheme": b"http",
+                b":path": b"/\xff/x",
+                b":authority": b"a",
+                b"te": b"trailers",
+                b"content-type": b"application/grpc",
+            }
+        )
+        settings, request, message = http2(4, 0, 0, b""), http2(1, 4, 1, path), http2(0, 1, 1, bytes(5))
+        caller.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + settings + request + message)
+        answer = b""
+        while b"grpc-status" not in answer:
+            received = caller.recv(4096)
+            assert received
+            answer += received
+    with grpc.insecure_channel(address) as channel:
+        unary: Any = channel.unary_unary("/a.B/C")
+        assert unary(b"", wait_for_ready=True, timeout=LIMIT_S) == b"answer"
+    loop.run(serving.__aexit__(None, None, None))
+
+
+def test_servers_of_one_transport_stop_each_by_itself(loop: Loop, transport: Choice) -> None:
+    async def begin() -> tuple[Transport, list[TransportServer], list[int]]:
+        made = await selection.choose(transport)
+        servers = [
+            made.server([("grpc.so_reuseport", 0)], lambda call, number=number: call.finish(b"%d" % number))  # type: ignore[misc]
+            for number in range(20)
+        ]
+        ports = [server.listen("127.0.0.1:0") for server in servers]
+        for server in servers:
+            await server.start()
+        return made, servers, ports
+
+    made, servers, ports = loop.run(begin())
+    for number, (port, server) in enumerate(zip(ports, servers, strict=True)):
+        with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+            unary: Any = channel.unary_unary("/a.B/C")
+            assert unary(b"") == b"%d" % number
+        assert loop.run(server.stop(LIMIT_S))
+    made.close()
+
+
+def test_an_address_that_cannot_be_had_is_an_error_and_the_server_can_still_be_left(transport: Choice) -> None:
+    async def run() -> None:
+        made = await selection.choose(transport)
+        server = made.server([], lambda _: None)
+        with pytest.raises(RuntimeError):
+            server.listen("192.0.2.1:1")
+        server.listen("127.0.0.1:0")
+        assert await server.stop(LIMIT_S)  # never started
+        made.close()
+
+    asyncio.run(run())

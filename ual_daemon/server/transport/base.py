@@ -1,0 +1,106 @@
+"""What every transport offers: it serves gRPC on addresses, and hands over each call as a `Call`.
+
+All callbacks of a transport come from one thread: for `aio` it is the event loop's, for `core` another one. They must
+not block.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias
+
+import grpc
+
+Metadata: TypeAlias = Sequence[tuple[str, str | bytes]]
+Options: TypeAlias = Sequence[tuple[str, int]]
+
+
+class Call(Protocol):
+    """One call: what is received and sent in it, as bytes.
+
+    Its methods may be called from any thread. One `receive` and one `send` may be under way at the same time.
+    """
+
+    method: str
+    """``/package.Service/Method``."""
+    metadata: Metadata
+    """What the caller sent before its messages."""
+    is_finished: bool
+    """Whether `finish` was called."""
+    is_cancelled: bool
+    """Whether the caller has given up or vanished, or its deadline passed. Set for calls that are watched."""
+
+    @abstractmethod
+    def peer(self) -> str:
+        """Returns the caller's address as gRPC writes it. Call it once before the call ends; later it is remembered."""
+
+    @abstractmethod
+    def watch(self, on_cancel: Callable[[], object]) -> None:
+        """Calls back if it is cancelled. To be called once at most, for calls that may take a while."""
+
+    @abstractmethod
+    def receive(self, then: Callable[[bytes | None], object]) -> None:
+        """Calls back with the next message of the caller, or with None after its last one."""
+
+    @abstractmethod
+    def begin(self) -> None:
+        """Sends the initial metadata now instead of with the first message."""
+
+    @abstractmethod
+    def send(self, message: bytes, then: Callable[[bool], object]) -> None:
+        """Sends a message, and calls back when the next may be sent: with True if this one went out, else with False.
+
+        Does nothing, and does not call back, once the call is finished.
+        """
+
+    @abstractmethod
+    def finish(
+        self,
+        message: bytes | None = None,
+        code: grpc.StatusCode = grpc.StatusCode.OK,
+        details: str = "",
+        metadata: Metadata = (),
+    ) -> None:
+        """Ends the call, with a last message or with an error. Only the first call of it has an effect."""
+
+
+class TransportServer(Protocol):
+    """One server of a transport. To be used on the event loop that ran when it was made."""
+
+    @abstractmethod
+    def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
+        """Opens an address, before `start`; with TLS where there are credentials. Returns its port, if it has one.
+
+        Raises:
+            RuntimeError: The address cannot be opened.
+
+        """
+
+    @abstractmethod
+    async def start(self) -> None:
+        """Begins to take calls."""
+
+    @abstractmethod
+    async def stop(self, grace_s: float) -> bool:
+        """Takes no more calls, and waits for those that were taken.
+
+        Those that still run after `grace_s` are cancelled, and waited for as long again. Returns whether all ended.
+        """
+
+
+class Transport(Protocol):
+    """One way to serve gRPC. The servers of a process share it."""
+
+    name: str
+    """As the setting `transport` names it."""
+    is_on_loop: bool
+    """Whether its callbacks come on the event loop. Then each message that another thread sends has to wake that."""
+
+    @abstractmethod
+    def server(self, options: Options, take: Callable[[Call], None]) -> TransportServer:
+        """Makes a server, with gRPC's options, that hands each call to `take`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends it, after its servers have stopped. Not to be called from a callback."""

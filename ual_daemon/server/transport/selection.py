@@ -1,0 +1,45 @@
+"""Chooses the transport: the core where it works here, else ``grpc.aio``."""
+
+from __future__ import annotations
+
+import logging
+from typing import Literal, TypeAlias
+
+from ual_daemon import logs
+from ual_daemon.server.transport.base import Transport
+
+Choice: TypeAlias = Literal["auto", "core", "aio"]
+"""The setting `transport`."""
+
+_log = logging.getLogger(__name__)
+
+
+async def choose(choice: Choice, gather_s: float = 0.0) -> Transport:
+    """Makes the transport that was chosen. With `auto` it is the core if it passes its self-test.
+
+    `gather_s` is how long the core leaves events to gather, where many UAVs are served; see `CoreTransport`.
+    """
+    if choice == "auto":
+        why = await _fault_of_core()
+        if why:
+            logs.event(_log, logging.WARNING, "transport_fallback", transport="aio", why=why)
+        choice = "aio" if why else "core"
+    if choice == "core":
+        from ual_daemon.server.transport.core import CoreTransport
+
+        return CoreTransport(gather_s)
+    from ual_daemon.server.transport.aio import AioTransport
+
+    return AioTransport()
+
+
+async def _fault_of_core() -> str:
+    """Why the core cannot be used here; empty where it can."""
+    try:
+        # The binding is private: in another version of grpcio it may be gone, or import something that is.
+        from ual_daemon.server.transport import self_test
+
+        await self_test.run()
+    except Exception as error:  # noqa: BLE001  whatever it is, the daemon must serve
+        return f"{type(error).__name__}: {error}"
+    return ""
