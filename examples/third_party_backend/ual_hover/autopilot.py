@@ -1,6 +1,6 @@
-"""An imaginary autopilot, as its maker's own library would show it: north, east, down, and degrees.
+"""An imaginary autopilot, as the library of its maker would provide it: with north, east, down, and degrees.
 
-It is a simulation: a point that follows what it is told. A real one would be a device at the end of a cable.
+It is a simulation: a point that follows a target. A real one would be a device at the end of a cable.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Packet:
-    """What it sends 50 times a second. Places are north, east, down (m); headings clockwise from north."""
+    """The message that it sends 50 times a second. Positions are north, east, down (m); headings clockwise from north.
+    """
 
     time_s: float
     mode: str
@@ -33,7 +34,7 @@ class Packet:
 
 @dataclass(frozen=True)
 class Target:
-    """What it is told to follow: a place (or none), and the motion there."""
+    """What it follows: a position (or none), and the velocity there."""
 
     velocity: Triple
     turn_deg_s: float
@@ -42,20 +43,20 @@ class Target:
 
 
 class Autopilot:
-    """One device. `speed` is how fast its time runs, for tests. Any thread may call."""
+    """One device. `speed` is how fast its time runs, for tests. May be used from any thread."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self._lock = threading.Lock()
         self._period_s = PERIOD_S / speed
         self._due_s = time.monotonic()
-        self._time_s = self._told_s = self._landed_s = 0.0
+        self._time_s = self._target_s = self._landed_s = 0.0
         self._mode, self._is_armed = "hold", False
         self._place = self._velocity = (0.0, 0.0, 0.0)
         self._heading_deg = self._turn_deg_s = 0.0
         self._target = Target(self._velocity, 0.0, self._place)
 
     def receive(self, timeout_s: float) -> Packet | None:
-        """Waits for the next packet; None if there was none in time."""
+        """Waits for the next packet. Returns None if none came in time."""
         pause_s = self._due_s - time.monotonic()
         time.sleep(max(0.0, min(pause_s, timeout_s)))
         if pause_s > timeout_s:
@@ -76,8 +77,8 @@ class Autopilot:
             )
 
     def command(self, name: str) -> str:
-        """Obeys ``arm``, ``disarm``, or the name of a mode (``follow``, ``hold``, ``land``): its answer, ``ok`` or why
-        not.
+        """Performs ``arm``, ``disarm``, or the name of a mode (``follow``, ``hold``, ``land``). Returns ``ok``, or why
+        it refuses.
         """
         with self._lock:
             if name in ("arm", "disarm"):
@@ -92,19 +93,19 @@ class Autopilot:
         return "ok"
 
     def follow(self, target: Target) -> None:
-        """Where to be, or how to move, in mode ``follow``."""
+        """Sets the target of the mode ``follow``."""
         with self._lock:
             if self._mode == "follow":
-                self._target, self._told_s = target, self._time_s
+                self._target, self._target_s = target, self._time_s
 
     def _switch(self, mode: str) -> None:
-        """Changes the mode; it stays where it is until it is told otherwise."""
-        self._mode, self._told_s = mode, self._time_s
+        """Changes the mode; it stays where it is until it gets a target."""
+        self._mode, self._target_s = mode, self._time_s
         self._target = Target((0.0, 0.0, 0.0), 0.0, self._place, self._heading_deg)
 
     def _step(self, dt: float) -> None:
         self._time_s += dt
-        if self._mode == "follow" and self._landed_s == 0.0 and self._time_s - self._told_s > _GIVES_UP_S:
+        if self._mode == "follow" and self._landed_s == 0.0 and self._time_s - self._target_s > _GIVES_UP_S:
             self._switch("hold")
         north, east, down = self._wanted()
         slower = max(1.0, math.hypot(north, east) / HORIZONTAL_M_S, abs(down) / VERTICAL_M_S)
@@ -122,7 +123,7 @@ class Autopilot:
             self._switch("hold")
 
     def _wanted(self) -> Triple:
-        """The velocity to have; sets the turn, too."""
+        """Returns the wanted velocity, and sets the yaw rate."""
         target, velocity, turn = self._target, self._target.velocity, self._target.turn_deg_s
         if target.place is not None:
             velocity = _add(velocity, target.place, self._place, _GAIN)
@@ -132,5 +133,5 @@ class Autopilot:
 
 
 def _add(a: Triple, b: Triple, c: Triple, factor: float) -> Triple:
-    """a + (b - c) * factor."""
+    """Returns a + (b - c) * factor."""
     return (a[0] + (b[0] - c[0]) * factor, a[1] + (b[1] - c[1]) * factor, a[2] + (b[2] - c[2]) * factor)

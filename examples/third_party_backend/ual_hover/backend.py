@@ -1,4 +1,4 @@
-"""The backend: what the imaginary autopilot says and understands, in the words of UAL."""
+"""The backend: converts between the imaginary autopilot and UAL."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from concurrent.futures import Future
 from typing import Annotated
 
 from msgspec import Meta
+from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, Clock, UpdateCallback
 from ual_daemon.backends.values import (
     Control,
     Estimator,
@@ -43,18 +44,19 @@ class HoverSettings(Settings, frozen=True, kw_only=True):
     speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
 
 
-class HoverClock:
-    """The autopilot's time, as far as we can tell it by our own clock."""
+class HoverClock(Clock):
+    """The autopilot's time, estimated by the computer's clock."""
 
     def __init__(self, speed: float) -> None:
         self._begin_s, self._speed = time.monotonic(), speed
 
+    @override
     def now_s(self) -> float:
         return (time.monotonic() - self._begin_s) * self._speed
 
 
 class HoverBackend(Backend):
-    """One thread receives what the autopilot sends, and tells it on."""
+    """One thread receives the autopilot's packets and calls `on_update`."""
 
     name = "hover"
     freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
@@ -70,10 +72,12 @@ class HoverBackend(Backend):
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @override
     def open(self, on_update: UpdateCallback) -> None:
         self._thread = threading.Thread(target=self._receive, args=(on_update,), name="hover", daemon=True)
         self._thread.start()
 
+    @override
     def close(self) -> None:
         self._is_closing.set()
         if self._thread is not None and self._thread is not threading.current_thread():
@@ -84,17 +88,19 @@ class HoverBackend(Backend):
             packet = self._autopilot.receive(self._patience_s)
             if packet is not None:
                 self._newest = Sample(packet, self.clock.now_s())
-            on_update(self.snapshot())  # also when nothing came: that, too, is news
+            on_update(self.snapshot())  # also if nothing came: old data changes the state
 
+    @override
     def info(self) -> VehicleInfo:
         return INFO
 
+    @override
     def snapshot(self) -> Snapshot:
         newest, now_s = self._newest, self.clock.now_s()
         if newest is None:
             return Snapshot(time_s=now_s)
         packet, received_s = newest.value, newest.time_s
-        turn = Vector3(0.0, 0.0, -math.radians(packet.turn_deg_s))
+        yaw_rate = Vector3(0.0, 0.0, -math.radians(packet.turn_deg_s))
         return Snapshot(
             time_s=now_s,
             heard_s=received_s,
@@ -103,34 +109,41 @@ class HoverBackend(Backend):
             landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),
             mode=Sample(Mode(packet.mode, CONTROLS[packet.mode]), received_s),
             estimator=Sample(Estimator(True), received_s),
-            pose=Sample(Pose(_swap(packet.place), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s),
-            velocity=Sample(Twist(_swap(packet.velocity), turn), received_s),
+            pose=Sample(Pose(_ned_to_enu(packet.place), Quaternion.from_yaw(_yaw_rad(packet.heading_deg))), received_s),
+            velocity=Sample(Twist(_ned_to_enu(packet.velocity), yaw_rate), received_s),
         )
 
+    @override
     def send(self, setpoint: Setpoint) -> None:
-        velocity = _triple(setpoint.velocity)
+        velocity = _enu_to_ned(setpoint.velocity)
         turn_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
         if isinstance(setpoint, PositionSetpoint):
             heading_deg = 90.0 - math.degrees(setpoint.yaw_rad)
-            self._autopilot.follow(Target(velocity, turn_deg_s, _triple(setpoint.position), heading_deg))
+            self._autopilot.follow(Target(velocity, turn_deg_s, _enu_to_ned(setpoint.position), heading_deg))
         else:
             self._autopilot.follow(Target(velocity, turn_deg_s))
 
+    @override
     def arm(self) -> Future[None]:
         return self._command("arm")
 
+    @override
     def disarm(self) -> Future[None]:
         return self._command("disarm")
 
+    @override
     def take_off(self, height_m: float) -> Future[None]:
         return self._command("follow")  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
 
+    @override
     def land(self) -> Future[None]:
         return self._command("land")
 
+    @override
     def take_control(self) -> Future[None]:
         return self._command("follow")
 
+    @override
     def hold(self) -> Future[None]:
         return self._command("hold")
 
@@ -144,16 +157,16 @@ class HoverBackend(Backend):
         return answer
 
 
-def _swap(triple: Triple) -> Vector3:
-    """North, east, down as east, north, up."""
+def _ned_to_enu(triple: Triple) -> Vector3:
+    """Converts north, east, down to east, north, up."""
     return Vector3(triple[1], triple[0], -triple[2])
 
 
-def _triple(vector: Vector3) -> Triple:
-    """East, north, up as north, east, down."""
+def _enu_to_ned(vector: Vector3) -> Triple:
+    """Converts east, north, up to north, east, down."""
     return (vector.y, vector.x, -vector.z)
 
 
 def _yaw_rad(heading_deg: float) -> float:
-    """Clockwise from north as counter-clockwise from east."""
+    """Converts a heading clockwise from north to one counter-clockwise from east."""
     return math.radians(90.0 - heading_deg)
