@@ -348,8 +348,7 @@ class ArduPilot(Autopilot):
             self._landed_s = self.now_s
 
     def _lifts(self) -> bool:
-        """Whether it leaves the ground: by a take-off, or by the pilot's throttle. A velocity setpoint is not enough.
-        """
+        """Whether it leaves the ground: by a take-off or by the throttle. A velocity setpoint is not enough."""
         if self.is_taking_off and self._takeoff is not None:
             return self.now_s - self._takeoff[1] >= _TAKEOFF_LIFTS_S
         return self.mode in _BY_STICKS and self.has_sticks and self.sticks.up > 0.2

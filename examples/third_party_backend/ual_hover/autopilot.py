@@ -19,8 +19,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Packet:
-    """The message that it sends 50 times a second. Positions are north, east, down (m); headings clockwise from north.
-    """
+    """The message that it sends 50 times a second. Positions: north, east, down (m); headings: clockwise from north."""
 
     time_s: float
     mode: str
