@@ -217,7 +217,7 @@ def test_a_transform_is_checked_part_by_part() -> None:
 def test_another_type_is_refused(value: Any) -> None:
     assert "is not of type Transform" in refusal(lambda: validation.transform(value, "t"), "t")
     if not isinstance(value, Twist):
-        assert "is no Twist" in refusal(lambda: validation.twist(value, "t"), "t")
+        assert "is not of type Twist" in refusal(lambda: validation.twist(value, "t"), "t")
 
 
 @pytest.mark.parametrize("check", [validation.position, validation.rotation, validation.transform])
