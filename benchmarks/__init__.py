@@ -1,1 +1,1 @@
-"""How fast and how small UAL is, beside MAVSDK, in one run. See README.md; run by ``make bench``."""
+"""Measures the speed and memory of UAL in comparison with MAVSDK. See README.md; run by ``make bench``."""

@@ -42,8 +42,8 @@ def main() -> int:
     began_s = time.monotonic()
     prefer_this()
     for package in ("ual_daemon", "clients/python/ual"):
-        # As pip does it with what it installs, the peers: else changed files are compiled anew at each start where
-        # Python may not write them (PYTHONDONTWRITEBYTECODE).
+        # pip compiles the packages that it installs, so UAL is compiled, too. Otherwise each start would compile it
+        # again if Python may not write compiled files (PYTHONDONTWRITEBYTECODE).
         compileall.compile_dir(str(REPOSITORY / package), quiet=2)
 
     results = measure(effort, rounds, arguments.only or _PARTS)
@@ -62,7 +62,7 @@ def main() -> int:
 
 
 def measure(effort: Effort, rounds: int, parts: list[str] | tuple[str, ...]) -> Results:
-    """All parts, round by round; the order in a round is left to chance, so that no way always comes first."""
+    """Measures all parts, round by round. The order in a round is random, so that no way always comes first."""
     results = Results()
     with Child("benchmarks.vehicle") as vehicle:
         vehicle.prefer()
@@ -95,7 +95,7 @@ def _each(
 
 
 def _try(what: str, task: Callable[[], None], results: Results) -> None:
-    """Measures once. Failures are told, and the rest goes on: one of many rounds must not cost all the others."""
+    """Measures once. Reports a failure and goes on: one failed round must not end all others."""
     print(what, file=sys.stderr, flush=True)
     try:
         task()
@@ -105,7 +105,7 @@ def _try(what: str, task: Callable[[], None], results: Results) -> None:
 
 
 def plot(results: Results, directory: Path) -> None:
-    """The plots, or why there are none."""
+    """Draws the plots, or prints why it cannot."""
     try:
         from benchmarks import plots
 
@@ -117,7 +117,7 @@ def plot(results: Results, directory: Path) -> None:
 
 
 def keep(tables: str, results: Results) -> None:
-    """Puts the tables and plots into the README."""
+    """Writes the tables and plots into the README."""
     text = _README.read_text()
     begin, end = "<!-- newest figures -->", "<!-- end of the newest figures -->"
     pattern = re.compile(f"{begin}.*{end}", re.DOTALL)
@@ -126,7 +126,7 @@ def keep(tables: str, results: Results) -> None:
 
 
 def how(rounds: int, took_s: float) -> str:
-    """Where, when and with what the figures were obtained."""
+    """Returns where, when and with which software the figures were measured."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=REPOSITORY, capture_output=True, text=True, check=False
     ).stdout.strip()

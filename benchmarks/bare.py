@@ -1,5 +1,5 @@
-"""gRPC alone: a server of the contract's setpoints and telemetry with nothing behind them, the floor of what a server
-in Python can reach. No validation, no state, no watchdog: a setpoint becomes a datagram, a position a message.
+"""gRPC alone: a server with the contract's setpoints and telemetry and nothing behind them. This is the best that a
+server in Python can reach. It has no validation, no state and no watchdog: it only converts setpoints and positions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _VELOCITY_ONLY = 0b010111000111
 
 
 class Bare(ual_pb2_grpc.UalServiceServicer):
-    """Sends to the vehicle that is heard at a UDP port."""
+    """Sends to the vehicle from which messages come at a UDP port."""
 
     def __init__(self, port: int) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

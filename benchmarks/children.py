@@ -1,4 +1,4 @@
-"""Processes of a measurement: started, told what to do by lines of JSON, their cost read from the system, ended."""
+"""Processes of a measurement: started, controlled by lines of JSON, measured by the system's counters, and ended."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from typing_extensions import Self
 
 REPOSITORY = Path(__file__).parents[1]
 LIMIT_S = 60.0
-"""How long an answer may take beyond what was asked for."""
+"""How long an answer may take, in addition to the task itself."""
 _END_S = 10.0
 _REALTIME_PRIORITY = 20
 _NICE = -15
 
 
 class ChildError(Exception):
-    """A process did not do what it should; the message is what it said."""
+    """A process did not do what it should; the message says what happened."""
 
 
 class Process:
-    """One process, ended with the block. Only what was started here is ever ended."""
+    """One process, which ends with the block. Ends only processes that were started here."""
 
     def __init__(
         self,
@@ -59,19 +59,19 @@ class Process:
         return self.popen.pid
 
     def processor_s(self) -> float:
-        """Processor time so far, of all its threads, those that have ended too."""
-        # The kernel's clock of another process: clock_getcpuclockid(3), which Python lacks, makes its id like this.
+        """Returns the processor time so far, of all its threads, including those that have ended."""
+        # The clock of another process. Python lacks clock_getcpuclockid(3), which computes the clock's id like this.
         return time.clock_gettime((~self.pid) << 3 | 2)
 
     def resident_mib(self) -> float:
-        """Resident memory."""
+        """Returns the resident memory."""
         found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{self.pid}/status").read_text())
         if found is None:
             raise ChildError(f"process {self.pid} has no resident memory: it has ended")
         return int(found[1]) / 1024.0
 
     def prefer(self) -> None:
-        """Puts it before the rest of the machine: in real time where the system lets it, else by its niceness."""
+        """Gives it priority over other processes: real time if the system permits it, else a lower niceness."""
         for thread in self._threads():
             with suppress(ProcessLookupError, PermissionError):
                 if _may_be_realtime():
@@ -81,7 +81,7 @@ class Process:
                     os.setpriority(os.PRIO_PROCESS, thread, _NICE)
 
     def close(self) -> None:
-        """Asks it to end, and insists after a while."""
+        """Terminates it, and kills it if it does not end in time."""
         for stream in (self.popen.stdin, self.popen.stdout):
             if stream is not None:
                 with suppress(BrokenPipeError):
@@ -108,25 +108,25 @@ class Process:
 
 
 class Child(Process):
-    """A module of this package as a process, which answers each line of JSON with one."""
+    """A module of this package as a process, which answers each line of JSON with a line of JSON."""
 
     def __init__(self, module: str, *arguments: str) -> None:
         super().__init__([sys.executable, "-m", module, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._name = " ".join((module, *arguments))
 
     def ask(self, do: str, *, limit_s: float = LIMIT_S, **values: object) -> dict[str, Any]:
-        """Tells it to do something, and waits for its answer."""
-        self.tell(do, **values)
+        """Sends a task and waits for the answer."""
+        self.send(do, **values)
         return self.answer(limit_s)
 
-    def tell(self, do: str, **values: object) -> None:
-        """Tells it to do something; `answer` must follow."""
+    def send(self, do: str, **values: object) -> None:
+        """Sends a task; a call of `answer` must follow."""
         assert self.popen.stdin is not None
         self.popen.stdin.write(json.dumps({"do": do, **values}) + "\n")
         self.popen.stdin.flush()
 
     def answer(self, limit_s: float = LIMIT_S) -> dict[str, Any]:
-        """What it answers."""
+        """Waits for the answer and returns it."""
         assert self.popen.stdout is not None
         if not select.select([self.popen.stdout], [], [], limit_s)[0]:
             raise ChildError(f"{self._name} did not answer within {limit_s:g} s")
@@ -138,19 +138,19 @@ class Child(Process):
 
 
 def serve(handle: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-    """The child's side: answers each line from stdin until it ends."""
+    """Runs in the child: answers each line from stdin until stdin ends."""
     for line in sys.stdin:
         print(json.dumps(handle(json.loads(line))), flush=True)
 
 
 def prefer_this() -> None:
-    """Puts this process, and what it starts, before the rest of the machine by its niceness, where it may."""
+    """Gives this process, and those that it starts, priority over others by a lower niceness, if permitted."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
 
 
 def priority_text() -> str:
-    """How the processes are put before the rest of the machine."""
+    """Returns the priority of the processes, for the report."""
     return (
         "real time (SCHED_FIFO), niceness -15 for starts"
         if _may_be_realtime()
@@ -163,7 +163,7 @@ def _may_be_realtime() -> bool:
 
 
 def free_port(kind: int) -> int:
-    """A port of this computer that nobody has now (`socket.SOCK_DGRAM` or `SOCK_STREAM`)."""
+    """Returns a port of this computer that is free now (`socket.SOCK_DGRAM` or `SOCK_STREAM`)."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -21,5 +21,5 @@ FULL = Effort(rounds=7, paced_count=400, flood_s=1.5, listen_s=5.0, start_rounds
 QUICK = Effort(rounds=2, paced_count=100, flood_s=0.7, listen_s=2.5, start_rounds=5)
 
 RATE_HZ = 50.0
-"""Of setpoints, as most programs send them."""
+"""The rate of setpoints that most programs use."""
 SUBSCRIBERS = (1, 10, 100)

@@ -1,4 +1,4 @@
-"""Many UAVs in one daemon: is real time held, and what does each of them cost?
+"""Measures many UAVs in one daemon: whether it keeps real time, and what each UAV costs.
 
     python -m benchmarks.fleet [--seconds S]
 
@@ -7,8 +7,8 @@ A daemon with ``--fleet N`` and the light backend, every UAV armed by its simula
     idle      nobody subscribes, all stand armed
     flying    each has a subscriber at 10 Hz over a connection of its own, and a go-to that lasts the whole measurement
 
-Real time held is the simulated seconds in a second of the wall; how far the stepping fell behind is by how much the
-stamps of uav_1, asked 50 times a second, were ever later than at their best. The processor's share is that of the
+Real time is measured as simulated seconds per real second. The largest lag is how much later than in the best case the
+stamps of uav_1, read 50 times a second, ever were. The processor's share is that of the
 daemon, all its threads. The subscribers are one process beside it.
 """
 
@@ -47,21 +47,21 @@ _PRIORITY = 20
 
 @dataclass(frozen=True)
 class Found:
-    """What one fleet showed."""
+    """The results of one fleet."""
 
     what: str
     count: int
     share: float
-    """Of one core, by the daemon."""
+    """The daemon's share of one core."""
     real_time: float
     lag_s: float
     resident_mib: float
     rates_hz: Sequence[float] = ()
-    """Of each subscriber."""
+    """The rate of each subscriber."""
 
     @property
     def each(self) -> float:
-        """The share of one core that one UAV takes, as a thousandth."""
+        """The share of one core that one UAV needs, in thousandths."""
         return self.share / self.count * 1000.0
 
 
@@ -82,7 +82,7 @@ class FleetDaemon(Process):
         )
 
     def address(self, number: int) -> str:
-        """Where a UAV is served; they count from 1."""
+        """Returns the address of a UAV; numbers begin at 1."""
         return f"unix:{self._directory.name}/uav_{number}.sock"
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ Stub = Any  # gRPC's asyncio stubs have no type of their own at run time
 
 @asynccontextmanager
 async def connected(daemon: FleetDaemon) -> AsyncIterator[list[Stub]]:
-    """A client of each UAV, on a connection of its own; all UAVs stand armed."""
+    """Provides a client for each UAV, on a connection of its own, once all UAVs are armed on the ground."""
     async with AsyncExitStack() as stack:
         stubs = []
         for number in range(1, daemon.count + 1):
@@ -121,7 +121,7 @@ async def _until(stub: Stub, state: pb.State.ValueType) -> None:
 
 
 async def fly(stubs: Sequence[Stub]) -> None:
-    """All of them into the air, and on their way."""
+    """Takes off with all UAVs and sends each to a goal."""
     up = (stub.TakeOff(pb.TakeOffRequest(height_m=3.0), timeout=LIMIT_S) for stub in stubs)
     await asyncio.gather(*up)
     request = pb.GoToWaypointRequest(non_blocking=True)
@@ -131,13 +131,13 @@ async def fly(stubs: Sequence[Stub]) -> None:
 
 
 async def subscriber(stub: Stub, counts: list[int], index: int) -> None:
-    """Counts what it is told."""
+    """Counts the telemetry that it gets."""
     async for _ in stub.StreamTelemetry(pb.StreamTelemetryRequest(rate_hz=RATE_HZ)):
         counts[index] += 1
 
 
 async def lags(stub: Stub, duration_s: float) -> tuple[float, float]:
-    """Simulated seconds for each of the wall's, and by how much the stamps were ever later than at their best."""
+    """Returns the simulated seconds per real second, and the largest lag of the stamps."""
     begin_s, first_s = time.monotonic(), 0.0
     found: list[float] = []
     stamp_s = now_s = 0.0
@@ -161,7 +161,7 @@ async def measure(what: str, daemon: FleetDaemon, duration_s: float) -> Found:
         if what == FLYING:
             await fly(stubs)
             readers = [asyncio.create_task(subscriber(stub, counts, i)) for i, stub in enumerate(stubs)]
-        await asyncio.sleep(2.0)  # what began them is no part of it
+        await asyncio.sleep(2.0)  # leaves out the cost of the start
         used_s, begin_s, before = daemon.processor_s(), time.monotonic(), list(counts)
         real_time, lag_s = await lags(stubs[0], duration_s)
         passed_s = time.monotonic() - begin_s
@@ -174,12 +174,12 @@ async def measure(what: str, daemon: FleetDaemon, duration_s: float) -> Found:
             if not isinstance(error, asyncio.CancelledError):
                 raise ChildError(f"a subscriber ended: {error}")
         if what == FLYING:
-            await asyncio.gather(*(_until(stub, pb.STATE_FLYING_AUTO) for stub in stubs))  # all are still on their way
+            await asyncio.gather(*(_until(stub, pb.STATE_FLYING_AUTO) for stub in stubs))  # all still fly
         return Found(what, daemon.count, share, real_time, lag_s, daemon.resident_mib(), rates)
 
 
 def verdicts(found: Sequence[Found]) -> Iterator[tuple[str, float, str, bool]]:
-    """What is to be reached: what, the figure, its limit as text, and whether it is."""
+    """Returns the targets: name, figure, limit as text, and whether it is met."""
     by_name = {(each.what, each.count): each for each in found}
     for what in (IDLE, FLYING):
         most = by_name[what, COUNTS[what][-1]]
@@ -194,7 +194,7 @@ def verdicts(found: Sequence[Found]) -> Iterator[tuple[str, float, str, bool]]:
 
 
 def _prefer() -> str:
-    """Puts this process, and the daemons that it starts, before the rest of the machine where it may; how."""
+    """Gives this process, and the daemons that it starts, priority if permitted. Returns how."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     except PermissionError:

@@ -1,7 +1,7 @@
-"""Numbers that travel inside MAVLink messages, by which a message that arrives is known for the one that was sent.
+"""Numbers inside MAVLink messages, by which a message that arrives can be matched with the one that was sent.
 
-A setpoint carries its number in its speed to the north, a position in its distance to the north; both are exact in the
-32-bit floating point numbers of MAVLink, and small enough for any autopilot to believe them.
+A setpoint carries its number in its speed to the north, a position in its distance to the north. Both are exact in the
+32-bit floating point numbers of MAVLink, and small enough to be plausible for any autopilot.
 """
 
 from __future__ import annotations
@@ -9,27 +9,27 @@ from __future__ import annotations
 _SPEED_STEP_M_S = 2.0**-22
 _SPEED_M_S = 1.0
 SETPOINTS = 1 << 22
-"""How many setpoints can be told apart."""
+"""How many setpoints have different numbers."""
 _DISTANCE_STEP_M = 2.0**-12
 POSITIONS = 1 << 18
-"""How many positions can be told apart."""
+"""How many positions have different numbers."""
 
 
 def speed_m_s(number: int) -> float:
-    """The speed that says a number: 1 to 2 m/s."""
+    """Converts a number to a speed of 1 to 2 m/s."""
     return _SPEED_M_S + number % SETPOINTS * _SPEED_STEP_M_S
 
 
 def number_of_speed(speed_m_s: float) -> int:
-    """The number that a speed says; negative for a speed that says none."""
+    """Converts a speed to its number; negative for a speed without a number."""
     return round((speed_m_s - _SPEED_M_S) / _SPEED_STEP_M_S)
 
 
 def distance_m(number: int) -> float:
-    """The distance that says a number: 0 to 64 m."""
+    """Converts a number to a distance of 0 to 64 m."""
     return number % POSITIONS * _DISTANCE_STEP_M
 
 
 def number_of_distance(distance_m: float) -> int:
-    """The number that a distance says."""
+    """Converts a distance to its number."""
     return round(distance_m / _DISTANCE_STEP_M)

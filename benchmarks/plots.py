@@ -1,4 +1,4 @@
-"""The plots: box plots of the latencies, as in the paper's Figure 3, and bars of the rest."""
+"""Draws box plots of the latencies, as in the paper's Figure 3, and bars of the other measures."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _WHISKERS = (1, 99)
 
 
 def write(results: Results, directory: Path) -> list[Path]:
-    """Writes every plot for which there are values; their files."""
+    """Writes all plots for which there are values. Returns their files."""
     import matplotlib as mpl
 
     mpl.use("svg")
-    mpl.rcParams["svg.hashsalt"] = "ual"  # the same figures make the same file
+    mpl.rcParams["svg.hashsalt"] = "ual"  # the same values then make the same file
     from matplotlib import pyplot as plt
 
     directory.mkdir(parents=True, exist_ok=True)

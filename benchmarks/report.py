@@ -1,4 +1,4 @@
-"""The tables, as Markdown: read in a terminal, and kept in README.md."""
+"""Makes the tables as Markdown, for the terminal and for README.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WITH_TAIL = ("_ms", "_ms_1", "_ms_10", "_ms_100")
 
 
 def target_table(lines: list[Line]) -> str:
-    """Each target, what was found, whether that is enough, and for some what is found with nothing behind the call."""
+    """Returns each target, the figure, whether it is met, and for some targets the figure of Python or gRPC alone."""
     has_floors = any(line.floor is not None for line in lines)
     head = ["", "target", "found (median of rounds)", "least to most", "", *(["Python or gRPC alone"] * has_floors)]
     rows = [_row(head), "|---" * len(head) + "|"]
@@ -43,14 +43,14 @@ def _row(cells: list[str]) -> str:
 
 
 def figures(results: Results) -> str:
-    """Everything measured, in its own units."""
+    """Returns all measured figures, in their own units."""
     return "\n\n".join(
         "\n".join(_table(results, measure, title)) for measure, title in _UNITS.items() if measure in results.values
     )
 
 
 def failures(results: Results) -> str:
-    """What could not be measured in some round; such a round does not count for that way."""
+    """Returns the measurements that failed; such a round does not count for that way."""
     return "".join(f"Not measured: {failure}\n\n" for failure in results.failures)
 
 

@@ -1,4 +1,4 @@
-"""The servers that are compared, each started for one vehicle's UDP port."""
+"""The servers that are compared. Each is started for one vehicle's UDP port."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class UalDaemon(Process):
         wait_for_port(self.tcp_port, self)
 
     def said(self) -> str:
-        """Its log."""
+        """Returns its log."""
         self._log.seek(0)
         return self._log.read().decode()
 
     def close(self) -> None:
-        # The vehicle of a benchmark goes on flying, whatever it is told: there is nothing to wait for.
+        # A terminated daemon would wait until the UAV is safe, but the vehicle of a benchmark never stops flying.
         self.popen.kill()
         super().close()
         self._log.close()
@@ -50,7 +50,7 @@ class UalDaemon(Process):
 
 
 class MavsdkServer(Process):
-    """MAVSDK's server, from the package `mavsdk-grpc`. It cannot be told to listen on loopback only."""
+    """MAVSDK's server, from the package `mavsdk-grpc`. It has no option to listen on loopback only."""
 
     def __init__(self, port: int) -> None:
         self.tcp_port = free_port(socket.SOCK_STREAM)
@@ -58,7 +58,7 @@ class MavsdkServer(Process):
         self.addresses = {"tcp": f"127.0.0.1:{self.tcp_port}"}
 
     def wait(self) -> None:
-        """Returns once its port is open, which it is when it has found the vehicle."""
+        """Returns once its port is open. It opens the port when it has found the vehicle."""
         wait_for_port(self.tcp_port, self)
 
 
@@ -71,7 +71,7 @@ class BareServer(Process):
         super().__init__([sys.executable, "-m", "benchmarks.bare", str(port), self.addresses["tcp"]])
 
     def wait(self) -> None:
-        """Returns once its port is open, which it is when it has heard the vehicle."""
+        """Returns once its port is open. It opens the port at the vehicle's first message."""
         wait_for_port(self.tcp_port, self)
 
     def close(self) -> None:
@@ -80,12 +80,12 @@ class BareServer(Process):
 
 
 def udp_url(port: int) -> str:
-    """Listens there for the vehicle, as both understand it."""
+    """Returns the URL for listening to the vehicle, which is the same for both servers."""
     return f"udpin://127.0.0.1:{port}"
 
 
 def wait_for_port(port: int, process: Process) -> float:
-    """When (monotonic clock) a TCP port of this computer was open."""
+    """Blocks until a TCP port of this computer is open. Returns when that was (monotonic clock)."""
     deadline_s = time.monotonic() + LIMIT_S
     while time.monotonic() < deadline_s:
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:

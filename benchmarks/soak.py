@@ -1,7 +1,7 @@
-"""Loads one daemon for long, and shows whether its memory grows: ``python -m benchmarks.soak --minutes 15``.
+"""Loads one daemon for a long time, and shows whether its memory grows: ``python -m benchmarks.soak --minutes 15``.
 
-The vehicle sends ten times what PX4 does. A program floods setpoints; another one has ten subscribers, which leave and
-come anew all the time. What an hour of flight brings (180,000 setpoints at 50 Hz) goes through in about a minute.
+The vehicle sends ten times as much as PX4. One program floods setpoints; another one has ten subscribers, which leave
+and come back all the time. The setpoints of an hour of flight (180,000 at 50 Hz) take about a minute.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchmarks.children import Child, free_port
 from benchmarks.servers import UalDaemon
 
 _RATE_FACTOR = 10.0
-_TURN_S = 5.0
+_PERIOD_S = 5.0
 _SUBSCRIBERS = 10
 _WARM_SHARE = 0.2
 _LIMIT_MIB_PER_HOUR = 1.0
@@ -48,10 +48,10 @@ def main() -> int:
 
 
 def _load(duration_s: float) -> Iterator[tuple[float, float, int, int]]:
-    """By turns: minutes so far, the daemon's resident MiB, setpoints that went through it, telemetry that came."""
+    """Yields again and again: minutes so far, the daemon's resident MiB, the setpoints and the telemetry so far."""
     port = free_port(socket.SOCK_DGRAM)
     with Child("benchmarks.vehicle") as vehicle:
-        vehicle.prefer()  # a vehicle that falls silent ends the flood: the daemon refuses what follows
+        vehicle.prefer()  # if the vehicle fell silent, the daemon would refuse setpoints, which ends the flood
         vehicle.ask("fly", port=port, rate_factor=_RATE_FACTOR)
         with UalDaemon(port) as daemon:
             daemon.wait()
@@ -64,8 +64,8 @@ def _load(duration_s: float) -> Iterator[tuple[float, float, int, int]]:
                     child.ask("connect")
                 began_s, setpoints_count, samples_count = time.monotonic(), 0, 0
                 while time.monotonic() - began_s < duration_s:
-                    sender.tell("flood", first=setpoints_count, duration_s=_TURN_S)
-                    listener.tell("listen", subscribers_count=_SUBSCRIBERS, duration_s=_TURN_S)
+                    sender.send("flood", first=setpoints_count, duration_s=_PERIOD_S)
+                    listener.send("listen", subscribers_count=_SUBSCRIBERS, duration_s=_PERIOD_S)
                     sender.answer()
                     samples_count += len(listener.answer()["number"])
                     setpoints_count += len(vehicle.ask("setpoints")["came"])

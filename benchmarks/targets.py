@@ -1,4 +1,4 @@
-"""What is to be reached, and whether it is: the table of issue 5."""
+"""The targets, and whether they are met: the table of issue 5."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from benchmarks.ways import CLASS, FLOORS, MAVSDK_GRPC, NATIVE, STREAM, UNARY, W
 
 @dataclass(frozen=True)
 class Line:
-    """One target. `found` is None where it was not measured; `why` says then what was missing."""
+    """One target. `found` is None if it was not measured; `why` then says what was missing."""
 
     what: str
     limit: float
     found: Spread | None
     unit: str = ""
     is_least: bool = False
-    """Whether the limit is the least that is wanted, not the most."""
+    """Whether the limit is a lower limit instead of an upper one."""
     why: str = ""
     floor: Spread | None = None
-    """The same of what has nothing behind it (`benchmarks.ways.FLOORS`), where there is such a thing."""
+    """The same figure of Python or gRPC alone (`benchmarks.ways.FLOORS`), if there is one."""
 
     @property
     def verdict(self) -> str:
@@ -33,7 +33,7 @@ class Line:
 
 
 def lines(results: Results) -> Iterator[Line]:
-    """Every line of the table."""
+    """Yields all lines of the table."""
     for name, statistic in (("p50", p50), ("p99", p99)):
         yield _ratio(results, "setpoint_ms", CLASS, NATIVE, statistic, f"class interface, {name}", 1.1)
     for name, statistic, limit in (("p50", p50, 0.7), ("p99", p99, 0.9)):
@@ -82,7 +82,7 @@ def _ratio(
 
 
 def _most(results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]) -> Line:
-    """The worst of the ways that are meant."""
+    """Returns the line for the worst of the chosen ways."""
     spreads = [results.spread(measure, way) for way in results.values.get(measure, {}) if is_meant(way)]
     if not spreads:
         return Line(what, limit, None, unit, why="it was left out")

@@ -1,8 +1,8 @@
-"""One small MAVLink vehicle: a process that flies (it says), and notes when each setpoint reached it.
+"""A minimal MAVLink vehicle: a process that reports that it flies, and records when each setpoint reached it.
 
-It streams to a UDP port of this computer what a PX4 that hovers in OFFBOARD says, or a recorded flight; accepts every
-command; and notes, on the monotonic clock that all processes of a computer share, when it sent each marked position
-and when each marked setpoint came. See `marks`.
+It streams to a UDP port of this computer the messages of a PX4 that hovers in OFFBOARD, or a recorded flight. It
+accepts all commands. It records, on the monotonic clock that all processes of a computer share, when it sent each
+marked position and when each marked setpoint came. See `marks`.
 
 Tasks (see `children`): ``fly``, ``replay``, ``rest``, ``setpoints``, ``positions``.
 """
@@ -35,7 +35,7 @@ _NORTH_SPEED_AT = _HEADER_SIZE + 16
 _BUFFER = 4 << 20
 _OFFBOARD = 6 << 16
 _RATES_HZ = {"attitude": 50.0, "position": 30.0, "landed": 5.0, "power": 5.0, "heartbeat": 1.0, "estimator": 1.0}
-"""PX4's, unasked."""
+"""PX4's default rates."""
 
 
 class Vehicle:
@@ -76,7 +76,7 @@ class Vehicle:
         }
 
     def run(self) -> None:
-        """Flies and obeys until stdin ends."""
+        """Flies and performs tasks until stdin ends."""
         poll = select.poll()
         poll.register(self._socket, select.POLLIN)
         poll.register(sys.stdin, select.POLLIN)
@@ -96,10 +96,10 @@ class Vehicle:
                     task = json.loads(line)
                     print(json.dumps(self._tasks[task.pop("do")](**task)), flush=True)
 
-    # --- What it is told ----------------------------------------------------------------------------------------------
+    # --- Tasks --------------------------------------------------------------------------------------------------------
 
     def _fly(self, port: int, rate_factor: float = 1.0) -> dict[str, Any]:
-        """Streams to a port, so many times as fast as PX4 does."""
+        """Streams to a port, `rate_factor` times as fast as PX4."""
         self._rest()
         self._rates_hz = {name: rate_hz * rate_factor for name, rate_hz in _RATES_HZ.items()}
         self._peer = ("127.0.0.1", port)
@@ -118,12 +118,12 @@ class Vehicle:
         return {"messages_per_s": len(frames) / (frames[-1][0] - frames[0][0])}
 
     def _rest(self) -> dict[str, Any]:
-        """Says nothing any more."""
+        """Stops sending."""
         self._due, self._recorded, self._peer = [], [], None
         return {}
 
     def _take_setpoints(self) -> dict[str, Any]:
-        """The number of each setpoint that came since the last look, and when it came first."""
+        """Returns the number of each setpoint since the last call, and when it first came."""
         self._receive()
         first: dict[int, int] = {}
         for number, came_ns in self._setpoints:
@@ -132,14 +132,14 @@ class Vehicle:
         return {"came": list(first.items())}
 
     def _take_positions(self) -> dict[str, Any]:
-        """The number of each position sent since the last look, and when it was sent."""
+        """Returns the number of each position since the last call, and when it was sent."""
         gone, self._positions = self._positions, []
         return {"gone": gone}
 
-    # --- What it says -------------------------------------------------------------------------------------------------
+    # --- Sending ------------------------------------------------------------------------------------------------------
 
     def _send_due(self) -> float:
-        """Sends what is due; how long there is nothing more to do."""
+        """Sends the messages that are due. Returns the time until the next one."""
         while True:
             now_s = time.monotonic()
             if self._due and self._due[0][0] <= now_s:
@@ -184,7 +184,7 @@ class Vehicle:
     def _boot_ms(self) -> int:
         return int((time.monotonic() - self._began_s) * 1000.0) + 1000
 
-    # --- What it hears ------------------------------------------------------------------------------------------------
+    # --- Receiving ----------------------------------------------------------------------------------------------------
 
     def _receive(self) -> None:
         while True:
@@ -221,7 +221,7 @@ class Vehicle:
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             self._send(self._heartbeat())
         elif message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-            # Protocol 2; PX4 1.17.0; what marks a simulated PX4.
+            # Protocol 2; PX4 1.17.0; the values by which a simulated PX4 is recognized.
             capabilities = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
             uid = int.from_bytes(b"ONIDLATI", "little")
             none = bytes(8)
@@ -239,7 +239,7 @@ class Vehicle:
 
 
 def _frames(trace: str) -> list[tuple[float, bytes]]:
-    """A recorded flight: 8-byte big-endian unix microseconds and a MAVLink 2 frame, again and again."""
+    """Yields the frames of a recorded flight: each is 8-byte big-endian unix microseconds and a MAVLink 2 frame."""
     data = gzip.decompress((_TRACES / f"{trace}.tlog.gz").read_bytes())
     frames: list[tuple[float, bytes]] = []
     at = 0

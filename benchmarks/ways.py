@@ -1,4 +1,4 @@
-"""The ways to fly that are compared: which client, and through which server."""
+"""The ways to fly that are compared: which client, with which server."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ UNARY_AIO = Way("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"
 BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
 BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
 FLOORS = {STREAM: BARE_STREAM, UNARY: BARE_UNARY, CLASS: RAW}
-"""What does the same with nothing behind it: what Python and gRPC cost by themselves."""
+"""For each way, the one that does the same without UAL: the cost of Python and gRPC alone."""
 
 SETPOINT_WAYS = (
     *(RAW, NATIVE, CLASS, MAVSDK_GRPC),
@@ -66,7 +66,7 @@ class Flight:
     server: Server | None
 
     def prefer(self) -> None:
-        """Puts its processes before the rest of the machine."""
+        """Gives its processes priority over others."""
         for process in (self.client, self.server):
             if process is not None:
                 process.prefer()
@@ -74,7 +74,7 @@ class Flight:
 
 @contextmanager
 def server_of(way: Way, port: int) -> Iterator[Server | None]:
-    """The server of a way for the vehicle that sends to a port; the vehicle must be flying."""
+    """Returns the server of a way, for the vehicle that sends to a port. The vehicle must be flying."""
     if not way.address:
         yield None
         return
@@ -94,7 +94,7 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
 
 @contextmanager
 def flown(vehicle: Child, way: Way) -> Iterator[Flight]:
-    """The vehicle, flown in a way: everything is connected, and a setpoint was given."""
+    """Provides the vehicle, its server and client, once all are connected and a setpoint was sent."""
     port = free_port(socket.SOCK_DGRAM)
     vehicle.ask("fly", port=port)
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Geographic positions to and from local metres. WGS 84; geodesics from Karney's GeographicLib."""
+"""Converts geographic positions to local metres and back. WGS 84; geodesics by Karney's GeographicLib."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from geographiclib.geodesic import Geodesic
+from typing_extensions import override
 
 from ual.geometry import Vector3
 from ual.types import GeoPoint
@@ -18,8 +19,8 @@ _WGS84 = Geodesic.WGS84
 class Projection(ABC):
     """A local frame on Earth: its origin, and how its metres relate to latitude and longitude.
 
-    Each autopilot has a projection of its own, and a goal must be in *its* metres: choose the class that computes as
-    the autopilot does. z is the altitude above the origin's (not a tangent plane's), as autopilots have it.
+    Each autopilot has its own projection, and a goal must be in the autopilot's metres: choose the class that computes
+    as the autopilot does. z is the altitude above the origin's altitude (not above a tangent plane), as in autopilots.
     """
 
     latitude_deg: float
@@ -28,11 +29,11 @@ class Projection(ABC):
 
     @abstractmethod
     def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
-        """East, north, up in metres."""
+        """Converts a geographic position to east, north, up in metres."""
 
     @abstractmethod
     def to_geo(self, position: Vector3) -> GeoPoint:
-        """The geographic position (altitude above mean sea level) of east, north, up in metres."""
+        """Converts east, north, up in metres to a geographic position (altitude above mean sea level)."""
 
 
 class EllipsoidProjection(Projection):
@@ -40,6 +41,7 @@ class EllipsoidProjection(Projection):
 
     __slots__ = ()
 
+    @override
     def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
         line = _WGS84.Inverse(
             self.latitude_deg, self.longitude_deg, latitude_deg, longitude_deg, Geodesic.DISTANCE | Geodesic.AZIMUTH
@@ -49,6 +51,7 @@ class EllipsoidProjection(Projection):
             line["s12"] * math.sin(azimuth), line["s12"] * math.cos(azimuth), altitude_amsl_m - self.altitude_amsl_m
         )
 
+    @override
     def to_geo(self, position: Vector3) -> GeoPoint:
         azimuth = math.degrees(math.atan2(position.x, position.y))
         end = _WGS84.Direct(
@@ -68,6 +71,7 @@ class SphereProjection(Projection):
 
     RADIUS_M = 6_371_000.0
 
+    @override
     def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
         lat0, lat = math.radians(self.latitude_deg), math.radians(latitude_deg)
         d_lon = math.radians(longitude_deg - self.longitude_deg)
@@ -78,6 +82,7 @@ class SphereProjection(Projection):
         east = k * math.cos(lat) * math.sin(d_lon)
         return Vector3(east * self.RADIUS_M, north * self.RADIUS_M, altitude_amsl_m - self.altitude_amsl_m)
 
+    @override
     def to_geo(self, position: Vector3) -> GeoPoint:
         x, y = position.y / self.RADIUS_M, position.x / self.RADIUS_M
         c = math.hypot(x, y)
@@ -91,8 +96,8 @@ class SphereProjection(Projection):
 
 
 class FlatProjection(Projection):
-    """A flat Earth whose meridians are as close as half way to the origin, as ArduPilot's ``Location::offset`` and
-    ``get_vector_xy_from_origin_NE`` (AP_Common/Location.cpp) compute.
+    """A flat Earth. The distance between meridians is that at the mean latitude of the position and the origin, as in
+    ArduPilot's ``Location::offset`` and ``get_vector_xy_from_origin_NE`` (AP_Common/Location.cpp).
     """
 
     __slots__ = ()
@@ -100,6 +105,7 @@ class FlatProjection(Projection):
     METRES_PER_DEGREE = 111_318.84502145034
     _LEAST_SCALE = 0.01
 
+    @override
     def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
         d_lon = math.remainder(longitude_deg - self.longitude_deg, 360.0)
         return Vector3(
@@ -108,6 +114,7 @@ class FlatProjection(Projection):
             altitude_amsl_m - self.altitude_amsl_m,
         )
 
+    @override
     def to_geo(self, position: Vector3) -> GeoPoint:
         latitude_deg = self.latitude_deg + position.y / self.METRES_PER_DEGREE
         d_lon = position.x / (self.METRES_PER_DEGREE * self._scale(latitude_deg))

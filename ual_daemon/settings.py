@@ -1,4 +1,4 @@
-"""What can be configured of a UAV, above its backend: typed, ranged and with its defaults. Units are in the names.
+"""The settings of a UAV that do not depend on its backend: types, ranges and defaults. Names end in the unit.
 
 The same names are keys of the configuration file (see ``docs/configuration.md``).
 """
@@ -32,7 +32,7 @@ GeoPosition = tuple[
 
 
 class ConfigError(Exception):
-    """A setting cannot be taken. `key` is where (``light.max_speed_m_s``, empty for the whole)."""
+    """A setting is not valid. `key` says which (``light.max_speed_m_s``; empty for the whole section)."""
 
     def __init__(self, message: str, key: str = "") -> None:
         super().__init__(f"{key}: {message}" if key else message)
@@ -45,7 +45,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class FrameSettings(Settings, frozen=True, kw_only=True):
-    """A static frame: where it lies in its parent (metres, radians)."""
+    """A static frame and its pose in its parent (metres, radians)."""
 
     frame_id: FrameId
     parent_frame_id: FrameId = "map"
@@ -56,7 +56,7 @@ class FrameSettings(Settings, frozen=True, kw_only=True):
 
 
 class LimitSettings(Settings, frozen=True, kw_only=True):
-    """Limits of the user's own; the smaller of these and the autopilot's are kept."""
+    """The user's limits. The smaller one of each of these and the autopilot's limit applies."""
 
     horizontal_speed_m_s: Positive = math.inf
     climb_speed_m_s: Positive = math.inf
@@ -67,7 +67,7 @@ class LimitSettings(Settings, frozen=True, kw_only=True):
 
 
 class ToleranceSettings(Settings, frozen=True, kw_only=True):
-    """When a UAV counts as arrived, once its reference is at the goal: within these, on the mean of `dwell_s`.
+    """When a UAV counts as arrived, once its reference is at the goal: its mean over `dwell_s` is within these values.
 
     The defaults are for a satellite receiver without corrections: in PX4's simulator the estimate of a UAV that hovers
     wanders by 0.3 to 0.5 m and 0.4 m/s (docs/backends/mavlink.md).
@@ -80,7 +80,7 @@ class ToleranceSettings(Settings, frozen=True, kw_only=True):
 
 
 class GeofenceSettings(Settings, frozen=True, kw_only=True):
-    """Where the UAV may be told to be: over a polygon, in a height band, or both.
+    """Where the UAV may be sent: over a polygon, in a height band, or both.
 
     `polygon` has x, y (metres) in `frame_id`, `polygon_geo` latitude and longitude (degrees) instead; the heights are z
     in `frame_id`. None is ``<ns>/odom``.
@@ -97,9 +97,9 @@ class Tracker(Enum):
     """How go-tos and paths are flown."""
 
     REFERENCE = "reference"
-    """By a smooth reference in time, with the motion there as feed-forward. Straight and fast."""
+    """By a smooth trajectory in time, with its velocity and acceleration as feed-forward. Straight and fast."""
     PURSUIT = "pursuit"
-    """By pure pursuit: to a point of the path a little ahead of the UAV, without feed-forward."""
+    """By pure pursuit: towards a point of the path a little ahead of the UAV, without feed-forward."""
 
 
 class VehicleSettings(Settings, frozen=True, kw_only=True):
@@ -120,7 +120,11 @@ S = TypeVar("S", bound=Settings)
 
 
 def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
-    """The values of one section as its typed settings. Raises `ConfigError` that names the key."""
+    """Converts the values of one section to its settings.
+
+    Raises:
+        ConfigError: A value is not valid; names the key.
+    """
     try:
         settings = msgspec.convert(dict(values), kind)
     except msgspec.ValidationError as error:

@@ -1,6 +1,6 @@
-"""What may be asked at all: every input is checked here, once, before anything else looks at it.
+"""Checks every input of a caller, once, before anything else uses it.
 
-Each function returns the clean value, or raises `InvalidArgumentError` that names the field and the value.
+Each function returns the valid value, or raises an `InvalidArgumentError` that names the field and the value.
 """
 
 from __future__ import annotations
@@ -18,51 +18,51 @@ from ual_daemon.settings import FRAME_ID_PATTERN
 MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
 MIN_SPEED_M_S = 0.01
-"""No task is flown slower: it would take for ever, and nobody means it."""
-MAX_TURN_RATE_RAD_S = 1000.0
+"""A lower speed is refused: a task would take almost forever, so the value must be a mistake."""
+MAX_ANGULAR_SPEED_RAD_S = 1000.0
 MAX_ANGLE_RAD = 1e6
 MAX_STAMP_S = 253_402_300_799.0
-"""The end of the year 9999, where protobuf's time ends."""
+"""The end of the year 9999, the latest time in protobuf."""
 
 _NORM_TOLERANCE = 0.05
-"""How far from 1 the norm of a quaternion may be to count as a rotation slightly off."""
+"""A quaternion whose norm is within this of 1 counts as a rotation and is normalized."""
 
 
 def refuse(field: str, message: str) -> InvalidArgumentError:
-    """The error of a field."""
+    """Makes the error for a field."""
     return InvalidArgumentError(f"{field}: {message}", {"field": field})
 
 
 def require_type(value: object, kind: type, field: str) -> None:
-    """Refuses what is of another type."""
+    """Refuses a value of another type."""
     if not isinstance(value, kind):
-        raise refuse(field, f"{_shown(value)} is no {kind.__name__}")
+        raise refuse(field, f"{_shown(value)} is not of type {kind.__name__}")
 
 
 def _shown(value: object) -> str:
-    """A value of any type in one line."""
+    """Returns a value of any type as one line of text."""
     return " ".join(repr(value).split())[:200]
 
 
 def number(value: SupportsFloat, field: str, *, at_most: float) -> float:
-    """A finite number, not beyond a magnitude."""
-    if isinstance(value, (str, bytes, bytearray)):  # float() would read them
+    """Accepts a finite number with at most the given magnitude."""
+    if isinstance(value, (str, bytes, bytearray)):  # float() would parse them
         raise refuse(field, f"{_shown(value)} is not a number")
     try:
         result = float(value)
-    except OverflowError:  # an integer
+    except OverflowError:  # an integer that is too large
         result = math.inf
     except (TypeError, ValueError):
         raise refuse(field, f"{_shown(value)} is not a number") from None
     if not math.isfinite(result):
         raise refuse(field, f"{result} is not a finite number")
     if abs(result) > at_most:
-        raise refuse(field, f"{result:g} is beyond what can be meant (at most {at_most:g})")
+        raise refuse(field, f"{result:g} is out of range (at most {at_most:g})")
     return result
 
 
 def not_negative(value: SupportsFloat, field: str, *, at_most: float) -> float:
-    """A finite number from 0."""
+    """Accepts a finite number of at least 0."""
     result = number(value, field, at_most=at_most)
     if result < 0.0:
         raise refuse(field, f"{result:g} is negative")
@@ -70,7 +70,7 @@ def not_negative(value: SupportsFloat, field: str, *, at_most: float) -> float:
 
 
 def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:
-    """A finite number above 0."""
+    """Accepts a finite number above 0."""
     result = not_negative(value, field, at_most=at_most)
     if result == 0.0:
         raise refuse(field, "is zero; it must be more")
@@ -78,14 +78,14 @@ def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:
 
 
 def max_speed(value: SupportsFloat | None) -> float | None:
-    """A speed that is not to be exceeded in m/s, or None."""
+    """Accepts a speed limit in m/s, or None."""
     if value is None:
         return None
     return _flown_speed(positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S), "max_speed_m_s")
 
 
 def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float | None]:
-    """One speed that is not to be exceeded in m/s for each waypoint, None where it is 0 or nothing is given."""
+    """Accepts one speed limit in m/s for each waypoint, or none at all. Returns None where there is none or it is 0."""
     fields = [f"leg_speeds_m_s[{i}]" for i in range(len(values))]
     speeds = [not_negative(each, field, at_most=MAX_SPEED_M_S) for each, field in zip(values, fields, strict=True)]
     if not speeds:
@@ -97,15 +97,15 @@ def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[flo
 
 def _flown_speed(speed_m_s: float, field: str) -> float:
     if speed_m_s < MIN_SPEED_M_S:
-        raise refuse(field, f"{speed_m_s:g} is slower than can be meant (at least {MIN_SPEED_M_S:g})")
+        raise refuse(field, f"{speed_m_s:g} is too slow (at least {MIN_SPEED_M_S:g})")
     return speed_m_s
 
 
 def path_heading(value: PathHeading, *, has_point: bool) -> PathHeading:
-    """Where the nose points on a path; a point of interest belongs to POINT_OF_INTEREST, and to that only."""
+    """Accepts where the nose points on a path. A point of interest must be given for POINT_OF_INTEREST only."""
     if not isinstance(value, PathHeading):
         known = ", ".join(heading.name for heading in PathHeading)
-        raise refuse("heading", f"{_shown(value)} is no PathHeading ({known})")
+        raise refuse("heading", f"{_shown(value)} is not a PathHeading ({known})")
     if has_point and value is not PathHeading.POINT_OF_INTEREST:
         raise refuse("point_of_interest", f"is given, but the heading is {value.name}, not POINT_OF_INTEREST")
     if not has_point and value is PathHeading.POINT_OF_INTEREST:
@@ -114,8 +114,8 @@ def path_heading(value: PathHeading, *, has_point: bool) -> PathHeading:
 
 
 def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
-    """A vector of finite components, its length not beyond a magnitude."""
-    if _is_clean(value, at_most):
+    """Accepts a vector of finite components with at most the given length."""
+    if _is_valid(value, at_most):
         return value
     try:
         x, y, z = value
@@ -127,24 +127,24 @@ def vector(value: Vector3, field: str, *, at_most: float) -> Vector3:
         number(z, f"{field}.z", at_most=at_most),
     )
     if result.norm() > at_most:
-        raise refuse(field, f"its length {result.norm():g} is beyond what can be meant (at most {at_most:g})")
+        raise refuse(field, f"its length {result.norm():g} is out of range (at most {at_most:g})")
     return result
 
 
-def _is_clean(value: Vector3, at_most: float) -> bool:
-    """Whether nothing is wrong: the usual case, fast, as every setpoint asks. No comparison with NaN is true."""
+def _is_valid(value: Vector3, at_most: float) -> bool:
+    """Whether the value is valid as it is. Fast, because every setpoint needs it. A comparison with NaN is false."""
     return (
         type(value) is Vector3 and type(value.x) is type(value.y) is type(value.z) is float and value.norm() <= at_most
     )
 
 
 def position(value: Vector3, field: str) -> Vector3:
-    """A position in metres."""
+    """Accepts a position in metres."""
     return vector(value, field, at_most=MAX_DISTANCE_M)
 
 
 def rotation(value: Quaternion, field: str) -> Quaternion:
-    """A unit quaternion; one slightly off is normalized."""
+    """Accepts a unit quaternion; normalizes one whose norm is slightly off."""
     try:
         x, y, z, w = value
     except (TypeError, ValueError):
@@ -157,48 +157,48 @@ def rotation(value: Quaternion, field: str) -> Quaternion:
     )
     norm = q.norm()
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
-        raise refuse(field, f"({q.x:g}, {q.y:g}, {q.z:g}, {q.w:g}) is no rotation: its norm is {norm:g}, not 1")
+        raise refuse(field, f"({q.x:g}, {q.y:g}, {q.z:g}, {q.w:g}) is not a rotation: its norm is {norm:g}, not 1")
     return q.normalized()
 
 
 def orientation(value: Quaternion, field: str) -> Quaternion | None:
-    """A rotation, or None (keep the heading) for exactly all zeros."""
+    """Accepts a rotation. Returns None (keep the heading) for all zeros."""
     if value == KEEP_HEADING:
         return None
     return rotation(value, field)
 
 
 def twist(value: Twist, field: str) -> Twist:
-    """A velocity; of its turn, only the part about z is flown."""
+    """Accepts a velocity. Of its angular part only z is flown."""
     require_type(value, Twist, field)
-    if _is_clean(value.linear, MAX_SPEED_M_S) and _is_clean(value.angular, MAX_TURN_RATE_RAD_S):
+    if _is_valid(value.linear, MAX_SPEED_M_S) and _is_valid(value.angular, MAX_ANGULAR_SPEED_RAD_S):
         return value
     return Twist(
         vector(value.linear, f"{field}.linear", at_most=MAX_SPEED_M_S),
-        vector(value.angular, f"{field}.angular", at_most=MAX_TURN_RATE_RAD_S),
+        vector(value.angular, f"{field}.angular", at_most=MAX_ANGULAR_SPEED_RAD_S),
     )
 
 
 def latitude(value: SupportsFloat, field: str = "latitude_deg") -> float:
-    """Degrees, -90 to 90."""
+    """Accepts degrees from -90 to 90."""
     return number(value, field, at_most=90.0)
 
 
 def longitude(value: SupportsFloat, field: str = "longitude_deg") -> float:
-    """Degrees, -180 to 180."""
+    """Accepts degrees from -180 to 180."""
     return number(value, field, at_most=180.0)
 
 
 def altitude_reference(value: AltitudeReference, field: str = "altitude_reference") -> AltitudeReference:
-    """What an altitude is measured from: none is guessed."""
+    """Accepts what an altitude is measured from; never guesses it."""
     if not isinstance(value, AltitudeReference):
         known = ", ".join(reference.name for reference in AltitudeReference)
-        raise refuse(field, f"{_shown(value)} is no AltitudeReference ({known})")
+        raise refuse(field, f"{_shown(value)} is not an AltitudeReference ({known})")
     return value
 
 
 def geo_waypoint(value: GeoWaypoint, prefix: str = "") -> GeoWaypoint:
-    """A geographic position to fly to; `prefix` stands before the names of its fields."""
+    """Accepts a geographic waypoint; `prefix` is put before the names of its fields in errors."""
     yaw_rad = value.yaw_rad
     return GeoWaypoint(
         latitude(value.latitude_deg, f"{prefix}latitude_deg"),
@@ -210,14 +210,14 @@ def geo_waypoint(value: GeoWaypoint, prefix: str = "") -> GeoWaypoint:
 
 
 def frame_id(value: str, field: str) -> str:
-    """A name for a frame: words of letters, digits and _, joined by /."""
+    """Accepts the name of a frame: letters, digits and ``_``, parts joined by ``/``."""
     if not isinstance(value, str) or len(value) > 200 or not re.fullmatch(FRAME_ID_PATTERN, value):
-        raise refuse(field, f"{str(value)[:200]!r} is no frame name (letters, digits and _, parts joined by /)")
+        raise refuse(field, f"{str(value)[:200]!r} is not a frame name (letters, digits and _, parts joined by /)")
     return value
 
 
 def transform(value: Transform, field: str) -> Transform:
-    """A transform between named frames; an empty parent is left empty."""
+    """Accepts a transform between named frames; an empty parent stays empty."""
     require_type(value, Transform, field)
     return Transform(
         position(value.translation, f"{field}.translation"),

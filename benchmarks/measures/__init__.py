@@ -1,1 +1,1 @@
-"""What is measured, one module each. A round measures each way once, in an order of its own."""
+"""The measures, one in each module. A round measures each way once, in random order."""

@@ -14,7 +14,7 @@ _SPEED_FACTOR = 10.0
 
 
 def measure_flight(results: Results) -> None:
-    """Takes off, flies a path and streamed velocities, lands; watched by a subscriber all the time."""
+    """Takes off, flies a path and streamed velocities, and lands, with one telemetry subscriber."""
     with UalDaemon(None, "--auto-arm") as daemon:
         daemon.wait()
         with ual.Uav(address=daemon.addresses["tcp"]) as uav:

@@ -1,4 +1,4 @@
-"""How noisy the machine is: a datagram to another process of the same priority and back, again and again."""
+"""Measures the noise of the machine: the time of a datagram to another process of the same priority and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as echo:
 
 
 def measure(results: Results) -> None:
-    """One round: there and back, in ms. What is more than the least of it is the machine's."""
+    """Measures one round, in ms. Times above the smallest one come from the machine."""
     port = free_port(socket.SOCK_DGRAM)
     with (
         Process([sys.executable, "-c", _ECHO, str(port)]) as echo,

@@ -1,4 +1,4 @@
-"""The processor's share at 50 Hz setpoints with a recorded PX4's whole stream, of the server and of the program."""
+"""Measures the processor's share of the server and of the program, at 50 Hz setpoints and a recorded stream of PX4."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from benchmarks.ways import Way, server_of
 
 TRACE = "px4_offboard_manual_recover"
 _FROM_S, _TO_S = 8.0, 21.9
-"""In this part of the flight it is in OFFBOARD and in the air."""
+"""In this part of the recording it flies in OFFBOARD."""
 _WARM_S = 1.0
 
 
 def measure(vehicle: Child, results: Results, way: Way) -> None:
-    """One round of one way: shares of one core, in percent."""
+    """Measures one round of one way: shares of one core, in percent."""
     port = free_port(socket.SOCK_DGRAM)
     with ExitStack() as stack:
         began_s = time.monotonic()

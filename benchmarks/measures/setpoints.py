@@ -1,4 +1,4 @@
-"""From the call in the user's program to the datagram at the vehicle: how long, and how many a second."""
+"""Measures setpoints, from the call in the user's program to the datagram at the vehicle: latency and throughput."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from benchmarks.results import Results
 from benchmarks.ways import Way, flown
 
 _ARRIVAL_S = 0.3
-"""What is under way when the last call has returned arrives within this."""
+"""Setpoints that are in transit when the last call has returned arrive within this time."""
 _FLOOD_FIRST = 1_000_000
 _MEGA = 1e-6
 
 
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
-    """One round of one way: latencies in ms, and setpoints a second that arrived."""
+    """Measures one round of one way: latencies in ms, and the setpoints a second that arrived."""
     with flown(vehicle, way) as flight:
         flight.prefer()
         flight.client.ask("pace", first=1, count=int(RATE_HZ / 2), rate_hz=RATE_HZ)  # warm

@@ -1,4 +1,4 @@
-"""From the start of a server to its answer, with a vehicle that is heard and without; imports and ``--help``."""
+"""Measures the start of a server until its first answer, with and without a vehicle; imports and ``--help``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ IMPORTS = {
 
 
 def measure_servers(vehicle: Child, results: Results) -> None:
-    """One round of starts, in seconds."""
+    """Measures one round of starts, in seconds."""
     for is_there in (True, False):
         port = free_port(socket.SOCK_DGRAM)
         if is_there:
@@ -51,7 +51,7 @@ def measure_servers(vehicle: Child, results: Results) -> None:
 
 
 def measure_imports(results: Results) -> None:
-    """One round of imports and of ``--help``, in ms, each in a fresh process."""
+    """Measures one round of imports and of ``--help``, in ms, each in a new process."""
     for name, arguments in IMPORTS.items():
         if (
             "mavsdk" in name

@@ -1,4 +1,4 @@
-"""From the vehicle's datagram to the subscriber's callback, for one and for many subscribers of one program."""
+"""Measures telemetry, from the vehicle's datagram to the callback, for one and for many subscribers of one program."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from benchmarks.results import Results
 from benchmarks.ways import Way, flown
 
 _SETTLE_NS = 1_000_000_000
-"""The beginning, while subscribers are still opened, is left out."""
+"""The first part is left out, because subscribers are still being opened."""
 _MEGA = 1e-6
 
 
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
-    """One round of one way: latencies in ms over all subscribers, and the share of positions that came."""
+    """Measures one round of one way: latencies in ms over all subscribers, and the share of positions that came."""
     with flown(vehicle, way) as flight:
         flight.prefer()
         for count in SUBSCRIBERS:

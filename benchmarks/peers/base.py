@@ -1,4 +1,4 @@
-"""What a user's program does, the same for all ways to fly."""
+"""The base class of user programs, the same for all ways to fly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CONNECT_S = 30.0
 
 @dataclass
 class Times:
-    """The numbers that were seen, and when (monotonic clock)."""
+    """The numbers that came, and when (monotonic clock)."""
 
     number: list[int] = field(default_factory=list)
     at_ns: list[int] = field(default_factory=list)
@@ -31,18 +31,18 @@ class Peer(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Returns once a setpoint can be given, and one was: what happens only at the beginning has happened."""
+        """Returns once a setpoint has been sent, so that everything that happens only once is done."""
 
     @abstractmethod
     def pace(self, first: int, count: int, rate_hz: float) -> Times:
-        """Gives setpoints at a rate; when each was given."""
+        """Sends setpoints at a rate. Returns when each was sent."""
 
     @abstractmethod
     def flood(self, first: int, duration_s: float) -> int:
-        """Gives setpoints as fast as it can for a while; how many."""
+        """Sends setpoints as fast as it can for a while. Returns how many."""
 
     def listen(self, subscribers_count: int, duration_s: float) -> Times:
-        """Subscribes to the position so many times; when which one came, for all subscribers."""
+        """Subscribes to the position several times. Returns when each position came, for all subscribers."""
         raise NotImplementedError(f"{type(self).__name__} has no telemetry")
 
     @abstractmethod
@@ -51,11 +51,11 @@ class Peer(ABC):
 
 
 class SynchronousPeer(Peer):
-    """One whose setpoints are given by calls that return when it is done."""
+    """A peer whose setpoints are sent by blocking calls."""
 
     @abstractmethod
     def send(self, number: int) -> None:
-        """Gives one setpoint."""
+        """Sends one setpoint."""
 
     def pace(self, first: int, count: int, rate_hz: float) -> Times:
         given = Times()
@@ -76,7 +76,7 @@ class SynchronousPeer(Peer):
 
 
 def until(is_done: Callable[[], bool], what: str) -> None:
-    """Waits for a condition of the beginning."""
+    """Blocks until a condition of the start holds."""
     deadline_s = time.monotonic() + _CONNECT_S
     while not is_done():
         if time.monotonic() > deadline_s:

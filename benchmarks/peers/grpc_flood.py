@@ -1,4 +1,4 @@
-"""As many setpoints as go down one stream of the contract, whoever serves it."""
+"""Sends as many setpoints as possible by one stream of the contract, to any server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""gRPC alone (`benchmarks.bare`), by a stream of setpoints and one of telemetry, without our client."""
+"""gRPC alone (`benchmarks.bare`), with a stream of setpoints and one of telemetry, without UAL's client."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Peer(SynchronousPeer):
                 for _ in range(subscribers_count):
                     came.add(number, time.monotonic_ns())
         except grpc.RpcError:
-            pass  # the time is over
+            pass  # the deadline has passed
         return came
 
     def close(self) -> None:
@@ -49,7 +49,7 @@ class Peer(SynchronousPeer):
 
 
 def setpoint(number: int) -> pb.StreamSetpointsRequest:
-    """A velocity to the north that says a number."""
+    """Returns a velocity to the north that carries a number."""
     message = pb.StreamSetpointsRequest()
     message.velocity.twist.linear.y = speed_m_s(number)
     return message

@@ -1,4 +1,4 @@
-"""`mavsdk-grpc`: MAVSDK's server, and its own Python client, which is asyncio's."""
+"""`mavsdk-grpc`: MAVSDK's server with its own Python client, which uses asyncio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`mavsdk`: MAVSDK's library in the process, its synchronous interface."""
+"""`mavsdk`: MAVSDK's library in the process, with its synchronous interface."""
 
 from __future__ import annotations
 

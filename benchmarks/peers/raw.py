@@ -1,4 +1,4 @@
-"""pymavlink by hand: pack a message, send a datagram. The least that a Python program can do."""
+"""pymavlink without a library above it: packs a message, sends a datagram. The minimum for a Python program."""
 
 from __future__ import annotations
 

@@ -26,4 +26,4 @@ class Peer(SynchronousPeer):
         return listen(self._uav, subscribers_count, duration_s)
 
     def close(self) -> None:
-        self._uav.vehicle.close()  # at once: the vehicle of a benchmark needs nobody to wait until it is safe
+        self._uav.vehicle.close()  # at once: the vehicle of a benchmark is always safe

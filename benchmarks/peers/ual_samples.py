@@ -1,4 +1,4 @@
-"""Subscribers of UAL, in the process and over gRPC alike."""
+"""Subscribers of UAL, for the class interface and for the client."""
 
 from __future__ import annotations
 

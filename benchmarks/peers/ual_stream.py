@@ -21,7 +21,7 @@ class Peer(SynchronousPeer):
     def connect(self) -> None:
         self._uav = ual.Uav(address=self.address)
         until(lambda: self._uav.state() is State.FLYING_AUTO, "UAL flies")
-        for _ in range(3):  # the first is a call of its own, the second opens the stream
+        for _ in range(3):  # the first one is a call, the second one opens the stream
             self.send(0)
             time.sleep(0.1)
 
@@ -29,7 +29,7 @@ class Peer(SynchronousPeer):
         self._uav.set_velocity(velocity(number))
 
     def flood(self, first: int, duration_s: float) -> int:
-        """By the contract's stream itself: of the client's setpoints only the newest is sent, which can be no flood."""
+        """Uses the contract's stream directly, because the client sends only the newest setpoint."""
         with grpc.insecure_channel(self.address) as channel:
             return flood(ual_pb2_grpc.UalServiceStub(channel), _setpoint, first, duration_s)
 
@@ -45,5 +45,5 @@ def _setpoint(number: int) -> pb.StreamSetpointsRequest:
 
 
 def velocity(number: int) -> ual.Twist:
-    """A velocity to the north that says a number."""
+    """Returns a velocity to the north that carries a number."""
     return ual.Twist(ual.Vector3(0.0, speed_m_s(number), 0.0))

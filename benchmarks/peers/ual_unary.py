@@ -1,4 +1,4 @@
-"""UAL's server by its plain call, `SetVelocity`, as a program without our client would."""
+"""UAL's server with the unary call `SetVelocity`, as from a program without UAL's client."""
 
 from __future__ import annotations
 

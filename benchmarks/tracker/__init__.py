@@ -1,1 +1,1 @@
-"""How straight and how fast UAL's tracker flies, beside the ways that it replaces. See benchmarks/tracker.md."""
+"""Measures how straight and fast UAL's tracker flies, compared with other methods. See benchmarks/tracker.md."""

@@ -1,4 +1,4 @@
-"""Flies, and prints what is to be reached and whether it is; exit status 1 where a target is missed.
+"""Flies, and prints the targets and whether they are met; exit status 1 if a target is missed.
 
 python -m benchmarks.tracker [--flights N] [--only light|px4|ardupilot] [--output DIRECTORY]
 """
@@ -30,7 +30,7 @@ def main() -> int:
     )
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build" / "bench", help="where plots are written")
     arguments = parser.parse_args()
-    logging.getLogger("ual_daemon").setLevel(logging.ERROR)  # tasks that are replaced on purpose
+    logging.getLogger("ual_daemon").setLevel(logging.ERROR)  # hides warnings about replaced tasks
     parts = arguments.only or (_LIGHT, *_AUTOPILOTS)
     lines: list[Line] = []
     if _LIGHT in parts:
@@ -47,7 +47,7 @@ def main() -> int:
 
 
 def fly_light(output: Path) -> Iterator[Line]:
-    """The flights of the light simulation."""
+    """Flies the light simulation."""
     calm, windy = {}, {}
     for name, limits in light.VEHICLES.items():
         calm[name] = light.lines(limits)
@@ -68,7 +68,7 @@ def fly_light(output: Path) -> Iterator[Line]:
 
 
 def fly_autopilot(autopilot: autopilots.Autopilot, name: str, flights: int, output: Path) -> Iterator[Line]:
-    """The flights of a real autopilot."""
+    """Flies a real autopilot."""
     found = autopilots.fly(autopilot, flights)
     print(f"{found.version}, {flights} flights of each way, within {found.limits}\n")
     print(report.flights_table(found.version, found.flights), end="\n\n")

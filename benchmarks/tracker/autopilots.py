@@ -1,6 +1,6 @@
-"""Flights of a real autopilot in its simulator, which already runs: out and back along a diagonal, each way in turn.
+"""Flights of a real autopilot in its simulator, which already runs: out and back along a diagonal, in all ways.
 
-Its URL and its safety pilot's come from the variables of tests/sitl.
+The URLs of the autopilot and of its safety pilot come from the environment variables of tests/sitl.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TURN_RAD = math.pi / 2
 LOW_M = 3.0
 _PATIENCE_S = 90.0
 _AFTER_S = 5.0
-"""Each flight is watched for so long after it came near its goal; the next one begins then."""
+"""How long each flight is recorded after it came near its goal; then the next one begins."""
 _LONGEST_S = 60.0
 
 
@@ -50,7 +50,7 @@ class Pilot(Protocol):
 
 @dataclass(frozen=True)
 class Autopilot:
-    """Where one is to be found."""
+    """The URLs of one autopilot."""
 
     name: str
     url_variable: str
@@ -59,12 +59,12 @@ class Autopilot:
 
     @property
     def missing(self) -> str:
-        """Which variables are not set; empty where it can be flown."""
+        """Returns the variables that are not set; empty if it can be flown."""
         return " and ".join(name for name in (self.url_variable, self.pilot_variable) if not os.environ.get(name))
 
     @contextmanager
     def pilot(self) -> Iterator[Pilot]:
-        """Its safety pilot, who must be there as long as it flies."""
+        """Provides its safety pilot, which must be connected as long as it flies."""
         address = urlsplit(os.environ[self.pilot_variable])
         if address.hostname is None or address.port is None:
             raise ChildError(f"{self.pilot_variable} is no URL with a host and a port")
@@ -82,7 +82,7 @@ ARDUPILOT = Autopilot("ArduPilot", "UAL_TEST_ARDUPILOT_URL", "UAL_TEST_ARDUPILOT
 
 @dataclass(frozen=True)
 class Found:
-    """All flights of one autopilot, by their ways."""
+    """Returns all flights of one autopilot, by way."""
 
     version: str
     limits: Limits
@@ -90,7 +90,7 @@ class Found:
 
 
 def fly(autopilot: Autopilot, flights: int) -> Found:
-    """So many flights of each way, half of them out (up) and half of them back; with each tracker a daemon."""
+    """Flies several times in each way, half of them out (up) and half of them back; one daemon for each tracker."""
     found: dict[str, list[Flown]] = defaultdict(list)
     rounds = math.ceil(flights / 2)
     with autopilot.pilot() as pilot:
@@ -113,19 +113,19 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
 
 
 class _Uav:
-    """The UAV through a daemon's class interface; made anew for another tracker, in the air."""
+    """The UAV, flown with the class interface; made anew, in the air, for another tracker."""
 
     def __init__(self, autopilot: Autopilot, tracker: Tracker) -> None:
         self.ual = UAL(
             "mavlink", "uav_1", url=os.environ[autopilot.url_variable], settings=VehicleSettings(tracker=tracker)
         )
-        self._resolver: list[Place] = []
+        self._places: list[Place] = []
         self.ual.subscribe(self._keep)
 
     def __enter__(self) -> Self:
         try:
             self._until(self.ual.is_ready, "a state")
-            # The parameters come one by one; what is flown by before they are there are defaults.
+            # The parameters come one by one; until then defaults are used.
             self._until(lambda: self.ual.info().limits.horizontal_speed_m_s > Limits().horizontal_speed_m_s, "limits")
             self._until(lambda: self.ual.info().limits.yaw_rate_rad_s != Limits().yaw_rate_rad_s, "limits")
         except BaseException:
@@ -137,7 +137,7 @@ class _Uav:
         self.ual.close()
 
     def take_off(self, pilot: Pilot) -> Pose:
-        """Where it hovers then."""
+        """Returns where it hovers afterwards."""
         pilot.wait_until_ready()
         pilot.arm()
         self._until(lambda: self.ual.state() is State.LANDED_ARMED, "armed")
@@ -146,7 +146,7 @@ class _Uav:
         return self.ual.pose().pose
 
     def take_control(self, at: Pose) -> None:
-        """From the autopilot's own hold, in which the daemon before has left it."""
+        """Takes control from the autopilot's hold, in which the previous daemon has left it."""
         self._until(lambda: self.ual.state() in (State.FLYING_AUTO, State.FLYING_MANUAL), "in the air")
         if self.ual.state() is State.FLYING_MANUAL:
             self.ual.recover_from_manual()
@@ -158,24 +158,24 @@ class _Uav:
         self._until(lambda: self.ual.state() is State.LANDED_DISARMED, "disarmed")
 
     def fly(self, way: str, start: Pose, goal: Pose) -> Flown:
-        """From one hover to the next."""
-        self._resolver = []
+        """Flies from one hover to the next."""
+        self._places = []
         if way == FAR:
             self.ual.set_pose(goal)
         else:
             self.ual.go_to_waypoint(goal, blocking=False)
         self._until(lambda: self._is_near(goal.position), f"at its goal ({way})", _LONGEST_S)
         time.sleep(_AFTER_S)
-        return Flown(start.position, goal.position, list(self._resolver))
+        return Flown(start.position, goal.position, list(self._places))
 
     def _is_near(self, goal: Vector3) -> bool:
-        return bool(self._resolver) and (self._resolver[-1].position - goal).norm() <= NEAR_M
+        return bool(self._places) and (self._resolver[-1].position - goal).norm() <= NEAR_M
 
     def _keep(self, telemetry: Telemetry) -> None:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
         if pose is not None and velocity is not None:
             reference = None if wanted is None else wanted.position
-            self._resolver.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
+            self._places.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
 
     def _until(self, condition: Callable[[], bool], what: str, limit_s: float = _PATIENCE_S) -> None:
         until_s = time.monotonic() + limit_s

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from ual.geometry import Vector3
 
 NEAR_M = 0.5
-"""As near as the goal is called reached in the figures."""
+"""The goal counts as reached within this distance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the UAV was, by the autopilot's own estimate, and where it was told to be (None: nowhere); metres."""
+    """Where the UAV was, by the autopilot's estimate, and where its reference was (None: no reference); metres."""
 
     time_s: float
     position: Vector3
@@ -24,19 +24,19 @@ class Place:
 
 @dataclass(frozen=True)
 class Flown:
-    """A flight from `start` to `goal`: all places since the command, until some seconds after the goal was reached."""
+    """A flight from `start` to `goal`: all places from the command until some seconds after the goal was reached."""
 
     start: Vector3
     goal: Vector3
     places: Sequence[Place]
 
     def within_s(self, near_m: float = NEAR_M) -> float:
-        """From the command until it was first so near to the goal; infinity where it never was."""
+        """Returns the time from the command until it was first this near to the goal; infinity if it never was."""
         near = (place.time_s for place in self.places if (place.position - self.goal).norm() <= near_m)
         return next(near, math.inf) - self.places[0].time_s
 
     def settled_s(self, near_m: float) -> float:
-        """From the command until it was so near to the goal for good; infinity where it was not at the end."""
+        """Returns the time from the command until it stayed this near to the goal; infinity if it did not stay."""
         far = [place.time_s for place in self.places if (place.position - self.goal).norm() > near_m]
         if not far:
             return 0.0
@@ -44,7 +44,7 @@ class Flown:
 
     @property
     def off_line_m(self) -> list[float]:
-        """How far each place until the goal was reached lies from the line."""
+        """Returns how far each place is from the line, until the goal was reached."""
         until_s = self.places[0].time_s + self.within_s()
         return [self._split(place.position)[1] for place in self.places if place.time_s <= until_s]
 
@@ -54,7 +54,7 @@ class Flown:
 
     @property
     def widest_ever_m(self) -> float:
-        """The same, while it hovers at the goal, too."""
+        """Returns the same, including the hover at the goal."""
         return max(self.along_and_off_m()[1])
 
     @property
@@ -64,7 +64,7 @@ class Flown:
 
     @property
     def overshoot_m(self) -> float:
-        """How far it was ever beyond the goal, along the line."""
+        """Returns how far it was beyond the goal at most, along the line."""
         length_m = (self.goal - self.start).norm()
         return max(0.0, *(self._split(place.position)[0] - length_m for place in self.places))
 
@@ -74,11 +74,11 @@ class Flown:
 
     @property
     def lag_m(self) -> float:
-        """How far it was ever from where it was told to be at that moment."""
+        """Returns how far it was from its reference at most."""
         return max((place.position - place.wanted).norm() for place in self.places if place.wanted is not None)
 
     def along_and_off_m(self) -> tuple[list[float], list[float]]:
-        """The way along the line and the distance from it, of each place."""
+        """Returns for each place the distance along the line and from the line."""
         split = [self._split(place.position) for place in self.places]
         return [along for along, _ in split], [off for _, off in split]
 

@@ -1,4 +1,4 @@
-"""Flights of the light simulation, its time stepped: each run gives the same figures."""
+"""Flights of the light simulation with stepped time: each run gives the same figures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FAST: Mapping[str, object] = {
     "vertical_acceleration_m_s2": 2.0,
 }
 VEHICLES: Mapping[str, Mapping[str, object]] = {"light": {}, "fast light": FAST}
-"""The light UAV's own limits are those of a small one; those of the fast one are near PX4's."""
+"""The default limits of the light UAV are those of a small UAV; those of the fast one are close to PX4's."""
 CORNERS, LEG_M, CORNER_RADIUS_M, ZIGZAG_M_S = 50, 8.0, 1.0, 3.0
 GOAL_PERIOD_S, GOALS_S, GOALS_WITHIN_M = 0.3, 60.0, 15.0
 _CALM = Vector3()
@@ -42,7 +42,7 @@ _AFTER_S = 5.0
 
 
 class _RecordingBackend(LightBackend):
-    """Keeps what it is sent."""
+    """Records the setpoints that it gets."""
 
     def __init__(self, options: BackendOptions) -> None:
         super().__init__(options)
@@ -54,7 +54,7 @@ class _RecordingBackend(LightBackend):
 
 
 class _Uav:
-    """A UAV in the air, with its time in our hand."""
+    """A UAV in the air, whose time is stepped."""
 
     def __init__(self, tracker: Tracker, limits: Mapping[str, object], wind: Vector3) -> None:
         light = {**limits, "wind_m_s": list(wind)}
@@ -78,7 +78,7 @@ class _Uav:
         self._simulation.step(duration_s)
 
     def end(self, task: VehicleTask) -> None:
-        """Until a task has ended; raises its error."""
+        """Steps until a task has ended; raises its error."""
         for _ in range(round(_LONGEST_S / STEP_S)):
             if task.future.done():
                 break
@@ -106,7 +106,7 @@ def _flying(tracker: Tracker, limits: Mapping[str, object], wind: Vector3 = _CAL
 
 @dataclass(frozen=True)
 class Line:
-    """A flight along the diagonal, how long it was planned to take, and the least time for the same limits."""
+    """A flight along the diagonal, its planned duration, and the shortest possible duration for the same limits."""
 
     flown: Flown
     planned_s: float
@@ -114,7 +114,7 @@ class Line:
 
 
 def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Line:
-    """One flight along the diagonal with a quarter turn, the wind (if any) across it."""
+    """Flies once along the diagonal with a quarter turn. The wind (if any) is across."""
     tracker = Tracker.PURSUIT if way == PURSUIT else Tracker.REFERENCE
     across = Vector3(-DIAGONAL.y, DIAGONAL.x, 0.0) / DIAGONAL.horizontal_norm() * wind_m_s
     with _flying(tracker, limits, across) as uav:
@@ -137,13 +137,13 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Li
 
 
 def lines(limits: Mapping[str, object]) -> dict[str, Line]:
-    """The same flight in each way."""
+    """Flies the same flight in each way."""
     return {way: line(way, limits) for way in WAYS}
 
 
 @dataclass(frozen=True)
 class Zigzag:
-    """A flight along a zigzag: its corners, what was flown, and how far off the rounded path each place lies."""
+    """A flight along a zigzag: its corners, the flown places, and how far each is from the rounded path."""
 
     corners: Sequence[Vector3]
     flown: Sequence[Vector3]
@@ -152,7 +152,7 @@ class Zigzag:
 
 
 def zigzag(tracker: Tracker) -> Zigzag:
-    """Fifty right angles, left and right."""
+    """Flies fifty right angles, left and right."""
     with _flying(tracker, FAST) as uav:
         here = uav.position()
         legs = [Vector3(LEG_M, 0.0, 0.0), Vector3(0.0, LEG_M, 0.0)]
@@ -167,7 +167,7 @@ def zigzag(tracker: Tracker) -> Zigzag:
 
 
 def _off_rounded_m(p: Vector3, corners: Sequence[Vector3]) -> float:
-    """How far a place is from the path whose corners, right angles, are quarter circles of the corner radius."""
+    """Returns the distance from the path, whose right-angled corners are quarter circles of the corner radius."""
     r = CORNER_RADIUS_M
     distances = []
     for number, (a, b) in enumerate(itertools.pairwise(corners)):
@@ -187,14 +187,14 @@ def _off_rounded_m(p: Vector3, corners: Sequence[Vector3]) -> float:
 
 @dataclass(frozen=True)
 class Goals:
-    """What was sent while the goal changed: at each setpoint, parts of the limits, as shares of them."""
+    """The setpoints that were sent while the goal changed, as shares of the limits."""
 
     times_s: Sequence[float]
     shares: Mapping[str, Sequence[float]]
 
 
 def changing_goals(seed: int = 1) -> Goals:
-    """A minute of goals at random places around, each taken back for the next one after 0.3 s."""
+    """Sends goals at random places for a minute, a new one every 0.3 s."""
     chance = random.Random(seed)
     with _flying(Tracker.REFERENCE, FAST) as uav:
         centre = uav.position() + Vector3(0.0, 0.0, 2.0 * GOALS_WITHIN_M)
@@ -212,7 +212,7 @@ def changing_goals(seed: int = 1) -> Goals:
 
 
 def _shares(sent: Sequence[tuple[float, PositionSetpoint]], limits: Limits) -> dict[str, list[float]]:
-    """By how much of its limit each setpoint differs from the one before."""
+    """Returns how much each setpoint differs from the one before, as a share of the limit."""
 
     def of(difference: Callable[[PositionSetpoint], Vector3], horizontal: float, vertical: float) -> list[float]:
         found = []

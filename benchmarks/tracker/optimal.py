@@ -1,7 +1,7 @@
-"""The least time from rest to rest along a line with limits of speed, acceleration and jerk: analytic, and on purpose
-independent of what UAL plans with.
+"""The shortest time from rest to rest along a line, with limits of speed, acceleration and jerk. Analytic, and on
+purpose independent of UAL's planner.
 
-The motion is symmetric, and speeding up to v takes the time t(v) and the way v t(v) / 2. With j the jerk and a the
+The motion is symmetric. Speeding up to v takes the time t(v) and the distance v t(v) / 2. With j the jerk and a the
 acceleration limit, the acceleration is a trapezoid with ramps of a / j where v >= a^2 / j, and t = v / a + a / j; a
 triangle below that, and t = 2 sqrt(v / j). See Biagiotti and Melchiorri, "Trajectory Planning for Automatic Machines
 and Robots" (2008), 3.4.
@@ -19,7 +19,9 @@ RAMP_S = 0.4
 
 
 def line_s(way: Vector3, limits: Limits) -> float:
-    """The least time, in seconds, from rest to rest along a straight way; each of the limits holds in its own axis."""
+    """Returns the shortest time, in seconds, from rest to rest along a straight line. Each limit applies to its own
+    axis.
+    """
     rise_m_s = limits.climb_speed_m_s if way.z > 0.0 else limits.descent_speed_m_s
     speed = _along(way, limits.horizontal_speed_m_s, rise_m_s)
     acceleration = _along(way, limits.horizontal_acceleration_m_s2, limits.vertical_acceleration_m_s2)
@@ -27,7 +29,7 @@ def line_s(way: Vector3, limits: Limits) -> float:
 
 
 def rest_to_rest_s(length_m: float, speed_m_s: float, acceleration_m_s2: float, jerk_m_s3: float) -> float:
-    """The least time, in seconds, for a length from rest to rest."""
+    """Returns the shortest time, in seconds, for a length from rest to rest."""
 
     def speeding_up_s(speed: float) -> float:
         if speed * jerk_m_s3 >= acceleration_m_s2**2:
@@ -37,7 +39,7 @@ def rest_to_rest_s(length_m: float, speed_m_s: float, acceleration_m_s2: float, 
     ramps_m = speed_m_s * speeding_up_s(speed_m_s)
     if length_m >= ramps_m:
         return 2.0 * speeding_up_s(speed_m_s) + (length_m - ramps_m) / speed_m_s
-    # The top speed is not reached: the peak v has v t(v) = length.
+    # The speed limit is not reached: the peak v has v t(v) = length.
     ramp_m_s = acceleration_m_s2**2 / jerk_m_s3
     if length_m >= ramp_m_s * speeding_up_s(ramp_m_s):
         peak_m_s = (math.sqrt(ramp_m_s**2 + 4.0 * acceleration_m_s2 * length_m) - ramp_m_s) / 2.0
@@ -47,6 +49,6 @@ def rest_to_rest_s(length_m: float, speed_m_s: float, acceleration_m_s2: float, 
 
 
 def _along(way: Vector3, horizontal: float, vertical: float) -> float:
-    """The largest number along the way whose horizontal and vertical parts keep their limits."""
+    """Returns the largest number along a direction whose horizontal and vertical parts keep their limits."""
     shares = ((way.horizontal_norm() / way.norm(), horizontal), (abs(way.z) / way.norm(), vertical))
     return min(limit / share for share, limit in shares if share > 0.0)

@@ -1,4 +1,4 @@
-"""The plots of the tracker's benchmark, by matplotlib, as SVG."""
+"""Draws the plots of the tracker's benchmark with matplotlib, as SVG."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _COLORS = {OURS: "#3b76af", FAR: "#c44e52", PURSUIT: "#8c8c8c"}
 
 
 def flights(file: Path, title: str, found: Mapping[str, Sequence[Flown]]) -> Path:
-    """Each flight: how far off the line it was along its way, and how far it had come at each time."""
+    """Draws each flight: its distance from the line over the distance flown, and the distance flown over time."""
     figure, (off, along) = _figure(2)
     for way, flown in found.items():
         for number, each in enumerate(flown):
@@ -34,7 +34,7 @@ def flights(file: Path, title: str, found: Mapping[str, Sequence[Flown]]) -> Pat
 
 
 def zigzags(file: Path, found: Mapping[str, light.Zigzag]) -> Path:
-    """The first corners from above, and how far off the rounded path each place of the whole flight lies."""
+    """Draws the first corners from above, and the distance of the whole flight from the rounded path."""
     figure, (above, off) = _figure(2)
     for way, each in found.items():
         shown = [p for p in each.flown if p.x <= 2.5 * light.LEG_M and p.y <= 2.5 * light.LEG_M]
@@ -49,7 +49,7 @@ def zigzags(file: Path, found: Mapping[str, light.Zigzag]) -> Path:
 
 
 def goals(file: Path, found: light.Goals) -> Path:
-    """What was sent while the goal changed, as shares of the limits."""
+    """Draws the setpoints that were sent while the goal changed, as shares of the limits."""
     figure, axes = _figure(len(found.shares))
     for axis, (name, shares) in zip(axes, found.shares.items(), strict=True):
         axis.plot(found.times_s, shares, ".", markersize=1.5, color=_COLORS[OURS], rasterized=True)
@@ -62,7 +62,7 @@ def _figure(columns: int) -> tuple[Any, Any]:
     import matplotlib as mpl
 
     mpl.use("svg")
-    mpl.rcParams["svg.hashsalt"] = "ual"  # the same figures make the same file
+    mpl.rcParams["svg.hashsalt"] = "ual"  # the same values then make the same file
     from matplotlib import pyplot as plt
 
     return plt.subplots(1, columns, figsize=(11, 4), layout="constrained")

@@ -1,4 +1,4 @@
-"""The tables of the tracker's benchmark, as Markdown."""
+"""Makes the tables of the tracker's benchmark, as Markdown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.tracker.targets import FIGURES
 
 
 def flights_table(title: str, flights: Mapping[str, Sequence[Flown]]) -> str:
-    """The medians of all flights of each way, with the least and the most where there is more than one."""
+    """Returns the medians of all flights of each way; also the smallest and the largest value if there are several."""
     rows = [f"| {title} | {' | '.join(FIGURES)} |", "|---" * (len(FIGURES) + 1) + "|"]
     for way, flown in flights.items():
         cells = (_cell([figure(each) for each in flown]) for figure in FIGURES.values())

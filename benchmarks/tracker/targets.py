@@ -1,4 +1,4 @@
-"""What is to be reached by the tracker, and whether it is (issue 4)."""
+"""The targets of the tracker, and whether they are met (issue 4)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from benchmarks.tracker.ways import FAR, OURS
 
 Figure = Callable[[Flown], float]
 SETTLED_M = 0.02
-"""On light the flight has lasted until it is this near to its goal, for good."""
+"""A flight of the light simulation ends when it stays this near to its goal."""
 _ROUNDING = 1.01
-"""Differences of what is sent each 20 ms, of numbers within their limits."""
+"""The limit for differences between setpoints, 20 ms apart, as shares of the UAV's limits: 1, and 1 % for rounding."""
 
 FIGURES: Mapping[str, Figure] = {
     "widest from the line, m": lambda flown: flown.widest_m,
@@ -32,7 +32,7 @@ def of_light(
     zigzag: light.Zigzag,
     goals: light.Goals,
 ) -> Iterator[Line]:
-    """The lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind."""
+    """Returns the lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind."""
     for name, lines in calm.items():
         ours = lines[OURS]
         yield _one(f"{name}: widest from the line", 0.02, ours.flown.widest_ever_m, "m")
@@ -50,7 +50,7 @@ def of_light(
 
 
 def of_autopilot(found: autopilots.Found) -> Iterator[Line]:
-    """The lines of a real autopilot: medians, the ratios those of the medians."""
+    """Returns the lines of a real autopilot: medians, and ratios of medians."""
     ours, far = found.flights[OURS], found.flights[FAR]
 
     def absolute(what: str, limit: float) -> Line:
@@ -71,7 +71,7 @@ def _one(what: str, limit: float, figure: float, unit: str) -> Line:
 
 
 def _ratio(figure: Figure, ours: Sequence[Flown], far: Sequence[Flown]) -> Spread:
-    """Of the medians; least and most of the flights of one place in the order."""
+    """Returns the ratio of the medians, and the smallest and largest ratio of flights with the same number."""
     of_ours, of_far = [figure(flown) for flown in ours], [figure(flown) for flown in far]
     pairs = [our / their for our, their in zip(of_ours, of_far, strict=True)]
     return Spread(statistics.median(of_ours) / statistics.median(of_far), min(pairs), max(pairs))

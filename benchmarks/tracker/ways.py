@@ -1,4 +1,4 @@
-"""The ways to fly to a goal that are compared."""
+"""The methods of flying to a goal that are compared."""
 
 OURS = "UAL, go_to_waypoint"
 FAR = "one far position setpoint"

@@ -1,7 +1,7 @@
-"""Simulated autopilots that speak MAVLink as the real ones do, for tests: a PX4 and an ArduCopter.
+"""Simulated autopilots for tests, a PX4 and an ArduCopter, which use MAVLink as the real ones do.
 
-They behave as measured and as recorded (``tests/data``); where a real one does something else, they are wrong.
-``python -m tests.simulators px4`` flies one in a process of its own.
+They behave as real ones were measured and recorded (``tests/data``). Any difference to a real one is a defect.
+``python -m tests.simulators px4`` runs one in a process of its own.
 """
 
 from tests.simulators.ardupilot import ArduPilot

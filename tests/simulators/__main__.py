@@ -1,6 +1,6 @@
 """A simulated autopilot as a program: ``python -m tests.simulators px4 --udp 14540 --ground 18570``.
 
-It says where it is in one line of JSON, and flies until it is ended, or until what started it has closed its input.
+Prints its ports in one line of JSON, and runs until it is terminated or its standard input is closed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HOST = "127.0.0.1"
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Runs one until its input ends."""
+    """Runs one until its standard input ends."""
     options = _parser().parse_args(arguments)
     if options.udp is not None:
         link: Port = UdpPort((HOST, options.listen), (HOST, options.udp))

@@ -1,4 +1,4 @@
-"""A simulated ArduCopter, as ArduCopter 4.6.3 in its simulator was measured and recorded."""
+"""A simulated ArduCopter. It behaves as ArduCopter 4.6.3 in its simulator was measured and recorded."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _SWITCH_S = 0.2
 _RADIO_LOST_S = 1.0
 
 _TAKEOFF_SHOWN_S, _TAKEOFF_LIFTS_S = 1.0, 1.25
-"""How long after the command a take-off shows, and it leaves the ground."""
+"""The time from the command until a take-off is reported, and until it leaves the ground."""
 _TAKEOFF_REACHED_M = 0.1
 _TAKEOFF_M_S, _TAKEOFF_M_S2, _TAKEOFF_GAIN = 1.4, 2.0, 1.45
 _LANDED_S, _LANDED_DISARM_S = 1.9, 0.5
 _GPS_FLAGS_S, _GPS_FAILSAFE_S = 3.0, 4.0
-"""How long after the loss of GPS the estimator's flags tell, and the failsafe comes. Not measured."""
+"""The time from the loss of GPS until the estimator's flags show it, and until the failsafe. Not measured."""
 _GOOD_FLAGS = 831
 _NO_POSITION_FLAGS = (
     mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS | mavlink.EKF_CONST_POS_MODE
@@ -51,12 +51,12 @@ _FRAMES = {
     mavlink.MAV_FRAME_BODY_NED: (True, True),
     mavlink.MAV_FRAME_BODY_OFFSET_NED: (True, True),
 }
-"""Whether the axes of a frame are the body's, and positions in it count from where the vehicle is."""
+"""Whether the axes of a frame are the body's, and whether its positions are relative to the vehicle's."""
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 << 6, 1 << 10, 1 << 11
 
 
 class ArduPilot(Autopilot):
-    """An ArduCopter with any number of equal links, and, where `radio` is one, the pilot's transmitter there.
+    """An ArduCopter with any number of equal links. If `radio` is given, the pilot's transmitter is there.
 
     It starts on the ground `start` from its origin, in STABILIZE, `boot_s` after it has booted; `settle_s` is how long
     after booting its estimator is good (40 s for the real one).
@@ -109,7 +109,7 @@ class ArduPilot(Autopilot):
             "FLTMODE1": LOITER,
             "FLTMODE2": LOITER,
             "FLTMODE3": STABILIZE,
-            "FLTMODE4": GUIDED,  # where nobody takes over
+            "FLTMODE4": GUIDED,  # the switch position in which the pilot does not take over
             "FLTMODE5": LOITER,
             "FLTMODE6": STABILIZE,
         }
@@ -147,7 +147,7 @@ class ArduPilot(Autopilot):
 
     @property
     def is_taking_off(self) -> bool:
-        """Whether NAV_TAKEOFF is under way."""
+        """Whether NAV_TAKEOFF is running."""
         return self.mode == GUIDED and self._takeoff is not None
 
     @property
@@ -163,11 +163,11 @@ class ArduPilot(Autopilot):
     # Modes and arming
 
     def set_mode(self, mode: int) -> bool:
-        """Anybody asks for a mode; whether it was taken. Taken, it is told at once."""
+        """Handles a request for a mode. Returns whether it was accepted; an accepted mode is reported at once."""
         why = ""
         if mode not in MODES:
             return False
-        if mode == AUTO and self.is_armed:  # there is no mission
+        if mode == AUTO and self.is_armed:  # refused, because it has no mission
             why = "init failed"
         elif mode in _NEEDS_POSITION and not self.has_position:
             why = "requires position"
@@ -181,11 +181,11 @@ class ArduPilot(Autopilot):
         return True
 
     def cancel_takeoff(self) -> None:
-        """What any setpoint before the end of a take-off does."""
+        """Ends a take-off, as any setpoint does before its end."""
         self._takeoff = None
 
     def _stop(self) -> None:
-        """Brakes, and holds where it comes to rest."""
+        """Brakes, and holds the position where it comes to rest."""
         limit = self.parameters["WPNAV_ACCEL"] / 100.0
         x, y, z = (p + v * abs(v) / (2.0 * limit) for p, v in zip(self.position, self.velocity, strict=True))
         self._target = Target((x, y, z), yaw_rad=self.body.yaw_rad)
@@ -246,7 +246,7 @@ class ArduPilot(Autopilot):
             self.at(_SWITCH_S, partial(self._flip, LOITER))
 
     def pilot_give_back(self) -> None:
-        """The safety pilot flips his switch to GUIDED."""
+        """The safety pilot sets the mode switch to GUIDED."""
         with self.lock:
             self.at(_SWITCH_S, partial(self._flip, GUIDED))
 
@@ -304,7 +304,7 @@ class ArduPilot(Autopilot):
         )
 
     def _yaw_of(self, message: Message, velocity: Vector, *, is_body: bool) -> tuple[float | None, float]:
-        """Heading and yaw rate that a setpoint asks for: with neither, the nose turns to where it flies."""
+        """Returns the heading and yaw rate of a setpoint. Without both, the nose turns to the direction of flight."""
         has_yaw, has_rate = not message.type_mask & _YAW, not message.type_mask & _YAW_RATE
         rate_rad_s = message.yaw_rate if has_rate else 0.0
         if has_yaw:
@@ -348,13 +348,13 @@ class ArduPilot(Autopilot):
             self._landed_s = self.now_s
 
     def _lifts(self) -> bool:
-        """Whether it leaves the ground: by a take-off, or by the pilot's throttle. Velocity alone never does it."""
+        """Whether it leaves the ground: by a take-off or by the throttle. A velocity setpoint is not enough."""
         if self.is_taking_off and self._takeoff is not None:
             return self.now_s - self._takeoff[1] >= _TAKEOFF_LIFTS_S
         return self.mode in _BY_STICKS and self.has_sticks and self.sticks.up > 0.2
 
     def _watch(self) -> None:
-        """Failsafes, and disarming by itself."""
+        """Applies failsafes and automatic disarming."""
         if self.now_s - self.gps_lost_s >= _GPS_FAILSAFE_S and self.mode in _NEEDS_POSITION:
             self.say("EKF Failsafe: changed to LAND Mode")
             self.set_mode(LAND)
@@ -394,7 +394,7 @@ class ArduPilot(Autopilot):
                 )
             return self._target
         north, east, down = target.position
-        if north is not None and east is not None and down is not None:  # goes on with its velocity
+        if north is not None and east is not None and down is not None:  # continues with its velocity
             vx, vy, vz = target.velocity
             self._target = replace(target, position=(north + vx * STEP_S, east + vy * STEP_S, down + vz * STEP_S))
         return target
@@ -421,7 +421,7 @@ class ArduPilot(Autopilot):
         return Agility(
             position_gain=1.0,
             height_gain=_TAKEOFF_GAIN if self.is_taking_off else 1.0,
-            # as the real one shapes its velocity: with a lag of the acceleration limit by the jerk limit
+            # the real one shapes its velocity like this: with a lag of the acceleration limit divided by the jerk limit
             velocity_gain=p["PSC_JERK_XY"] / (p["WPNAV_ACCEL"] / 100.0),
             vertical_gain=4.0,
             speed_m_s=p["WPNAV_SPEED"] / 100.0,
@@ -450,7 +450,7 @@ class ArduPilot(Autopilot):
                 self._hear_switch(sum(switch >= limit for limit in _SWITCH_LIMITS))
 
     def _hear_switch(self, position: int) -> None:
-        """A position of the switch counts when it has been there for a while, and only when it is another."""
+        """Applies a new switch position once it has lasted for a while."""
         if self._switch_seen is None or self._switch_seen[0] != position:
             self._switch_seen = (position, self.now_s)
         if self.now_s - self._switch_seen[1] >= _SWITCH_S and position != self._switch:
@@ -495,7 +495,7 @@ class ArduPilot(Autopilot):
         return mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.1)
 
     def _position_target(self) -> Message:
-        """What it flies to, in every mode."""
+        """Returns the target that it flies to, in any mode."""
         position = tuple(
             here if goal is None else goal for goal, here in zip(self._target.position, self.position, strict=True)
         )

@@ -1,4 +1,4 @@
-"""What every simulated autopilot does: time, flight, streams, commands, parameters; and the safety pilot beside it."""
+"""The base of all simulated autopilots: time, flight, streams, commands, parameters; and the safety pilot."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 FORCE = 21196.0
-"""The second parameter of an arming command that is meant by all means."""
+"""The second parameter of an arming command that forces arming or disarming."""
 GEOID_SEPARATION_M = 47.4
 STICKS_LOST_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Sticks:
-    """The transmitter's, each -1 to 1."""
+    """The sticks of the transmitter, each from -1 to 1."""
 
     forward: float = 0.0
     right: float = 0.0
@@ -43,7 +43,7 @@ class Sticks:
 
 @dataclass(frozen=True, slots=True)
 class Sender:
-    """Who said something, and where."""
+    """The sender of a message, and the link that it came from."""
 
     channel: Channel
     system_id: int
@@ -51,10 +51,10 @@ class Sender:
 
 
 class Autopilot(ABC):
-    """One vehicle. Its time stands still until `step` is called; every run of the same steps and inputs is the same.
+    """One vehicle. Its time stands still until `step` is called; the same steps and inputs always have the same effect.
 
     `step` and what the pilot does may come from different threads. Positions are in metres north, east and down from
-    the estimator's origin, where `start` is the place on the ground. `wander_m` is how far off the estimate wanders.
+    the estimator's origin; `start` is the position on the ground. `wander_m` is how far the estimate drifts.
     """
 
     kind = mavlink.MAV_TYPE_QUADROTOR
@@ -82,12 +82,12 @@ class Autopilot(ABC):
         self.wander = Wander(wander_m, self.noise)
         self.is_gps_good = True
         self.arm_refusal = ""
-        """Why it cannot be armed; empty: it can."""
+        """Why it cannot be armed; empty if it can."""
         self.said = ""
-        """Its last STATUSTEXT, whoever heard it."""
+        """Its last STATUSTEXT."""
         self.sticks = Sticks()
         self.ignored: set[int] = set()
-        """Ids of messages, and of commands, that it overhears, for tests of what is not answered."""
+        """Ids of messages and of commands that it ignores, for tests without an answer."""
         self.parameters = dict(self.default_parameters())
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
@@ -103,19 +103,19 @@ class Autopilot(ABC):
         self._count = itertools.count()
         self.is_armed = False
         self.now_s = 0.0
-        """Its time since it booted."""
+        """Time since it has booted."""
         self.elapsed_s = boot_s
-        """The same, but going on when it boots again."""
+        """Time since its start; a reboot does not reset it."""
         self.commands: list[tuple[float, int, tuple[float, ...], tuple[int, int]]] = []
-        """Every command for it: when, id, parameters, system and component of the sender."""
+        """All commands for it: time, id, parameters, system and component of the sender."""
         self.setpoints_s: list[float] = []
-        """When setpoints for it came, usable or not."""
+        """The times of all setpoints for it, usable or not."""
         self._boot(boot_s)
 
     # Time
 
     def step(self) -> None:
-        """A hundredth of a second passes."""
+        """Advances its time by a hundredth of a second."""
         with self.lock:
             self.now_s += STEP_S
             self.elapsed_s += STEP_S
@@ -133,12 +133,12 @@ class Autopilot(ABC):
                         self._stream(channel, message_id)
 
     def run(self, duration_s: float) -> None:
-        """Time passes."""
+        """Advances its time."""
         for _ in range(round(duration_s / STEP_S)):
             self.step()
 
     def reboot(self) -> None:
-        """Boots: its time begins anew, TCP connections close, and for a while it is silent."""
+        """Reboots: its time starts again at 0, TCP connections close, and it is silent for a while."""
         with self.lock:
             for channel in self.channels:
                 channel.port.restart()
@@ -152,7 +152,7 @@ class Autopilot(ABC):
 
     @property
     def is_booting(self) -> bool:
-        """Whether it has booted so recently that it is not there yet."""
+        """Whether it is still booting, and silent."""
         return self.now_s < self._awake_s
 
     @property
@@ -160,7 +160,7 @@ class Autopilot(ABC):
         return int(self.now_s * 1000.0) & 0xFFFFFFFF
 
     def at(self, delay_s: float, action: Callable[[], None]) -> None:
-        """Does something later, in its own time."""
+        """Does something later, by its own time."""
         heapq.heappush(self._later, (self.elapsed_s + delay_s, next(self._count), action))
 
     def _boot(self, boot_s: float) -> None:
@@ -178,19 +178,19 @@ class Autopilot(ABC):
 
     @property
     def position(self) -> Vector:
-        """Where it believes to be."""
+        """The estimated position."""
         (x, y, z), (dx, dy, dz) = self.body.position, self.wander.position
         return (x + dx, y + dy, z + dz)
 
     @property
     def velocity(self) -> Vector:
-        """How it believes to move."""
+        """The estimated velocity."""
         (x, y, z), (dx, dy, dz) = self.body.velocity, self.wander.velocity
         return (x + dx, y + dy, z + dz)
 
     @property
     def has_sticks(self) -> bool:
-        """Whether a transmitter is heard."""
+        """Whether it receives a transmitter."""
         return self.now_s - self.sticks_s <= STICKS_LOST_S
 
     @property
@@ -201,10 +201,10 @@ class Autopilot(ABC):
 
     @abstractmethod
     def pilot_readies(self) -> None:
-        """The safety pilot leaves a mode in which nobody can arm it."""
+        """The safety pilot leaves a mode in which it cannot be armed."""
 
     def pilot_arm(self) -> bool:
-        """The safety pilot arms; whether it obeyed."""
+        """The safety pilot arms. Returns whether it is armed."""
         with self.lock:
             return self.arm(is_forced=False) == ACCEPTED
 
@@ -214,22 +214,22 @@ class Autopilot(ABC):
 
     @abstractmethod
     def pilot_take_over(self) -> None:
-        """The safety pilot flips his switch, his sticks in the middle."""
+        """The safety pilot sets the mode switch, with the sticks centred."""
 
     def pilot_moves(self, sticks: Sticks) -> None:
-        """The safety pilot holds the sticks so from now on."""
+        """The safety pilot holds the sticks in this position from now on."""
         with self.lock:
             self.sticks = sticks
             self.sticks_s = math.inf
 
     def lose_gps(self) -> None:
-        """From now on there is no satellite."""
+        """Takes away GPS reception from now on."""
         with self.lock:
             self.is_gps_good = False
             self.gps_lost_s = self.now_s
 
     def find_gps(self) -> None:
-        """Satellites are back."""
+        """Restores GPS reception."""
         with self.lock:
             self.is_gps_good = True
             self.gps_lost_s = math.inf
@@ -238,14 +238,14 @@ class Autopilot(ABC):
 
     @abstractmethod
     def _fly(self) -> None:
-        """What a step does to the vehicle."""
+        """Moves the vehicle by one step."""
 
     def _follow(self, target: Target, agility: Agility) -> None:
         acceleration, yaw_rate = control(agility, target, self.position, self.velocity, self.body.yaw_rad)
         self.body.fly(acceleration, yaw_rate, agility.jerk_m_s3, STEP_S)
 
     def _stick_velocity(self, speed_m_s: float, climb_m_s: float) -> Vector:
-        """What the sticks ask for, turned with the heading."""
+        """Returns the velocity that the sticks command, rotated by the heading."""
         sticks, yaw_rad = self.sticks, self.body.yaw_rad
         forward, right = sticks.forward * speed_m_s, sticks.right * speed_m_s
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -255,22 +255,22 @@ class Autopilot(ABC):
 
     @abstractmethod
     def arm(self, *, is_forced: bool) -> int:
-        """Arms; the result (MAV_RESULT)."""
+        """Arms. Returns the result (MAV_RESULT)."""
 
     @abstractmethod
     def disarm(self, *, is_forced: bool) -> int:
-        """Disarms; the result (MAV_RESULT)."""
+        """Disarms. Returns the result (MAV_RESULT)."""
 
     @abstractmethod
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
-        """Obeys a command of this kind of autopilot; the result, None where it answers by itself."""
+        """Handles a command of this kind of autopilot. Returns the result; None if it has answered already."""
 
     @abstractmethod
     def _on_local_target(self, message: Message, sender: Sender) -> None: ...
 
     @abstractmethod
     def _may_stream(self, message_id: int) -> int:
-        """Whether SET_MESSAGE_INTERVAL of a message is taken: the result."""
+        """Returns the result of SET_MESSAGE_INTERVAL for a message."""
 
     def _on_manual_control(self, message: Message, sender: Sender) -> None:
         if message.target == self.system_id:
@@ -340,7 +340,7 @@ class Autopilot(ABC):
 
     @abstractmethod
     def default_parameters(self) -> dict[str, float]:
-        """By name; whole numbers (int) are integers for the autopilot too."""
+        """Parameters by name. An int is an integer in the autopilot, too."""
 
     def _on_param_request_read(self, message: Message, sender: Sender) -> None:
         names = list(self.parameters)
@@ -378,7 +378,7 @@ class Autopilot(ABC):
     # Messages
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
-        """A STATUSTEXT, on the links that get them."""
+        """Sends a STATUSTEXT on the links that get them."""
         self.said = text
         for channel in self.channels:
             if self._hears_texts(channel):
@@ -393,7 +393,7 @@ class Autopilot(ABC):
             channel.send(message, self.elapsed_s)
 
     def _builders(self) -> dict[int, Callable[[], Message | None]]:
-        """What makes each message; more in each kind of autopilot."""
+        """Returns the function that makes each message. Subclasses add theirs."""
         return {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
@@ -416,7 +416,7 @@ class Autopilot(ABC):
     @property
     @abstractmethod
     def landed_state(self) -> int:
-        """MAV_LANDED_STATE."""
+        """Returns the MAV_LANDED_STATE."""
 
     def _attitude(self) -> Message:
         roll, pitch = self.body.tilt
@@ -445,7 +445,7 @@ class Autopilot(ABC):
         return mavlink.MAVLink_local_position_ned_message(self.time_ms, *self.position, *self.velocity)
 
     def geo(self, position: Vector) -> tuple[int, int, int]:
-        """Latitude, longitude (1e-7 degrees) and altitude above mean sea level (mm) of a local position."""
+        """Converts a local position to latitude, longitude (1e-7 degrees) and altitude above mean sea level (mm)."""
         north, east, down = position
         point = self.projection.to_geo(Vector3(east, north, -down))
         assert point.altitude_amsl_m is not None
@@ -518,7 +518,7 @@ class Autopilot(ABC):
 
 
 def filler(message_id: int) -> Callable[[], Any]:
-    """Makes a message that nobody uses, all zeros: it takes its place on the link, as the real one does."""
+    """Returns a function that makes a message of zeros. Nobody uses it, but it takes up the link like the real one."""
     kind = mavlink.mavlink_map[message_id]
     values: list[Any] = []
     for name in kind.fieldnames:

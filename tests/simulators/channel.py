@@ -1,4 +1,4 @@
-"""One link of an autopilot: what is streamed on it and how often, and who listens there."""
+"""One link of an autopilot: which messages are streamed on it, how often, and who listens."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ _GROUND_STATION_S = 5.0
 
 
 class Channel:
-    """`rates_hz` are the messages sent unasked, by id. `forwards`: what others say on it goes on to the other links."""
+    """`rates_hz` are the rates of messages that are sent unrequested, by id. With `forwards`, others' messages are
+    forwarded.
+    """
 
     def __init__(self, port: Port, rates_hz: Mapping[int, float], *, forwards: bool = False) -> None:
         self.port = port
@@ -23,7 +25,7 @@ class Channel:
         self.boot(1, 0.0)
 
     def boot(self, system_id: int, now_s: float) -> None:
-        """As after the autopilot has booted."""
+        """Resets it to the state after booting."""
         self._codec = Codec(mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._codec.join(system_id)
         self._reader = FrameReader()
@@ -31,10 +33,10 @@ class Channel:
         self.intervals_s = {message_id: 1.0 / rate_hz for message_id, rate_hz in self._rates_hz.items()}
         self._due_s = dict.fromkeys(self.intervals_s, now_s)
         self.is_active = False
-        """Whether anybody asked for anything here."""
+        """Whether anybody has requested anything on this link."""
 
     def receive(self, now_s: float) -> list[tuple[Frame, Message]]:
-        """The messages that have come, by anybody."""
+        """Returns the messages that have come, from any sender."""
         found = []
         for data in self.port.receive(now_s):
             if self.port.sessions_count != self._session:
@@ -64,7 +66,7 @@ class Channel:
         self.port.send(self._codec.encode(_Raw(message_id, payload, crc_extra)), now_s)
 
     def stream(self, message_id: int, interval_s: float | None, now_s: float) -> None:
-        """From now on a message comes at this interval; None: not any more; 0: as unasked."""
+        """Sets the interval of a message; None: stops it; 0: the default rate."""
         self.is_active = True
         if interval_s == 0.0:
             interval_s = 1.0 / self._rates_hz[message_id] if message_id in self._rates_hz else None
@@ -76,7 +78,7 @@ class Channel:
             self._due_s[message_id] = now_s
 
     def due(self, now_s: float) -> list[int]:
-        """The ids of the messages that it is time for."""
+        """Returns the ids of the messages that are due."""
         found = [message_id for message_id, due_s in self._due_s.items() if now_s >= due_s - 1e-9]
         for message_id in found:
             interval_s = self.intervals_s[message_id]
@@ -85,7 +87,7 @@ class Channel:
 
 
 class _Raw(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message by its bytes."""
+    """A message as bytes."""
 
     def __init__(self, message_id: int, payload: bytes, crc_extra: int) -> None:
         super().__init__(message_id, f"RAW_{message_id}")

@@ -1,4 +1,4 @@
-"""Bad links: what is sent is lost, late, doubled, out of order, damaged; or nothing passes at all. Seeded."""
+"""Bad links: they lose, delay, duplicate, reorder or damage what is sent, or carry nothing. Seeded."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tests.simulators.ports import Port
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What a link does to what it carries, one way. `loss`, `duplication` and `corruption` are parts of 1.
+    """The faults of one direction of a link. `loss`, `duplication` and `corruption` are probabilities (0 to 1).
 
     A datagram takes `delay_s`, and up to `jitter_s` more, so that a later one can overtake it; bytes of a stream never
-    overtake each other. `is_silent`: nothing passes.
+    overtake each other. With `is_silent` nothing passes.
     """
 
     loss: float = 0.0
@@ -42,7 +42,7 @@ class Way:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is under way."""
+        """Whether nothing is in transit."""
         return not self._queue
 
     def put(self, data: bytes, now_s: float, faults: Faults) -> None:
@@ -65,7 +65,7 @@ class Way:
 
 
 class BadLink(Port):
-    """A link through which what is sent and received passes with faults, which may be changed at any time."""
+    """A link with faults in both directions. The faults may be changed at any time."""
 
     def __init__(self, port: Port, seed: int, down: Faults = GOOD, up: Faults = GOOD) -> None:
         self.down = down

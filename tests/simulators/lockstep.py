@@ -1,7 +1,7 @@
 """The MAVLink backend and a simulated autopilot on one clock: faster than real time, and slower on a busy computer.
 
-All of the backend but its sockets is the real one. Its thread steps the autopilot where it would wait for a link, so
-that neither can be late: what is flown does not depend on how fast the computer is.
+All of the backend except its sockets is real. Its thread steps the autopilot instead of waiting for a link, so
+that neither can be late: the flight does not depend on the speed of the computer.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _LATE_S = 0.05
 
 
 class LockstepBackend(MavlinkBackend):
-    """Flies a simulated autopilot, whose only link `port` is, and offers its safety pilot."""
+    """Flies a simulated autopilot with the single link `port`, and offers its safety pilot."""
 
     def __init__(self, options: BackendOptions, autopilot: Autopilot, port: MemoryPort, speed: float = SPEED) -> None:
         super().__init__(BackendOptions(options.ns, "udpout://127.0.0.1:1", options.settings))  # nothing is sent there
         self.autopilot = autopilot
-        # Fast time is short for callers: it would disarm before they have thought about the take-off.
+        # In fast time the autopilot would disarm before a caller takes off.
         for name in ("COM_DISARM_PRFLT", "DISARM_DELAY"):
             if name in autopilot.parameters:
                 autopilot.parameters[name] = 60.0
@@ -65,7 +65,7 @@ class LockstepArduPilot(LockstepBackend):
 
 
 class _Clock(MonotonicClock):
-    """The autopilot's."""
+    """The autopilot's time."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
@@ -78,7 +78,7 @@ class _Clock(MonotonicClock):
 
 
 class _Connection(Connection):
-    """Lets the autopilot's time pass instead of waiting, at most `speed` times as fast as real."""
+    """Advances the autopilot's time instead of waiting, at most `speed` times as fast as real time."""
 
     def __init__(self, autopilot: Autopilot, port: MemoryPort, speed: float) -> None:
         super().__init__(_Link(port), "a simulated autopilot")
@@ -101,7 +101,7 @@ class _Connection(Connection):
 
 
 class _Link(Link):
-    """The way up, in memory."""
+    """The link to the autopilot, in memory."""
 
     is_stream = False
 

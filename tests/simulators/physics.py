@@ -1,4 +1,4 @@
-"""A point mass that turns and tilts, and the cascade of controllers that flies it. Axes: north, east, down."""
+"""A point mass that turns and tilts, and the cascade of controllers that flies it. Axes are north, east, down."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 GRAVITY_M_S2 = 9.80665
 _ATTITUDE_S = 0.06
-"""How long the attitude takes to follow what the controller wants, and so the acceleration."""
+"""The time constant with which the attitude, and so the acceleration, follows the controller."""
 _YAW_ACCELERATION_RAD_S2 = 6.0
 _WANDER_VELOCITY_S, _WANDER_POSITION_S = 4.0, 40.0
 
 
 def wrap(angle_rad: float) -> float:
-    """The same angle between -pi and pi."""
+    """Returns the same angle between -pi and pi."""
     return math.remainder(angle_rad, math.tau)
 
 
@@ -26,7 +26,7 @@ def clamp(value: float, low: float, high: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What is flown: where an axis has no position (None) only its velocity counts. `yaw_rad` None: by the rate only.
+    """A target. An axis without a position (None) is controlled by velocity only; without `yaw_rad`, by the yaw rate.
 
     `velocity` and `acceleration` are fed forward.
     """
@@ -69,20 +69,20 @@ class Body:
     is_on_ground: bool = True
 
     def stand(self) -> None:
-        """On the ground, at rest."""
+        """Puts it on the ground, at rest."""
         self.position = (self.position[0], self.position[1], self.ground_z_m)
         self.velocity = self.acceleration = ZERO
         self.yaw_rate_rad_s = 0.0
         self.is_on_ground = True
 
     def fall(self, step_s: float) -> None:
-        """Without motors."""
+        """Moves it by one step with stopped motors."""
         if not self.is_on_ground:
             self.acceleration = (0.0, 0.0, GRAVITY_M_S2)
             self._move(step_s)
 
     def fly(self, acceleration: Vector, yaw_rate_rad_s: float, jerk_m_s3: float, step_s: float) -> None:
-        """With motors, which follow what is wanted by and by."""
+        """Moves it by one step with motors, which follow the wanted acceleration with a lag."""
         limit = jerk_m_s3 * step_s
         self.acceleration = tuple(  # type: ignore[assignment]
             now + clamp((wanted - now) * step_s / _ATTITUDE_S, -limit, limit)
@@ -104,7 +104,7 @@ class Body:
 
     @property
     def tilt(self) -> tuple[float, float]:
-        """Roll and pitch that this acceleration takes."""
+        """Returns the roll and pitch that this acceleration needs."""
         north, east, down = self.acceleration
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         lift = max(GRAVITY_M_S2 - down, 1.0)
@@ -113,7 +113,7 @@ class Body:
 
 @dataclass(slots=True)
 class Wander:
-    """How far off the estimate is: it wanders smoothly, by about `sigma_m` on each axis."""
+    """The error of the estimate: it drifts smoothly, by about `sigma_m` on each axis."""
 
     sigma_m: float
     noise: random.Random
@@ -121,7 +121,7 @@ class Wander:
     velocity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
 
     def step(self, step_s: float) -> None:
-        """Time passes."""
+        """Advances by one step."""
         if not self.sigma_m:
             return
         speed = self.sigma_m / math.sqrt(_WANDER_VELOCITY_S * _WANDER_POSITION_S)
@@ -135,7 +135,7 @@ class Wander:
 def control(
     agility: Agility, target: Target, position: Vector, velocity: Vector, yaw_rad: float
 ) -> tuple[Vector, float]:
-    """The acceleration and the yaw rate that follow a target, by the estimated position and velocity."""
+    """Returns the acceleration and yaw rate that fly to a target, from the estimated position and velocity."""
     wanted = list(target.velocity)
     for axis, gain in enumerate((agility.position_gain, agility.position_gain, agility.height_gain)):
         goal = target.position[axis]

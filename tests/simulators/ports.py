@@ -1,4 +1,4 @@
-"""The ends of links: in memory, UDP, TCP. Never block."""
+"""The ends of links: in memory, UDP, TCP. They never block."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ _READ_BYTES = 65536
 
 
 class Port(ABC):
-    """One link of an autopilot. `is_stream`: bytes come in any pieces. `sessions_count`: how many other ends came."""
+    """One link of an autopilot. `is_stream`: bytes come in pieces of any size. `sessions_count` counts connections."""
 
     is_stream = False
     sessions_count = 0
 
     @abstractmethod
     def receive(self, now_s: float) -> list[bytes]:
-        """What has come."""
+        """Returns the bytes that have come."""
 
     @abstractmethod
     def send(self, data: bytes, now_s: float) -> None:
-        """Sends a frame, or loses it where nobody is."""
+        """Sends a frame; drops it if there is no peer."""
 
     def descriptors(self) -> list[int]:
-        """What to wait for."""
+        """The file to wait for."""
         return []
 
     def restart(self) -> None:  # noqa: B027 - only connections can close
-        """The autopilot boots: connections close."""
+        """Closes connections, as the autopilot does when it boots."""
 
     def close(self) -> None:  # noqa: B027 - only sockets must be closed
-        """Ends the link."""
+        """Closes the link."""
 
 
 class MemoryPort(Port):
-    """A link without sockets, for stepped time. `sent` is what the autopilot sent, `arriving` what it will receive."""
+    """A link without sockets, for stepped time. The autopilot writes to `sent` and reads from `arriving`."""
 
     def __init__(self) -> None:
         self.sent: deque[tuple[float, bytes]] = deque()
@@ -54,7 +54,7 @@ class MemoryPort(Port):
 
 
 class UdpPort(Port):
-    """Listens at `local` (port 0: any) and sends to `remote`, or, where that is None, to who was heard last."""
+    """Listens at `local` (port 0: any) and sends to `remote`; if that is None, to the last sender."""
 
     def __init__(self, local: Address = ("127.0.0.1", 0), remote: Address | None = None) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -76,7 +76,7 @@ class UdpPort(Port):
 
     def send(self, data: bytes, now_s: float) -> None:
         if self._remote is not None:
-            with contextlib.suppress(BlockingIOError, ConnectionError):  # as a radio does: it is lost
+            with contextlib.suppress(BlockingIOError, ConnectionError):  # lost, as by a radio
                 self._socket.sendto(data, self._remote)
 
     def descriptors(self) -> list[int]:
@@ -87,7 +87,7 @@ class UdpPort(Port):
 
 
 class TcpPort(Port):
-    """Lets one other end connect at `local` (port 0: any)."""
+    """Accepts one connection at `local` (port 0: any)."""
 
     is_stream = True
 
@@ -138,7 +138,7 @@ class TcpPort(Port):
         return [(self._client or self._server).fileno()]
 
     def leave_half_open(self) -> None:
-        """This end is gone without saying so: the other one keeps a connection on which nothing happens any more."""
+        """Stops without closing: the peer keeps a connection on which nothing happens any more."""
         if self._client is not None:
             self._abandoned.append(self._client)
             self._client = None

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 @contextmanager
 def autopilot_process(kind: str, *flags: str) -> Iterator[dict[str, int]]:
-    """While the block runs, ``python -m tests.simulators`` flies; gives its ports by name."""
+    """Runs ``python -m tests.simulators`` during the block. Provides its ports by name."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.simulators", kind, *flags],
         cwd=ROOT,

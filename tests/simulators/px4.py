@@ -1,4 +1,4 @@
-"""A simulated PX4 multirotor, as PX4 1.17 with its SIH quadrotor was measured and recorded."""
+"""A simulated PX4 multirotor. It behaves as PX4 1.17 with its SIH quadrotor was measured and recorded."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Mode(NamedTuple):
 
     @property
     def custom(self) -> int:
-        """As the heartbeat has it."""
+        """Returns the custom mode of the heartbeat."""
         return self.main << 16 | self.sub << 24
 
 
@@ -42,38 +42,38 @@ MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = Mode(1), Mode(2), Mode(3), Mode(6
 TAKEOFF, LOITER, RTL, LAND = Mode(4, 2), Mode(4, 3), Mode(4, 5), Mode(4, 6)
 MODES = frozenset({MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED, TAKEOFF, LOITER, RTL, LAND})
 _PASSING = frozenset({TAKEOFF, RTL, LAND})
-"""Modes that end by themselves: after them the mode before is back."""
+"""Modes that end by themselves; after them the previous mode returns."""
 _BASE_MODE = {MANUAL: 81, ALTCTL: 81, POSCTL: 81, STABILIZED: 81, OFFBOARD: 17}
 _BASE_MODE_AUTO = 29
 _STANDARD_MODE = {POSCTL: 1, ALTCTL: 4, RTL: 5, LAND: 7, TAKEOFF: 8}
 
 STREAM_LOST_S = 1.2
-"""How long after the last usable setpoint it leaves OFFBOARD (COM_OF_LOSS_T is 1 s)."""
+"""The time from the last usable setpoint until it leaves OFFBOARD (COM_OF_LOSS_T is 1 s)."""
 _STREAM_FRESH_S = 0.5
 """How old a setpoint may be for OFFBOARD to be entered."""
 _SPOOL_UP_S = 1.0
 _TAKEOFF_SHOWN_S = 1.75
-"""How long after arming an automatic take-off shows as TAKEOFF, and the thrust begins to rise."""
+"""The time from arming until an automatic take-off is reported as TAKEOFF, and the thrust begins to rise."""
 _TAKEOFF_REACHED_M, _TAKEOFF_SHARE = 0.4, 0.8
-"""How near to its height an automatic take-off ends, and how much of MPC_TKO_SPEED it really climbs with."""
+"""How close to its height an automatic take-off ends, and which part of MPC_TKO_SPEED it really climbs with."""
 _OFFBOARD_FLIES_S = 2.0
-"""How long after arming it says IN_AIR in OFFBOARD, whatever it does."""
+"""The time from arming until it reports IN_AIR in OFFBOARD, whatever it does."""
 _OFFBOARD_ENTERED_S = 0.4
-"""The same, after entering OFFBOARD."""
+"""The same, from entering OFFBOARD."""
 _RAMP_S = 1.8
-"""How long the thrust rises before it leaves the ground."""
+"""How long the thrust rises before the vehicle leaves the ground."""
 _LANDED_S = 3.0
-"""How long after the touch-down it says ON_GROUND."""
+"""The time from the touch-down until it reports ON_GROUND."""
 _LANDED_DISARM_S = 2.0
 _IDLE_DISARM_S = 10.0
 _GPS_FLAGS_S, _GPS_FAILSAFE_S = 5.6, 5.3
-"""How long after the loss of GPS the estimator's flags tell, and the failsafe comes."""
+"""The time from the loss of GPS until the estimator's flags show it, and until the failsafe."""
 _CRAWL_HEIGHT_M, _CRAWL_M_S = 1.5, 0.35
 _BLIND_DESCENT_M_S = 0.18
-"""How fast it comes down when it does not know where it is."""
+"""The speed of descent without a position."""
 _UID = int.from_bytes(b"ONIDLATI", "little")
 _EVENT, _EVENT_CRC_EXTRA = 410, 160
-# Ids, log levels and arguments of events, as recorded; the denial's is the hash of its name.
+# Ids, log levels and arguments of events, as recorded. The id of the denial is the hash of its name.
 _ARMED, _DISARMED = (0x0190CAF3, 0x66, b"\x04"), (0x01F46777, 0x66, b"\x06")
 _TAKEOFF_DETECTED, _LANDING_DETECTED = (0x01414569, 0x66, b""), (0x019638AC, 0x66, b"")
 _FAILSAFE = (0x01C2DC72, 0x42, b"\x00\x06\x00\x03")
@@ -82,7 +82,7 @@ _UNKNOWN = {8: (b"\xa0\x89\x3f" + bytes(17) + b"\x01", 117), 380: (bytes(4) + b"
 """What pymavlink does not know and PX4 sends: LINK_NODE_STATUS, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE; with
 the seeds of their checksums."""
 _STATUS_S = 0.5
-"""How often vehicle_status is published when nothing changes."""
+"""The period at which vehicle_status is published when nothing changes."""
 
 _RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
@@ -211,7 +211,7 @@ class Px4(Autopilot):
 
     @property
     def mode(self) -> Mode:
-        """The mode that is flown: the one asked for, or a failsafe's."""
+        """The mode that is flown: the requested one, or a failsafe's."""
         return self.failsafe or self.intention
 
     @property
@@ -238,7 +238,9 @@ class Px4(Autopilot):
     # Modes and arming
 
     def request_mode(self, mode: Mode) -> bool:
-        """The ground station, the pilot or the companion asks for a mode; whether it was taken."""
+        """Handles a request for a mode by the ground station, the pilot or the companion. Returns whether it was
+        accepted.
+        """
         if mode not in MODES:
             return False
         if mode == OFFBOARD and self.is_armed and not self.has_stream:
@@ -270,7 +272,7 @@ class Px4(Autopilot):
         self._hold, self._hold_yaw_rad = self._stopping_point(), self.body.yaw_rad
 
     def _stopping_point(self) -> Vector:
-        """Where it comes to rest when it brakes now."""
+        """Returns where it comes to rest if it brakes now."""
         limits = self.parameters["MPC_ACC_HOR"], self.parameters["MPC_ACC_HOR"], self.parameters["MPC_ACC_UP_MAX"]
         north, east, down = (
             p + v * abs(v) / (2.0 * limit) for p, v, limit in zip(self.position, self.velocity, limits, strict=True)
@@ -328,7 +330,7 @@ class Px4(Autopilot):
 
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
         if command == mavlink.MAV_CMD_DO_SET_MODE:
-            self._acknowledge(command, ACCEPTED, sender)  # it was read; what the commander says follows
+            self._acknowledge(command, ACCEPTED, sender)  # it was received; the commander's answer follows
             mode = Mode(int(params[1]), int(params[2]))
             result = ACCEPTED if self.request_mode(mode) else REJECTED
             self.at(STEP_S, lambda: self._acknowledge(command, result, sender))
@@ -352,7 +354,7 @@ class Px4(Autopilot):
             self._setpoint, self.setpoint_s = target, self.now_s
 
     def _usable(self, message: Message) -> Target | None:
-        """What is to be flown; None for what PX4 drops without a word."""
+        """Returns the target of a setpoint; None for one that PX4 ignores silently."""
         mask, frame = message.type_mask, message.coordinate_frame
         has_position = mask & _EVERY_POSITION != _EVERY_POSITION
         has_velocity = mask & _EVERY_VELOCITY != _EVERY_VELOCITY
@@ -408,7 +410,7 @@ class Px4(Autopilot):
                 self._ramp_s = 0.0
 
     def _stand(self, target: Target) -> None:
-        """On the ground: the thrust rises when the target is above, and at last it leaves."""
+        """Handles the ground: the thrust rises while the target is above it, until the vehicle leaves the ground."""
         goal_z_m = target.position[2]
         wants_up = target.velocity[2] < -0.05 or (goal_z_m is not None and goal_z_m < self.position[2] - 0.15)
         spool_up_s = _TAKEOFF_SHOWN_S if self.mode == TAKEOFF else _SPOOL_UP_S
@@ -436,7 +438,7 @@ class Px4(Autopilot):
             self._follow(target, self._agility())
 
     def _watch(self) -> None:
-        """Failsafes, and disarming by itself."""
+        """Applies failsafes and automatic disarming."""
         silence_s = self.now_s - self.setpoint_s
         is_blind = self.now_s - self.gps_lost_s >= _GPS_FAILSAFE_S
         wanted = self.failsafe
@@ -445,7 +447,7 @@ class Px4(Autopilot):
         elif self.intention == OFFBOARD and silence_s > STREAM_LOST_S:
             wanted = self.failsafe or (POSCTL if self.has_sticks else RTL)
         elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream:
-            wanted = None  # the stream is back, and so is OFFBOARD, by itself
+            wanted = None  # when the stream is back, OFFBOARD returns by itself
         if wanted != self.failsafe:
             self._fall_back(wanted)
         if self._is_landed:
@@ -479,7 +481,7 @@ class Px4(Autopilot):
         return Target(self._hold, yaw_rad=self._hold_yaw_rad)
 
     def _by_sticks(self, mode: Mode) -> Target:
-        if self.failsafe == ALTCTL:  # without a position: down, wherever the wind carries it
+        if self.failsafe == ALTCTL:  # without a position: descends, and drifts with the wind
             return Target((None, None, None), (0.0, 0.0, _BLIND_DESCENT_M_S), yaw_rad=self._hold_yaw_rad)
         velocity = self._stick_velocity(self.parameters["MPC_XY_VEL_MAX"] * 0.8, self.parameters["MPC_Z_VEL_MAX_UP"])
         sticks = self.sticks
@@ -497,7 +499,7 @@ class Px4(Autopilot):
     def _agility(self) -> Agility:
         p = self.parameters
         climb_m_s = _TAKEOFF_SHARE * p["MPC_TKO_SPEED"] if self.mode == TAKEOFF else p["MPC_Z_VEL_MAX_UP"]
-        is_own = self.mode != OFFBOARD  # its own trajectories keep to its limits; a setpoint is followed by all means
+        is_own = self.mode != OFFBOARD  # its own trajectories keep its limits; it follows setpoints without them
         return Agility(
             position_gain=0.95,
             height_gain=1.0,
@@ -530,7 +532,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
-            # it tells where the pilot is, by satellites
+            # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: lambda: mavlink.MAVLink_system_time_message(0, self.time_ms),
         }
@@ -551,7 +553,7 @@ class Px4(Autopilot):
             super()._stream(channel, message_id)
 
     def _event(self, number: int, levels: int, arguments: bytes) -> None:
-        """An event of PX4's event interface, at once and on every link."""
+        """Sends an event of PX4's event interface, at once and on all links."""
         self._events_count += 1
         payload = struct.pack("<IIHBBB", number, self.time_ms, self._events_count, 0, 0, levels) + arguments
         for channel in self.channels:

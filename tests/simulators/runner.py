@@ -1,4 +1,4 @@
-"""Real time for simulated autopilots: a thread each."""
+"""Runs simulated autopilots in real time, each on a thread."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from tests.simulators.autopilot import STEP_S, Autopilot
 
 _LATE_S = 0.3
-"""So much lost time is caught up; what is more (a stopped or starved process) passes without the vehicle."""
+"""The most lost time that is caught up. More (of a process that was stopped or got no processor) is skipped."""
 
 
 def run(autopilot: Autopilot, stopped: threading.Event, speed: float = 1.0) -> None:
-    """Steps it until stopped, `speed` times as fast as real."""
+    """Steps it until stopped, `speed` times as fast as real time."""
     due_s = time.monotonic()
     while not stopped.is_set():
         autopilot.step()
@@ -29,7 +29,7 @@ def run(autopilot: Autopilot, stopped: threading.Event, speed: float = 1.0) -> N
 
 @contextmanager
 def flying(*autopilots: Autopilot, speed: float = 1.0) -> Iterator[None]:
-    """While the block runs, time passes for these autopilots; then their links are closed."""
+    """Runs these autopilots during the block, and then closes their links."""
     stopped = threading.Event()
     errors: list[BaseException] = []
 
@@ -37,7 +37,7 @@ def flying(*autopilots: Autopilot, speed: float = 1.0) -> Iterator[None]:
         try:
             run(autopilot, stopped, speed)
         except BaseException as error:  # noqa: BLE001 - raised below, in the test's thread
-            traceback.print_exc()  # now: what waits for this autopilot may wait for long
+            traceback.print_exc()  # printed now, because tests that wait for this autopilot may wait for a long time
             errors.append(error)
 
     threads = [threading.Thread(target=fly, args=(each,), name=f"autopilot {each.system_id}") for each in autopilots]

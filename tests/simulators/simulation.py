@@ -24,7 +24,7 @@ class PilotedBackend(MavlinkBackend):
 
 
 class PilotSimulation:
-    """The safety pilot; nothing else of a simulation is offered here."""
+    """The safety pilot. The other members of a simulation are not supported."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ual._callbacks import PATIENCE_S, Callbacks, Listener
+from ual._callbacks import SLOW_S, Callbacks, Listener
 from ual.types import State, Telemetry
 
 LIMIT_S = 30.0
@@ -17,16 +17,16 @@ def sample(sequence: int, missed_count: int = 0) -> Telemetry:
     return Telemetry(State.FLYING_AUTO, sequence=sequence, missed_count=missed_count)
 
 
-def lanes() -> list[threading.Thread]:
+def workers() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "ual telemetry callback"]
 
 
 @pytest.fixture(autouse=True)
-def no_lane_is_left() -> Iterator[None]:
+def no_worker_is_left() -> Iterator[None]:
     yield
-    for thread in lanes():  # they end by themselves once there is nobody left to call
+    for thread in workers():  # each ends once its last listener is closed
         thread.join(LIMIT_S)
-    assert not lanes()
+    assert not workers()
 
 
 class Subscriber:
@@ -81,7 +81,7 @@ def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes()
     for each in (stuck, *others):
         each.listener.put(sample(1))
     stuck.wait_for(1)
-    time.sleep(2.0 * PATIENCE_S)
+    time.sleep(2.0 * SLOW_S)
     for number in (2, 3):
         for each in (stuck, *others):
             each.listener.put(sample(number))
@@ -99,7 +99,7 @@ def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes()
         each.close()
 
 
-def test_who_offers_a_sample_calls_back_himself_as_long_as_that_is_quick() -> None:
+def test_a_thread_that_offers_a_sample_calls_back_itself_while_that_is_quick() -> None:
     group = Callbacks()
     subscriber = Subscriber(group)
     for number in range(1, 4):
@@ -112,7 +112,7 @@ def test_who_offers_a_sample_calls_back_himself_as_long_as_that_is_quick() -> No
     subscriber.close()
 
 
-def test_a_callback_that_took_long_has_a_lane_until_it_was_quick_for_a_while() -> None:
+def test_a_callback_that_took_long_has_a_worker_until_it_was_quick_for_a_while() -> None:
     group = Callbacks()
     threads: list[int] = []
     called = threading.Semaphore(0)
@@ -120,7 +120,7 @@ def test_a_callback_that_took_long_has_a_lane_until_it_was_quick_for_a_while() -
     def callback(telemetry: Telemetry) -> None:
         threads.append(threading.get_ident())
         if telemetry.sequence == 0:
-            time.sleep(2.0 * PATIENCE_S)
+            time.sleep(2.0 * SLOW_S)
         called.release()
 
     listener = group.open(callback)
@@ -136,14 +136,14 @@ def test_a_callback_that_took_long_has_a_lane_until_it_was_quick_for_a_while() -
     listener.close()
 
 
-def test_what_is_offered_to_one_that_waits_behind_another_in_a_lane_frees_it() -> None:
+def test_what_is_offered_to_one_that_waits_behind_another_in_a_worker_frees_it() -> None:
     group = Callbacks()
     stuck, waiting = Subscriber(group), Subscriber(group)
     stuck.may_return.clear()
     stuck.listener.put(sample(1))
     stuck.wait_for(1)
     waiting.listener.put(sample(1))
-    time.sleep(2.0 * PATIENCE_S)  # only then does the lane count as held up
+    time.sleep(2.0 * SLOW_S)  # only then does the worker count as delayed
     waiting.listener.offer(sample(2))
     waiting.listener.call()
     waiting.wait_for(2)
@@ -233,7 +233,7 @@ def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and
         for each in subscribers:
             each.listener.put(sample(sequence))
         if generator.random() < 0.1:
-            time.sleep(PATIENCE_S)
+            time.sleep(SLOW_S)
         if generator.random() < 0.1:
             subscribers.pop(generator.randrange(len(subscribers))).close()
             subscribers.append(Subscriber(group))

@@ -212,7 +212,7 @@ def test_list_shows_every_daemon_of_this_computer(start_daemon: StartDaemon) -> 
     assert all(each["state"] == "LANDED_DISARMED" for each in found)
     result = run("state")
     assert result.exit_code == 1
-    assert "several UAVs are here, say which one: uav_1, uav_2" in result.stderr
+    assert "several UAVs run on this computer, choose one: uav_1, uav_2" in result.stderr
 
 
 def test_what_a_uav_is_and_does(daemon: DaemonProcess) -> None:
@@ -474,7 +474,7 @@ def test_a_velocity_whose_stop_nobody_answers_has_failed() -> None:
     with fake_daemon.running() as deaf:  # it takes velocities, and knows of no abort
         result = run("--address", deaf.address, "velocity", "1", "0", "0", "--for", "0.2")
     assert (result.exit_code, result.stdout) == (1, "")
-    assert "the stop was not taken: " in result.stderr
+    assert "the UAV could not be stopped: " in result.stderr
 
 
 # --- On a terminal ----------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import pytest
 import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
-from ual import TaskStatus, _calls, _connection, errors
+from ual import TaskStatus, _calls, _target, errors
 from ual._target import CHANNEL_OPTIONS
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import (
@@ -275,7 +275,7 @@ def test_a_client_that_waits_for_long_may_look_after_its_daemon(
     del daemon
     # Often enough that a daemon which takes it for abuse would say so within these seconds.
     often = (("grpc.keepalive_time_ms", 1100), *(each for each in CHANNEL_OPTIONS if "keepalive_time" not in each[0]))
-    monkeypatch.setattr(_connection, "CHANNEL_OPTIONS", often)
+    monkeypatch.setattr(_target, "CHANNEL_OPTIONS", often)
     with ual.Uav("uav_1") as uav:
         take_off(uav)
         with pytest.raises(errors.UalTimeoutError):

@@ -46,9 +46,9 @@ def test_euler_angles_turn_about_fixed_axes_roll_first() -> None:
 
 @pytest.mark.parametrize("angle_rad", [math.inf, -math.inf])
 def test_an_infinite_angle_is_refused_by_its_name(angle_rad: float) -> None:
-    with pytest.raises(InvalidArgumentError, match=r"yaw_rad: -?inf is no angle"):
+    with pytest.raises(InvalidArgumentError, match=r"yaw_rad: -?inf is not an angle"):
         Pose.at(0.0, 0.0, 0.0, angle_rad)
-    with pytest.raises(InvalidArgumentError, match=r"pitch_rad: -?inf is no angle"):
+    with pytest.raises(InvalidArgumentError, match=r"pitch_rad: -?inf is not an angle"):
         Quaternion.from_euler(0.0, angle_rad, 0.0)
 
 

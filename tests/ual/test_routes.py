@@ -66,7 +66,7 @@ def test_a_plan_gives_its_waypoints_with_altitudes_headings_and_speeds() -> None
     assert route.left_out == [
         "item 1: take-off",
         "item 5: MAVLink command 2000",
-        "item 6: to wait there for 3 s",
+        "item 6: a wait of 3 s",
         "item 7: return to launch",
         "item 8: MAVLink command 178",
     ]
@@ -97,19 +97,19 @@ def test_a_fence_in_the_plan_is_said_to_be_left_out() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", "no plan of QGroundControl"),
-        ("[1]", "no plan of QGroundControl"),
-        ("not json", "no plan of QGroundControl"),
+        ("{}", "not a plan of QGroundControl"),
+        ("[1]", "not a plan of QGroundControl"),
+        ("not json", "not a plan of QGroundControl"),
         (plan(), "no waypoints"),
         (plan(item(22, [0, 0, 0, None, 47.1, 8.1, 10])), "no waypoints"),
         (plan(waypoint(1, 2, 3), waypoint(1, 2, 3, frame=10)), "item 2.*MAV_FRAME 10"),
         (plan(item(17, [0, 0, 0, 0, 1, 2, 3])), "item 1.*MAVLink command 17"),
         (plan({"type": "ComplexItem", "complexItemType": "StructureScan"}), "item 1.*StructureScan"),
-        (plan(item(math.inf, [0, 0, 0, None, 1, 2, 3])), "item 1: is not as QGroundControl writes it"),
-        (plan(item(178, [math.inf, 3, 0, 0, 0, 0, 0])), "item 1: is not as QGroundControl writes it"),
+        (plan(item(math.inf, [0, 0, 0, None, 1, 2, 3])), "item 1: is not in QGroundControl's format"),
+        (plan(item(178, [math.inf, 3, 0, 0, 0, 0, 0])), "item 1: is not in QGroundControl's format"),
         (plan(rallyPoints=3, geoFence=[1]), "no waypoints"),
-        (plan(item(16, [0, 0])), "item 1: is not as QGroundControl writes it"),
-        (plan(item(16, [0, 0, 0, None, None, 2, 3])), "item 1: is not as QGroundControl writes it"),
+        (plan(item(16, [0, 0])), "item 1: is not in QGroundControl's format"),
+        (plan(item(16, [0, 0, 0, None, None, 2, 3])), "item 1: is not in QGroundControl's format"),
     ],
 )
 def test_a_plan_that_cannot_be_flown_is_refused_with_its_item(text: str, message: str) -> None:
@@ -144,14 +144,14 @@ def test_a_line_on_the_ground_needs_an_altitude() -> None:
         GeoWaypoint(47.4, 8.5, 25.0),
         GeoWaypoint(47.5, 8.6, 25.0),
     ]
-    with pytest.raises(RouteError, match="say how high"):
+    with pytest.raises(RouteError, match="give an altitude above home"):
         routes.parse_kml(text, "r.kml")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<kml>", "no XML"),
+        ("<kml>", "not valid XML"),
         (kml("<Point/>"), "0 lines"),
         (kml("<LineString/>" * 2), "2 lines"),
         (kml("<LineString><altitudeMode>absolute</altitudeMode></LineString>"), "no coordinates"),
@@ -186,6 +186,6 @@ def test_the_ending_tells_what_a_file_is(tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_read_is_refused_by_its_name(tmp_path: Path) -> None:
     (tmp_path / "binary.plan").write_bytes(b"\xff\xfe\x00")
-    for name, message in (("none.plan", "cannot read .*none.plan"), ("binary.plan", "binary.plan is no text")):
+    for name, message in (("none.plan", "cannot read .*none.plan"), ("binary.plan", "binary.plan is not a text file")):
         with pytest.raises(RouteError, match=message):
             routes.read(tmp_path / name)

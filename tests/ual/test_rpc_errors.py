@@ -172,7 +172,10 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
             "DNS resolution failed for host:1: C-ares status is not ARES_SUCCESS name=host: Domain name not found",
             "no UAL daemon answers at host:1 (Domain name not found)",
         ),
-        ("Stream removed (Socket closed)", "the UAL daemon at host:1 went away (Stream removed (Socket closed))"),
+        (
+            "Stream removed (Socket closed)",
+            "the connection to the UAL daemon at host:1 was lost (Stream removed (Socket closed))",
+        ),
         ("", "(no answer): start one with `ual-daemon`"),
     ],
 )

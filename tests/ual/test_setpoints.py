@@ -241,14 +241,14 @@ def test_one_is_sent_at_once_and_of_those_that_follow_meanwhile_the_newest(
 
 def test_what_is_put_before_it_is_open_is_sent_then(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
     call = Call()
-    monkeypatch.setattr(_Stream, "_go_on", lambda _: None)
+    monkeypatch.setattr(_Stream, "_send_next", lambda _: None)
     stream = opened(clock, call, monkeypatch)
     monkeypatch.undo()
     monkeypatch.setattr("grpc._cython.cygrpc.SendMessageOperation", lambda message, _: message)
     stream.put(forward(1.0))
     stream.put(forward(2.0))
     assert call.sent == []
-    stream._go_on()
+    stream._send_next()
     assert call.sent == [2.0]
 
 

@@ -16,7 +16,7 @@ import ual
 import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
-from ual._callbacks import PATIENCE_S
+from ual._callbacks import SLOW_S
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -129,10 +129,10 @@ def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not
     with uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(received):
         numbers = itertools.count(2)
         for _ in range(3):  # a sample may find one of them, who keeps it from those behind him until the next one comes
-            while not stuck_count.acquire(timeout=2.0 * PATIENCE_S):
+            while not stuck_count.acquire(timeout=2.0 * SLOW_S):
                 source.put(sample(next(numbers)))
         for _ in range(30):
-            time.sleep(2.0 * PATIENCE_S)  # only then does a lane count as held up
+            time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
             source.put(sample(number := next(numbers)))
         received.wait_for(number)
         may_return.set()

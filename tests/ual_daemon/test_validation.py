@@ -65,7 +65,7 @@ def test_what_is_not_finite_is_refused(value: float) -> None:
 @pytest.mark.parametrize("value", [7.000001, -8.0, 1e300])
 def test_what_cannot_be_meant_is_refused(value: float) -> None:
     message = refusal(lambda: validation.number(value, "height_m", at_most=7.0), "height_m")
-    assert message.endswith("is beyond what can be meant (at most 7)")
+    assert message.endswith("is out of range (at most 7)")
 
 
 def test_signs() -> None:
@@ -140,8 +140,8 @@ def test_a_quaternion_slightly_off_is_normalized(rotation: Quaternion, norm: flo
     ],
 )
 def test_a_quaternion_that_is_no_rotation_is_refused_also_where_zeros_keep_the_heading(value: Quaternion) -> None:
-    assert "is no rotation: its norm is" in refusal(lambda: validation.rotation(value, "q"), "q")
-    assert "is no rotation: its norm is" in refusal(lambda: validation.orientation(value, "q"), "q")
+    assert "is not a rotation: its norm is" in refusal(lambda: validation.rotation(value, "q"), "q")
+    assert "is not a rotation: its norm is" in refusal(lambda: validation.orientation(value, "q"), "q")
 
 
 @pytest.mark.parametrize("component", ["x", "y", "z", "w"])
@@ -193,7 +193,7 @@ def test_a_frame_name_is_taken(name: str) -> None:
     "name", ["", "/map", "map/", "a//b", "a b", "1a", "a\n", "a-b", "å", "a/1", "a" * 201, None, 7, b"map", ["map"]]
 )
 def test_what_is_no_frame_name_is_refused(name: Any) -> None:
-    assert "is no frame name" in refusal(lambda: validation.frame_id(name, "f"), "f")
+    assert "is not a frame name" in refusal(lambda: validation.frame_id(name, "f"), "f")
 
 
 def test_a_long_wrong_name_is_not_repeated_in_full() -> None:
@@ -215,9 +215,9 @@ def test_a_transform_is_checked_part_by_part() -> None:
 
 @pytest.mark.parametrize("value", [None, Pose(), Twist(), "box", 3])
 def test_another_type_is_refused(value: Any) -> None:
-    assert "is no Transform" in refusal(lambda: validation.transform(value, "t"), "t")
+    assert "is not of type Transform" in refusal(lambda: validation.transform(value, "t"), "t")
     if not isinstance(value, Twist):
-        assert "is no Twist" in refusal(lambda: validation.twist(value, "t"), "t")
+        assert "is not of type Twist" in refusal(lambda: validation.twist(value, "t"), "t")
 
 
 @pytest.mark.parametrize("check", [validation.position, validation.rotation, validation.transform])

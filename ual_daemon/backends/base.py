@@ -1,8 +1,8 @@
-"""What a backend is: the driver of one kind of autopilot. See ``docs/write-a-backend.md``.
+"""The base class of backends. A backend is the driver of one kind of autopilot. See ``docs/write-a-backend.md``.
 
-A backend does only what its autopilot alone knows: it turns the autopilot's data into snapshots, and sends setpoints
-and commands (`ual_daemon.backends.values`). States, validation, tasks and tracking live above it
-(`ual_daemon.vehicle.vehicle`), the same for all. Units and axes are converted at this edge and nowhere else.
+A backend does only what depends on its autopilot: it converts the autopilot's data to snapshots, and sends setpoints
+and commands (`ual_daemon.backends.values`). States, validation, tasks and tracking are above it
+(`ual_daemon.vehicle.vehicle`) and the same for all backends. Only backends convert units and axes.
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from ual_daemon.settings import ConfigError
 
 
 class Clock(Protocol):
-    """The time of a backend: wall-clock independent and monotonic; simulated time in a simulation."""
+    """The time of a backend: monotonic and independent of the wall clock; simulated time in a simulation."""
 
-    def now_s(self) -> float: ...
+    def now_s(self) -> float:
+        """Returns the present time in seconds. Where it starts from does not matter."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class BackendOptions:
-    """What a backend is made from: the namespace, ``--url``, and its own section of the configuration."""
+    """The arguments of a backend: the namespace, ``--url``, and the backend's section of the configuration."""
 
     ns: str
     url: str | None = None
@@ -45,22 +47,28 @@ class SafetyPilot(Protocol):
     """A simulated safety pilot, so that one person at a desk can fly a simulated vehicle (``--auto-arm``)."""
 
     def may_arm(self) -> bool:
-        """Whether the vehicle is surely simulated, and stands ready to be armed. Raises `PermissionDeniedError` as soon
-        as it is known to be a real one, which he must never arm.
+        """Whether the vehicle is known to be simulated, and is ready to be armed.
+
+        Raises:
+            PermissionDeniedError: The vehicle is a real one, which a simulated pilot must never arm.
         """
 
     def arm(self) -> None:
-        """Arms, and returns when it is armed. Raises an error of `ual.errors` where that is refused."""
+        """Arms, and blocks until the vehicle is armed.
+
+        Raises:
+            UalError: The autopilot refused.
+        """
 
 
 class Backend(ABC):
     """The driver of one kind of autopilot.
 
-    Made by `cls(options)`, which raises `ual_daemon.settings.ConfigError` for settings that it cannot take.
-    Methods may be called from any thread and never block on the autopilot: commands return a future that ends with
-    the autopilot's acknowledgement, or with `RejectedByAutopilotError` in its own words. What the vehicle then really
-    does is judged above, from snapshots, never from the acknowledgement; one that is lost just leaves its future open.
-    Cancelling the future withdraws the command: what was not sent yet, or would be sent again, is not sent any more.
+    `cls(options)` raises `ual_daemon.settings.ConfigError` for settings that are not valid. Methods may be called from
+    any thread and never wait for the autopilot. Commands return a future, which ends with the autopilot's
+    acknowledgement, or with a `RejectedByAutopilotError` that quotes the autopilot. The layers above judge what the
+    vehicle really does from snapshots, never from the acknowledgement; if an acknowledgement is lost, its future stays
+    open. Cancelling the future withdraws the command: it is not sent any more, neither first nor again.
     """
 
     name: str
@@ -70,46 +78,50 @@ class Backend(ABC):
     def __init__(self, options: BackendOptions) -> None:
         self.options = options
         self.is_update_needed: Callable[[], bool] = _always
-        """Whether anybody waits for the next update; set by the vehicle above, never waits, and locks nothing.
+        """Whether anybody waits for the next update. Set by the vehicle above; never blocks and takes no lock.
 
-        While it says no, a backend may leave out updates in which neither armed, landed, mode nor estimator has
-        changed, as long as `snapshot` is the newest all the same: one with many vehicles saves most of their cost so.
+        While it returns False, a backend may leave out updates in which armed, landed, mode and estimator have not
+        changed, as long as `snapshot` returns the newest data all the same. This saves a backend with many vehicles
+        most of their cost.
         """
 
     @classmethod
     def fleet(
         cls,
-        options: Sequence[BackendOptions],  # noqa: ARG003  for those that can
+        options: Sequence[BackendOptions],  # noqa: ARG003  for backends that override this
         places: Sequence[Vector3],  # noqa: ARG003
     ) -> list[Backend]:
-        """Makes backends that share what they can, for ``--fleet``. `places` are where their vehicles stand from the
-        first one, metres east, north, up. Raises `ConfigError` where this backend has no such thing.
+        """Makes backends that share one simulation, for ``--fleet``. `places` are where their vehicles stand, relative
+        to the first one, in metres east, north, up.
+
+        Raises:
+            ConfigError: This backend cannot fly a fleet, or a setting is not valid.
         """
-        raise ConfigError(f"the {cls.name} backend flies one UAV for each daemon: start a daemon for each", "fleet")
+        raise ConfigError(f"the {cls.name} backend flies only one UAV: start a daemon for each UAV", "fleet")
 
     @abstractmethod
     def open(self, on_update: UpdateCallback) -> None:
-        """Begins to connect, and goes on trying; returns at once.
+        """Begins to connect, and keeps trying; returns at once.
 
-        From now on `on_update` is called, from one thread at a time and with no lock held, at each new pose, and at
-        least every 0.1 s of the backend's clock even when nothing comes.
+        From now on calls `on_update` with each new pose, and at least every 0.1 s of the backend's clock even if
+        nothing arrives. Calls it from one thread at a time and without holding a lock.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Ends everything that `open` began; `on_update` is not called any more once it returns."""
+        """Ends everything that `open` began. Once it has returned, `on_update` is not called any more."""
 
     @abstractmethod
     def info(self) -> VehicleInfo:
-        """What is known of the vehicle."""
+        """Returns what is known of the vehicle."""
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
-        """The newest data."""
+        """Returns the newest data."""
 
     @abstractmethod
     def send(self, setpoint: Setpoint) -> None:
-        """Sends a setpoint; it has left when this returns. Not sent while the link is down."""
+        """Sends a setpoint, before it returns. Drops the setpoint while the link is down."""
 
     @abstractmethod
     def arm(self) -> Future[None]:
@@ -125,20 +137,20 @@ class Backend(ABC):
 
     @abstractmethod
     def land(self) -> Future[None]:
-        """Begins a landing where it is."""
+        """Begins a landing at the present position."""
 
     @abstractmethod
     def take_control(self) -> Future[None]:
-        """Makes the autopilot follow our references. Setpoints that hold the pose are being sent meanwhile."""
+        """Makes the autopilot follow the daemon's setpoints. The caller keeps sending setpoints that hold the pose."""
 
     @abstractmethod
     def hold(self) -> Future[None]:
-        """Makes the autopilot hold its position by itself, without references from us."""
+        """Makes the autopilot hold its position by itself, without setpoints."""
 
     def safety_pilot(self) -> SafetyPilot | None:
-        """A simulated safety pilot, where the vehicle can turn out to be simulated; None where it is surely real."""
+        """Returns a simulated safety pilot if the vehicle is or may be simulated; None if it is known to be real."""
         return None
 
     def simulation(self) -> Simulation | None:
-        """The world around a simulated vehicle; None for a real one."""
+        """Returns the world around a simulated vehicle; None for a real one."""
         return None

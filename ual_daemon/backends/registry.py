@@ -1,4 +1,4 @@
-"""Finds backends by name: ours, and third parties' by entry points of the group ``ual_daemon.backends``."""
+"""Finds backends by name: built-in ones, and those of other packages by entry points (``ual_daemon.backends``)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ if TYPE_CHECKING:
 
 GROUP = "ual_daemon.backends"
 
-_OURS = {
+_BUILT_IN = {
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
 }
-"""By module and class. To search all installed packages takes 30 ms of the start and 2 MiB: only for other names."""
+"""Module and class by name. Entry points are searched for other names only: that takes 30 ms of the start, and 2 MiB.
+"""
 
 
 def entry_points() -> Iterable[EntryPoint]:
-    """The backends of other packages."""
+    """Returns the entry points of other packages' backends."""
     from importlib import metadata
 
     return metadata.entry_points(group=GROUP)
@@ -31,10 +32,10 @@ def entry_points() -> Iterable[EntryPoint]:
 
 class _Names(Collection[str]):
     def __contains__(self, name: object) -> bool:
-        return name in _OURS or name in set(self)
+        return name in _BUILT_IN or name in set(self)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted({*_OURS, *(point.name for point in entry_points())}))
+        return iter(sorted({*_BUILT_IN, *(point.name for point in entry_points())}))
 
     def __len__(self) -> int:
         return len(set(self))
@@ -47,12 +48,13 @@ NAMES: Collection[str] = _Names()
 def make(name: str, options: BackendOptions) -> Backend:
     """Makes a backend by its name.
 
-    Raises `ConfigError` for a name that nobody has, a backend that cannot be imported (a missing extra), and settings
-    that the backend cannot take.
+    Raises:
+        ConfigError: There is no backend of this name, it cannot be imported (an extra is missing), or its settings are
+            not valid.
     """
     backend = _kind(name)(options)
     if not isinstance(backend, Backend):
-        raise ConfigError(f"the backend {name!r} is no ual_daemon.backends.base.Backend", "backend")
+        raise ConfigError(f"the backend {name!r} is not a ual_daemon.backends.base.Backend", "backend")
     return backend
 
 
@@ -65,10 +67,10 @@ def make_fleet(name: str, options: Sequence[BackendOptions], places: Sequence[Ve
 
 
 def _kind(name: str) -> type:
-    """What makes the backend of that name."""
+    """Imports and returns the class of the backend with this name."""
     try:
-        if name in _OURS:
-            module, class_name = _OURS[name]
+        if name in _BUILT_IN:
+            module, class_name = _BUILT_IN[name]
             kind: type = getattr(import_module(module), class_name)
             return kind
         found = next((point for point in entry_points() if point.name == name), None)

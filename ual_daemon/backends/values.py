@@ -1,7 +1,7 @@
-"""What flows between a backend and the layers above it: snapshots up, setpoints down. All immutable.
+"""The values between a backend and the layers above it: snapshots go up, setpoints go down. All are immutable.
 
-The *local frame* is the autopilot's own: east, north, up in metres, its origin wherever the autopilot has it. Bodies
-are x forward, y left, z up.
+The *local frame* is the autopilot's own: east, north, up in metres, with the autopilot's origin. Body axes are x
+forward, y left, z up.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class LandedState(Enum):
-    """What the autopilot says of the ground (MAV_LANDED_STATE); UNKNOWN where it says nothing."""
+    """Whether the vehicle is on the ground, as the autopilot reports it (MAV_LANDED_STATE); UNKNOWN if it does not."""
 
     UNKNOWN = 0
     ON_GROUND = 1
@@ -28,21 +28,21 @@ class LandedState(Enum):
 
 
 class Control(Enum):
-    """Whose references the autopilot's present mode follows."""
+    """What controls the vehicle in the autopilot's present mode."""
 
     REFERENCES = 1
-    """Ours (PX4 OFFBOARD, ArduPilot GUIDED, ...)."""
+    """The daemon's setpoints (PX4 OFFBOARD, ArduPilot GUIDED, ...)."""
     TAKE_OFF = 2
-    """Its own take-off mode."""
+    """The autopilot's take-off mode."""
     LAND = 3
-    """Its own landing mode."""
+    """The autopilot's landing mode."""
     OTHER = 4
-    """The safety pilot's, or another mode's of its own."""
+    """The safety pilot, or another mode of the autopilot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The autopilot's mode: its own name, for people, and who gives the references in it."""
+    """The autopilot's mode: its name, for people, and what controls the vehicle in it."""
 
     name: str
     control: Control
@@ -50,14 +50,14 @@ class Mode:
 
 @dataclass(frozen=True, slots=True)
 class Estimator:
-    """Whether the autopilot trusts its own position, and if not, why, in its words."""
+    """Whether the autopilot trusts its position estimate, and if not, why, in the autopilot's words."""
 
     is_good: bool
     why: str = ""
 
 
 NEVER_S = float("-inf")
-"""The time of a sample that is sure to come but has not yet, where None would mean that there is none at all."""
+"""The time of a sample that will come but has not come yet. (None instead of a sample means that none will come.)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +69,15 @@ class Sample(Generic[T_co]):
 
 
 class Snapshot(NamedTuple):
-    """Everything the autopilot said last, immutable; None is what it has not said (yet).
+    """The newest values from the autopilot; None for a value that it has not sent (yet).
 
-    `time_s` is when the snapshot was taken and `heard_s` when the autopilot was last heard, both on the backend's
-    clock; `stamp_s` is the autopilot's own time of the pose as UTC since 1970. `velocity` is linear along the local
-    axes and angular in the body. `position_geo` follows from the pose by the `projection` where the autopilot does not
-    tell it itself. `home_altitude_amsl_m` is what altitudes above home start from;
-    `geoid_separation_m` is the ellipsoid's height minus that above mean sea level, here. `sequence` numbers the updates
-    of a backend that leaves some out (`Backend.is_update_needed`), those included; 0 where the vehicle is to count.
+    `time_s` is when the snapshot was taken and `heard_s` when the last message came from the autopilot, both on the
+    backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
+    local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
+    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
+    above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
+    backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
+    count.
     """
 
     time_s: float
@@ -98,13 +99,13 @@ class Snapshot(NamedTuple):
     sequence: int = 0
 
     def at(self, time_s: float) -> Snapshot:
-        """The same at another time. Fast, as every setpoint asks for it: why this is a tuple."""
+        """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
         return Snapshot._make((time_s, *self[1:]))
 
 
 @dataclass(frozen=True, slots=True)
 class Freshness:
-    """How old a value may be, in seconds, before it counts as none. Set by what the autopilot sends how often."""
+    """How old a value may become, in seconds, before it is ignored. Depends on how often the autopilot sends it."""
 
     link_s: float = 1.5
     pose_s: float = 1.0
@@ -117,20 +118,20 @@ class Takes(Enum):
     """Which setpoints an autopilot takes."""
 
     ALL = 1
-    """Positions with the motion there as feed-forward, and velocities."""
+    """Positions with velocity and acceleration as feed-forward, and velocities."""
     POSITIONS = 2
-    """Bare positions (and heading) only: it is flown by pure pursuit."""
+    """Only positions and headings without feed-forward: paths are flown by pure pursuit."""
     VELOCITIES = 3
-    """Velocities only: it is flown by pure pursuit, and its place is held from here."""
+    """Only velocities: paths are flown by pure pursuit, and the daemon holds the position."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
-    """What a backend knows of its vehicle; may grow while it is connected.
+    """What a backend knows of its vehicle. Values may become known only once it is connected.
 
-    `flies_takeoff_on_setpoints` says that after `Backend.take_off` the climb itself is flown with our setpoints (PX4
-    OFFBOARD, the light simulation); else the autopilot climbs by itself and gets none until it is up (ArduPilot).
-    `takes` says which setpoints it is sent: no others are.
+    `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
+    the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
+    Only setpoints that `takes` allows are sent.
     """
 
     autopilot: str = ""
@@ -144,7 +145,7 @@ class VehicleInfo:
 
 @dataclass(frozen=True, slots=True)
 class PositionSetpoint:
-    """A position in the local frame, with the heading, and the motion there as feed-forward."""
+    """A position and heading in the local frame, with velocity, acceleration and yaw rate as feed-forward."""
 
     position: Vector3
     yaw_rad: float
@@ -155,7 +156,7 @@ class PositionSetpoint:
 
 @dataclass(frozen=True, slots=True)
 class VelocitySetpoint:
-    """A velocity along the local axes, and how fast to turn to the left."""
+    """A velocity along the local axes and a yaw rate (positive: to the left)."""
 
     velocity: Vector3
     yaw_rate_rad_s: float = 0.0

@@ -1,4 +1,4 @@
-"""Lets a simulated safety pilot arm whenever the UAV stands ready, so that one person at a desk can fly."""
+"""Has a simulated safety pilot arm the UAV whenever it is ready on the ground, so that one person at a desk can fly."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ual_daemon.server.updates import Updates
 
 _log = logging.getLogger(__name__)
 
-_STANDS_S = 1.0
-_LOOK_PERIOD_S = 0.1
+_READY_S = 1.0
+_PERIOD_S = 0.1
 
 
 async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
-    """Arms once the UAV has stood disarmed and ready for 1 s of its own time, again and again, until cancelled.
+    """Arms whenever the UAV has been disarmed and ready for 1 s of its own time. Runs until it is cancelled.
 
-    Ends, without anything sent, as soon as the vehicle turns out not to be simulated. Costs nothing while it does not
-    stand disarmed.
+    Ends, without sending anything, if the vehicle is found not to be simulated. Uses no processor time unless the UAV
+    is disarmed on the ground.
     """
     since_s: float | None = None
     refused = ""
@@ -37,7 +37,7 @@ async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
             return
         now_s = clock.now_s()
         since_s = (now_s if since_s is None else since_s) if may_arm else None
-        if since_s is not None and now_s - since_s >= _STANDS_S:
+        if since_s is not None and now_s - since_s >= _READY_S:
             since_s = None
             try:
                 await asyncio.to_thread(pilot.arm)
@@ -47,5 +47,5 @@ async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates) -> None:
                 refused = str(error)
             else:
                 refused = ""
-        # A simulation's clock may run, stand or be stepped: it can only be looked at now and then.
-        await updates.change(_LOOK_PERIOD_S)
+        # A simulation's clock may run at any speed, stand still or be stepped: so it has to be polled.
+        await updates.change(_PERIOD_S)

@@ -1,8 +1,9 @@
-"""The daemon's configuration: flags over environment over the file over defaults, and where each value came from.
+"""The daemon's configuration, and the source of each value: flags win over the environment, the environment over the
+file, the file over the defaults.
 
 A configuration is one mapping: the daemon's own settings (`DaemonSettings`), those of the vehicle
-(`ual_daemon.settings.VehicleSettings`), and one section for each backend, handed to it as it is. Whatever is wrong
-becomes one line that names the place: ``uav.yaml:7: limits.climb_speed_m_s: Expected `float` > 0.0``.
+(`ual_daemon.settings.VehicleSettings`), and one section for each backend, which the backend checks. Every error is one
+line that names its place: ``uav.yaml:7: limits.climb_speed_m_s: Expected `float` > 0.0``.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
+from typing_extensions import override
 
 from ual import _discovery
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, NotNegative, Settings, VehicleSettings, convert
 
 
 class DaemonSettings(Settings, frozen=True, kw_only=True):
-    """What the daemon's flags say; each is a key of the file, too."""
+    """The settings that have flags; each is also a key of the file."""
 
     backend: str = "light"
     ns: Annotated[str, Meta(pattern=NAMESPACE_PATTERN)] = "uav_1"
@@ -40,12 +42,12 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
 
 
 class ConfigurationError(Exception):
-    """The configuration cannot be taken; the message is one line that names the place and the key."""
+    """The configuration is not valid; the message is one line that names the place and the key."""
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """What the daemon is to do: its own settings, the vehicle's, and each backend's as they were given."""
+    """The daemon's settings, the vehicle's, and each backend's as they were given."""
 
     daemon: DaemonSettings
     vehicle: VehicleSettings
@@ -53,15 +55,15 @@ class Configuration:
 
     @property
     def listen(self) -> tuple[str, ...]:
-        """The addresses to listen on, for a fleet as templates (`ual_daemon.program.fleet.addresses`). The default
-        follows from the namespace.
+        """The addresses to listen on; for a fleet these are templates (`ual_daemon.program.fleet.addresses`). The
+        default depends on the namespace.
         """
         if self.daemon.fleet is not None:
             return self.daemon.listen or (f"{_discovery.LOOPBACK}:{{port}}",)
         return self.daemon.listen or (_discovery.default_address(self.daemon.ns),)
 
     def as_yaml(self) -> str:
-        """The same configuration as a file. Limits that are infinite, which is none at all, are left out."""
+        """Returns the same configuration as the text of a file. Leaves out infinite limits: they mean no limit."""
         values = {
             **msgspec.to_builtins(self.daemon),
             "listen": list(self.listen),
@@ -69,21 +71,20 @@ class Configuration:
             **{name: dict(section) for name, section in self.backends.items()},
         }
         values["limits"] = {name: limit for name, limit in values["limits"].items() if math.isfinite(limit)}
-        from ual_daemon.program import (
-            configuration_yaml,  # YAML is read, and so loaded, only where it is used: a faster start
-        )
+        # Imported late: without a file the daemon does not need YAML, and starts faster.
+        from ual_daemon.program import configuration_yaml
 
         return configuration_yaml.dump(values)
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Values from one place."""
+    """Values from one source."""
 
     values: Mapping[str, Any]
 
     def describe(self, error: ConfigError) -> str:
-        """The error with the place of its key in this source."""
+        """Returns the error as text, with the place of its key in this source."""
         return str(error)
 
 
@@ -93,13 +94,18 @@ class FlagSource(Source):
 
     names: Mapping[str, str]
 
+    @override
     def describe(self, error: ConfigError) -> str:
         name = next(name for key, name in self.names.items() if steps(error.key)[0] == steps(key)[0])
         return f"{name}: {error.message if error.key in self.names else error}"
 
 
 def resolve(sources: Sequence[Source], known_backends: Collection[str]) -> Configuration:
-    """The configuration that the sources make together, later ones winning. Raises `ConfigurationError`."""
+    """Merges the sources into one configuration; later sources win.
+
+    Raises:
+        ConfigurationError: A value is not valid.
+    """
     values: dict[str, Any] = {}
     for source in sources:
         values = _merged(values, source.values)
@@ -118,14 +124,14 @@ def resolve(sources: Sequence[Source], known_backends: Collection[str]) -> Confi
 def _section(name: str, section: object, known_backends: Collection[str]) -> Mapping[str, Any]:
     if name not in known_backends:
         known = ", ".join(sorted(known_backends))
-        raise ConfigError(f"there is no such setting, and no backend of that name (known: {known})", name)
+        raise ConfigError(f"there is no setting and no backend with this name (backends: {known})", name)
     if not isinstance(section, Mapping):
         raise ConfigError(f"expected the settings of the backend, got {section!r}", name)
     return section
 
 
 def located(error: ConfigError, sources: Sequence[Source]) -> ConfigurationError:
-    """The error with the place where its key was given: the last source that has it, as that one won."""
+    """Returns the error with the place where its key was given: the last source that has the key, because that won."""
     for source in reversed(sources):
         if _has(source.values, error.key):
             return ConfigurationError(source.describe(error))
@@ -133,7 +139,7 @@ def located(error: ConfigError, sources: Sequence[Source]) -> ConfigurationError
 
 
 def nested(key: str, value: object) -> dict[str, Any]:
-    """A dotted key and its value as mappings within each other."""
+    """Returns a dotted key and its value as nested mappings."""
     for part in reversed(key.split(".")):
         value = {part: value}
     assert isinstance(value, dict)
@@ -141,18 +147,18 @@ def nested(key: str, value: object) -> dict[str, Any]:
 
 
 def steps(key: str) -> list[str | int]:
-    """``frames[0].frame_id`` as ``["frames", 0, "frame_id"]``."""
+    """Splits ``frames[0].frame_id`` into ``["frames", 0, "frame_id"]``."""
     return [int(part[1:-1]) if part.startswith("[") else part for part in re.findall(r"\[\d+\]|[^.\[\]]+", key)]
 
 
 def _has(values: Mapping[str, Any], key: str) -> bool:
-    """True where as much of the key is there as any source can have: what is missing in a section belongs to it."""
+    """Whether the key's first part is there. An error about a key that is missing belongs to its section's source."""
     path = steps(key)
     return bool(path) and path[0] in values
 
 
 def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The mappings as one; where both have a mapping these become one, else the upper value wins."""
+    """Merges two mappings, and the mappings within them; any other value of `above` replaces that of `below`."""
     result = dict(below)
     for key, value in above.items():
         old = result.get(key)

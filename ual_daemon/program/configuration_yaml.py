@@ -1,4 +1,4 @@
-"""Configuration in YAML: files, and single values on the command line; each key with its line."""
+"""Reads configuration in YAML, files and single values of the command line, and finds the line of each key."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from typing_extensions import override
 
 from ual_daemon.program.configuration import ConfigurationError, Source, steps
 from ual_daemon.settings import ConfigError
@@ -21,17 +22,22 @@ class FileSource(Source):
     path: Path
     root: yaml.Node | None
 
+    @override
     def describe(self, error: ConfigError) -> str:
         return f"{self.path}:{_line_of(self.root, error.key)}: {error}"
 
 
 def dump(values: Mapping[str, Any]) -> str:
-    """The values as the text of a file."""
+    """Returns the values as the text of a file."""
     return yaml.safe_dump(_plain(values), sort_keys=False, allow_unicode=True)
 
 
 def assignment(text: str, name: str) -> tuple[str, Any]:
-    """The key and the value of a ``key=value``, the value read as in the file. `name` is how it was given."""
+    """Splits ``key=value`` and reads the value as in a file. `name` is the flag or variable that gave it, for errors.
+
+    Raises:
+        ConfigurationError: The text is not ``key=value``, or the value is not valid YAML.
+    """
     key, equals, value = text.partition("=")
     if not equals or not all(re.fullmatch(r"\w+", part) for part in key.split(".")):
         raise ConfigurationError(f"{name}: expected KEY=VALUE, as limits.climb_speed_m_s=2, got {text!r}")
@@ -42,7 +48,11 @@ def assignment(text: str, name: str) -> tuple[str, Any]:
 
 
 def read_file(path: Path) -> FileSource:
-    """The values of a YAML file. Raises `ConfigurationError`, with the line."""
+    """Reads a YAML file.
+
+    Raises:
+        ConfigurationError: The file cannot be read or is not valid; the message has the line.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -71,28 +81,29 @@ def read_file(path: Path) -> FileSource:
 
 
 def _read(text: str) -> tuple[yaml.Node | None, Any]:
-    """The nodes of a text and what they say."""
+    """Parses a text; returns its nodes and its values."""
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
         _check_node(node)
         return node, None if node is None else loader.construct_document(node)
     except RecursionError:
-        raise _BadNodeError("values within values, too deep", loader.line + 1) from None
+        raise _BadNodeError("values are nested too deeply", loader.line + 1) from None
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads scalars as YAML 1.2 does: ``1e3`` is a number, ``12:30`` and ``on`` are text."""
+    """Reads scalars by the rules of YAML 1.2: ``1e3`` is a number, ``12:30`` and ``on`` are text."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012  as in the base class
 
-    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:  # noqa: ANN401 (whatever it says)
+    @override
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             return super().construct_object(node, deep)
         except (ValueError, LookupError, AttributeError):
-            # What the base class lets through of a value that is not what it says it is: ``!!int x``.
+            # The base class raises these for a value that does not fit its explicit tag: ``!!int x``.
             kind = node.tag.rpartition(":")[2]
-            raise _BadNodeError(f"{node.value!r:.40} is no {kind}", node.start_mark.line + 1) from None
+            raise _BadNodeError(f"{node.value!r:.40} is not a valid {kind}", node.start_mark.line + 1) from None
 
 
 for _tag, _pattern, _first in (
@@ -110,7 +121,7 @@ for _tag, _pattern, _first in (
 
 
 class _BadNodeError(Exception):
-    """YAML allows it, a configuration does not."""
+    """Something that YAML allows and a configuration does not."""
 
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
@@ -118,7 +129,7 @@ class _BadNodeError(Exception):
 
 
 def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, ...] = ()) -> None:
-    """Refuses keys given twice, keys that are not text, and values that contain themselves."""
+    """Refuses keys that are given twice, keys that are not text, and values that contain themselves."""
     if node is None or isinstance(node, yaml.ScalarNode):
         return
     if node in above:
@@ -145,7 +156,7 @@ def _yaml_message(error: Exception) -> str:
 
 
 def _line_of(node: yaml.Node | None, key: str) -> int:
-    """The line where a key stands; that of what is around it where it has none of its own."""
+    """Returns the line of a key, or the line of the value around it if the key is missing."""
     line = 1
     for step in steps(key):
         if isinstance(step, int) and isinstance(node, yaml.SequenceNode) and step < len(node.value):

@@ -1,4 +1,4 @@
-"""The daemon's life: it opens the port, flies until a signal comes, and ends in a way that is safe for the UAV."""
+"""Runs the daemon: opens the port, flies until a signal comes, and ends in a way that is safe for the UAV."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ _log = logging.getLogger(__name__)
 _SAFE_EXIT_LIMIT_S = 60.0
 _REMINDER_PERIOD_S = 5.0
 _GATHER_S = 0.005
-"""How long the updates of a fleet wait for each other on their way to the event loop."""
-_ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  as what they are, not to bind to
+"""How long a fleet gathers updates before it hands them to the event loop together."""
+_ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, not bound to
 _SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class Uav(NamedTuple):
-    """A UAV to fly: its vehicle, its namespace, and where it is to be served."""
+    """A UAV to fly: its vehicle, its namespace, and the addresses to serve it on."""
 
     vehicle: Vehicle
     namespace: Namespace
@@ -45,7 +45,7 @@ class Uav(NamedTuple):
 
 
 class Daemon:
-    """UAVs with a server each, from start to end, on one event loop. Mostly it is one UAV."""
+    """Runs one or more UAVs, each with a server of its own, on one event loop."""
 
     def __init__(
         self,
@@ -61,7 +61,12 @@ class Daemon:
         self._is_auto_arming = is_auto_arming
 
     async def run(self) -> None:
-        """Runs until a signal. Raises `ListenError` or `NamespaceError` where it cannot begin."""
+        """Runs until a signal comes.
+
+        Raises:
+            ListenError: An address is not available.
+            NamespaceError: The registration cannot be written.
+        """
         stop = asyncio.Event()
         _on_first_signal(stop)
         if len(self._uavs) > 1:
@@ -80,7 +85,8 @@ class Daemon:
             await asyncio.gather(*(each.server.stop() for each in served))
             transport.close()
             raise
-        # What is loaded by now stays. Unfrozen, a full collection takes 10 to 15 ms, between two setpoints.
+        # Objects made so far live until the end. If they were not frozen, a full garbage collection would take 10 to
+        # 15 ms, between two setpoints.
         gc.freeze()
         gc.enable()
         try:
@@ -114,7 +120,7 @@ class _Served:
         self.server = Server(self._vehicle, transport, loop_calls)
 
     async def start(self) -> None:
-        """Serves, and lets clients find it."""
+        """Starts the server and registers its address for clients."""
         addresses = await self.server.start(self._listen, self._credentials)
         self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
         logs.event(
@@ -130,18 +136,18 @@ class _Served:
         )
 
     def open(self) -> None:
-        """Begins to fly."""
+        """Connects the vehicle to its autopilot, and starts automatic arming if it is wanted."""
         self._vehicle.open()
         if self._pilot is not None:
             self._arming = asyncio.create_task(self._auto_arm(self._pilot))
-            self._arming.add_done_callback(_log_defect)
+            self._arming.add_done_callback(_log_failure)
 
     async def _auto_arm(self, pilot: SafetyPilot) -> None:
         logs.uav.set(self._vehicle.log_name)
         await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
 
     async def end(self) -> None:
-        """Ends serving and flying, in a way that is safe for the UAV."""
+        """Waits until the UAV is safe, then stops the server and closes the vehicle."""
         logs.uav.set(self._vehicle.log_name)
         if self._arming is not None:
             self._arming.cancel()
@@ -151,7 +157,7 @@ class _Served:
         await asyncio.to_thread(self._vehicle.close)
 
     async def _until_safe(self) -> None:
-        """Waits until the UAV can be left alone."""
+        """Waits until the UAV needs the daemon no more, at most `_SAFE_EXIT_LIMIT_S`."""
         safe = self._vehicle.prepare_shutdown()
         done = completion(safe)
         deadline_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S
@@ -171,9 +177,9 @@ class _Served:
 
 
 def _on_first_signal(stop: asyncio.Event) -> None:
-    """Sets the event at the first signal to end; the second one ends the process at once."""
+    """Sets the event at the first signal; a second signal ends the process at once."""
     loop = asyncio.get_running_loop()
-    numbers = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as nohup does
+    numbers = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup ignores SIGHUP
 
     def end_at_once(number: int, frame: FrameType | None) -> None:
         del frame
@@ -190,16 +196,16 @@ def _on_first_signal(stop: asyncio.Event) -> None:
         loop.add_signal_handler(number, on_first, number)
 
 
-def _log_defect(task: asyncio.Task[None]) -> None:
-    """Logs how a task failed that should not end at all, when it does and not when the daemon ends."""
+def _log_failure(task: asyncio.Task[None]) -> None:
+    """Logs the exception of a task as soon as it fails, and not only when the daemon ends."""
     if not task.cancelled() and task.exception() is not None:
         _log.error("the simulated safety pilot has failed", exc_info=task.exception())
 
 
 def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:
-    """The address that suits clients of this computer best: one without TLS, if there is one."""
+    """Returns the best address for clients of this computer: one without TLS, if there is one."""
     plain = [address for address in addresses if credentials is None or address.is_unix]
     best = (plain or addresses)[0]
     if best.host in _ANY_HOST:
         return str(Address(_ANY_HOST[best.host], best.port))
-    return f"unix:{os.path.abspath(best.host)}" if best.is_unix else str(best)  # noqa: PTH100  keeps links
+    return f"unix:{os.path.abspath(best.host)}" if best.is_unix else str(best)  # noqa: PTH100  does not resolve links

@@ -1,4 +1,4 @@
-"""Many UAVs in one daemon (``--fleet``): their names, addresses and places, and what the process needs for them."""
+"""Many UAVs in one daemon (``--fleet``): their names, addresses and positions, and the open files that they need."""
 
 from __future__ import annotations
 
@@ -12,16 +12,22 @@ from ual.geometry import Vector3
 from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
 
 ROW = 10
-"""How many UAVs stand in a row, eastwards; the next row is to the north of it."""
+"""How many UAVs stand in a row, from west to east. The next row is to the north."""
 
 _FILES_EACH = 2
-"""File descriptors of a UAV that nobody talks to: its lock, and each of its addresses (one more for each after it)."""
-_FILES_BESIDE = 64
+"""File descriptors of a UAV without callers and with one address: its lock and the address. One more for each further
+address.
+"""
+_FILES_OF_PROCESS = 64
 _FILES_FOR_CALLERS = 4
 
 
 def names(first: str, count: int) -> list[str]:
-    """The namespaces of a fleet: counted on from one that ends in ``_N``, else from ``_1``. Raises `ConfigError`."""
+    """Returns the namespaces of a fleet: numbered on from a name that ends in ``_N``, else from ``_1``.
+
+    Raises:
+        ConfigError: The names are too long.
+    """
     base, number = _discovery.split_number(first)
     begin = 1 if number is None else number
     if len(f"{base}_{begin + count}") > LONGEST_NAMESPACE:
@@ -30,20 +36,23 @@ def names(first: str, count: int) -> list[str]:
 
 
 def places(count: int, spacing_m: float) -> list[Vector3]:
-    """Where the UAVs stand from the first one: in rows of `ROW`, so that each has its place however many there are."""
+    """Returns where the UAVs stand, relative to the first one: in rows of `ROW`, so that a UAV's position does not
+    depend on how many there are.
+    """
     return [Vector3(i % ROW * spacing_m, i // ROW * spacing_m, 0.0) for i in range(count)]
 
 
 def placed(settings: VehicleSettings, place: Vector3) -> VehicleSettings:
-    """The settings of the UAV that stands at a place of the fleet, where those given are the first one's."""
+    """Returns the settings of the UAV at a place, made from the settings of the first UAV."""
     x, y, z = settings.home_pose
     return structs.replace(settings, home_pose=(x + place.x, y + place.y, z + place.z))
 
 
 def addresses(templates: Sequence[str], ns: str) -> list[str]:
-    """The addresses of one UAV: ``{ns}`` stands for its namespace, ``{port}`` for its port, 50050 + N.
+    """Returns the addresses of one UAV: replaces ``{ns}`` by its namespace and ``{port}`` by its port, 50050 + N.
 
-    Raises `ConfigError` for one that all UAVs would share, and where the ports end.
+    Raises:
+        ConfigError: All UAVs would share the address, or the port would be above 65535.
     """
     found = []
     for template in templates:
@@ -54,18 +63,24 @@ def addresses(templates: Sequence[str], ns: str) -> list[str]:
                 "listen",
             )
         if "{port}" in template and not _discovery.has_own_port(ns):
-            raise ConfigError(f"{ns} has no port: 50050 + N ends at 65535; use unix sockets for so many", "fleet")
+            raise ConfigError(
+                f"{ns} has no port, because 50050 + N is above 65535; use unix sockets for so many UAVs", "fleet"
+            )
         found.append(template.replace("{ns}", ns).replace("{port}", str(_discovery.default_port(ns))))
     return found
 
 
 def allow_files(count: int, listening: int) -> None:
-    """Lets the process open as many files as a fleet needs. Raises `ConfigError` where it may not."""
-    least = _FILES_BESIDE + count * (_FILES_EACH + listening - 1)
+    """Raises the process's limit of open files to what a fleet needs.
+
+    Raises:
+        ConfigError: The system does not permit so many.
+    """
+    least = _FILES_OF_PROCESS + count * (_FILES_EACH + listening - 1)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < least:
         raise ConfigError(
-            f"{count} UAVs need {least} open files, and this process may have {hard}: raise it "
+            f"{count} UAVs need {least} open files, and this process may have {hard}: raise that limit "
             "(ulimit -Hn, LimitNOFILE= of systemd)",
             "fleet",
         )

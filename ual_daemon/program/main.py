@@ -1,7 +1,7 @@
-"""The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal.
+"""The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal comes.
 
-Exit status 0 after a clean end, 1 where it cannot start (port or namespace in use), 2 for wrong usage or configuration.
-What is heavy is imported late, so that the port is open soon.
+Exit status: 0 after a clean end, 1 if it cannot start (port or namespace in use), 2 for wrong usage or configuration.
+Heavy modules are imported late, so that the port is open soon.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import click
 from click.core import ParameterSource
 
-from ual_daemon import __version__, logs
-from ual_daemon.program import lazy
+from ual_daemon import __version__
+from ual_daemon.program import log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
@@ -109,7 +109,7 @@ def main(
     file, the file over the defaults. SIGTERM and SIGINT end it in a way that is safe for the UAV; a second one ends
     it at once.
     """
-    gc.disable()  # what a start makes stays: `Daemon.run` begins to look for garbage, which before that takes 10 ms
+    gc.disable()  # saves 10 ms of the start, which makes no garbage; `Daemon.run` enables it
     try:
         _run(_sources(context, config_file, assignments, flags), print_config=print_config)
     except (ConfigurationError, ConfigError) as error:
@@ -121,9 +121,9 @@ def main(
 def _sources(
     context: click.Context, config_file: Path | None, assignments: tuple[str, ...], flags: dict[str, object]
 ) -> list[Source]:
-    """Where settings come from, the weakest first."""
+    """Returns the sources of the settings; each one wins over those before it."""
     if config_file is not None or assignments:
-        from ual_daemon.program import configuration_yaml  # loaded only where it is used: a faster start
+        from ual_daemon.program import configuration_yaml  # imported late, for a faster start
     sources: list[Source] = [] if config_file is None else [configuration_yaml.read_file(config_file)]
     for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
         values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
@@ -141,11 +141,10 @@ def _given_as(name: str, origin: ParameterSource) -> str:
 
 
 def _run(sources: Sequence[Source], *, print_config: bool) -> None:
-    # gRPC's own words on stderr are no log lines; what concerns users is told by the daemon.
+    # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
-    # One thread less on the way of each message: docs/decisions/0010.
+    # Saves one thread on the path of each message: docs/decisions/0010.
     os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
-    lazy.prepare()
     from ual_daemon.backends import registry
     from ual_daemon.server import tls
 
@@ -165,12 +164,12 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     if print_config:
         click.echo(configuration.as_yaml(), nl=False)
         return
-    logs.setup(settings.log_level, settings.log_format)
+    log_output.setup(settings.log_level, settings.log_format)
     _serve(configuration, uavs, credentials)
 
 
 class _Planned(NamedTuple):
-    """One UAV that is to fly."""
+    """One UAV to fly."""
 
     backend: Backend
     vehicle: VehicleSettings
@@ -197,7 +196,7 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
     settings = configuration.daemon
     assert settings.fleet is not None
     if settings.url is not None:
-        raise ConfigError("a fleet is simulated: there is no autopilot to look for", "url")
+        raise ConfigError("a fleet is simulated: it has no autopilot to connect to", "url")
     section = configuration.backends.get(settings.backend, {})
     names = fleet.names(settings.ns, settings.fleet)
     places = fleet.places(settings.fleet, settings.fleet_spacing_m)

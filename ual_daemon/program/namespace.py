@@ -1,8 +1,8 @@
-"""One daemon for each namespace on a computer, and where clients find it.
+"""Ensures that each namespace has only one daemon on a computer, and registers it for clients.
 
-The directory (`ual._discovery.runtime_dir`) is shared by all users of the computer, as ``/tmp`` is: everyone may add
-files, only their owner may change or remove them. So no link in it is followed, and nothing written through a file
-that another user may have laid there.
+All users of the computer share the directory (`ual._discovery.runtime_dir`), like ``/tmp``: everyone may add files, and
+only their owner may change or remove them. For safety no link in it is followed, and nothing is written to a file that
+another user may have put there.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from ual._discovery import Registration
 
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
-_LOOK_S = 0.005
-"""Between two tries to take a lock at which clients look, ..."""
-_LOOKS_LIMIT_S = 1.0
-"""... and for how long. (To wait for a lock has no limit, and a client that is stopped while it looks holds it on.)"""
+_RETRY_S = 0.005
+_RETRY_LIMIT_S = 1.0
+"""How long to try to take a lock that clients may hold for a moment. Blocking `flock` has no time limit, and a client
+that is stopped at that moment would keep the lock.
+"""
 
 
 class NamespaceError(Exception):
-    """The namespace cannot be had; the message says why, and who has it."""
+    """The namespace is not available; the message says why, and who holds it."""
 
 
 class Namespace:
-    """A namespace, held from when this is made until `release`, or until the process ends, however that happens.
+    """A namespace, held from the construction until `release`, or until the process ends in any way.
 
-    Raises `NamespaceError` where another daemon holds it.
+    Raises:
+        NamespaceError: Another daemon holds it, or the lock file cannot be opened.
     """
 
     def __init__(self, ns: str) -> None:
@@ -49,10 +51,10 @@ class Namespace:
         if not _take(self._lock):
             holder = _holder(ns, self._lock)
             os.close(self._lock)
-            raise NamespaceError(f"{ns} is flown by {holder} already: stop that, or choose another --ns")
-        with suppress(OSError):  # what a killed daemon left must not be taken for ours, now that the lock is held
+            raise NamespaceError(f"{ns} is already flown by {holder}: stop that daemon, or choose another --ns")
+        with suppress(OSError):  # the registration of a killed daemon must not be taken for this one's
             _discovery.registry_file(ns).unlink()
-        with suppress(OSError):  # another user's file: it can be locked, but not written
+        with suppress(OSError):  # another user's file can be locked, but not written
             os.truncate(self._lock, 0)
             os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
 
@@ -63,7 +65,11 @@ class Namespace:
         self.release()
 
     def register(self, address: str, backend: str) -> None:
-        """Lets clients find the daemon: `address` is ``host:port`` or ``unix:/path``. Raises `NamespaceError`."""
+        """Registers the daemon for clients; `address` is ``host:port`` or ``unix:/path``.
+
+        Raises:
+            NamespaceError: The registration cannot be written.
+        """
         try:
             Registration(self._ns, os.getpid(), address, backend, time.time()).write()
         except OSError as error:
@@ -71,7 +77,7 @@ class Namespace:
         self._is_registered = True
 
     def release(self) -> None:
-        """Gives the namespace back. The lock file stays: removing it would let two daemons lock two files."""
+        """Frees the namespace. Keeps the lock file: if it were removed, two daemons could lock two different files."""
         if self._is_registered:
             _discovery.registry_file(self._ns).unlink(missing_ok=True)
         os.close(self._lock)
@@ -81,10 +87,10 @@ def _make_directory(directory: Path) -> None:
     directory.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
         directory.mkdir()
-        directory.chmod(_STICKY_FOR_ALL)  # what mkdir gives is cut by the umask
+        directory.chmod(_STICKY_FOR_ALL)  # the umask limits the mode that mkdir gives
     found = directory.lstat()
     if not stat.S_ISDIR(found.st_mode):
-        raise NamespaceError(f"{directory} is no directory: remove it, or set {_discovery.RUNTIME_DIR_VARIABLE}")
+        raise NamespaceError(f"{directory} is not a directory: remove it, or set {_discovery.RUNTIME_DIR_VARIABLE}")
     if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
         raise NamespaceError(
             f"{directory}: users may remove each other's files there: `chmod +t` it, "
@@ -93,7 +99,7 @@ def _make_directory(directory: Path) -> None:
 
 
 def _open_lock(path: Path) -> int:
-    """The lock file, made if it is not there. Another user's is opened for reading, which is enough to lock it."""
+    """Opens the lock file, and makes it if it is missing. Opens another user's for reading, which is enough to lock."""
     flags = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
     while True:
         try:
@@ -101,7 +107,7 @@ def _open_lock(path: Path) -> int:
         except PermissionError:
             return os.open(path, os.O_RDONLY | flags)
         except FileNotFoundError:
-            # Not O_CREAT alone: Linux refuses that for another user's file in a shared directory.
+            # With O_EXCL, because Linux refuses O_CREAT alone for another user's file in a shared directory.
             with suppress(FileExistsError):
                 lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags)
                 os.fchmod(lock, _READABLE)
@@ -109,11 +115,12 @@ def _open_lock(path: Path) -> int:
 
 
 def _take(lock: int) -> bool:
-    """Takes a lock; False where another daemon holds it.
+    """Takes a lock. Returns False if another daemon holds it.
 
-    A client that looks whether a daemon holds it takes it shared for a moment (`ual._discovery`). A daemon never does.
+    A client that tests the lock takes it for a moment, shared (`ual._discovery`). Only daemons take it exclusively. So
+    if a shared lock is possible, no daemon holds it, and it is worth trying again.
     """
-    end_s = time.monotonic() + _LOOKS_LIMIT_S
+    end_s = time.monotonic() + _RETRY_LIMIT_S
     while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -125,16 +132,16 @@ def _take(lock: int) -> bool:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
-        fcntl.flock(lock, fcntl.LOCK_UN)  # so that of two daemons that start together one gets it
+        fcntl.flock(lock, fcntl.LOCK_UN)  # else two daemons that start together would block each other
         if time.monotonic() > end_s:
             return False
-        time.sleep(_LOOK_S)
+        time.sleep(_RETRY_S)
 
 
 def _holder(ns: str, lock: int) -> str:
-    """Who holds a namespace, as well as it can be told."""
+    """Returns who holds a namespace, as text, as far as it is known."""
     registration = _discovery.registered(ns)
     if registration is not None:
         return f"pid {registration.pid} at {registration.address}"
     written = os.pread(lock, 20, 0).decode(errors="replace").strip()
-    return f"pid {written}, which is still starting," if written.isdecimal() else "a daemon that is still starting"
+    return f"pid {written}, which is still starting" if written.isdecimal() else "a daemon that is still starting"

@@ -1,14 +1,14 @@
-"""Smooth references in time, within limits. Pure mathematics.
+"""Smooth trajectories within limits. Pure mathematics.
 
-| module | what |
+| module | content |
 |---|---|
-| `motion` | a moment of a reference, and what a trajectory is |
+| `motion` | the state at one time of a trajectory, and the interface of trajectories |
 | `envelope` | the limits of velocity, acceleration and jerk |
 | `pulse` | changes of speed |
 | `bend` | from any motion to rest, or towards a goal |
 | `line` | straight to a goal; braking |
-| `path` | through many waypoints: `run` (legs and rounded corners, `leg`) between stops, `simplify` before it |
-| `heading`, `turn`, `facing` | where the nose points meanwhile |
+| `path` | through many waypoints: `run` (legs and rounded corners, `leg`) between stops, after `simplify` |
+| `heading`, `turn`, `facing` | where the nose points |
 | `pieces` | motion as pieces of constant jerk |
 """
 

@@ -1,8 +1,8 @@
-"""A motion that is already (almost) along the line to its goal: it goes on, time-optimal from any state.
+"""Continues a motion that is already (almost) along the line to its goal. Time-optimal from any state.
 
-Along the line and across it, the motion is planned by itself, by Ruckig (Berscheid & Kroeger, "Jerk-limited Real-time
-Trajectory Generation with Arbitrary Target States", RSS 2021). Across it gets a small share of the limits, so that both
-together keep them. So a goal that is told again, or moved a little, changes a flight to it as little.
+The motions along and across the line are planned independently, by Ruckig (Berscheid & Kroeger, "Jerk-limited Real-time
+Trajectory Generation with Arbitrary Target States", RSS 2021). The motion across gets a small share of the limits, so
+that both together keep the limits. So if a goal is given again, or moved a little, the flight hardly changes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ual_daemon.trajectory.motion import Motion
 from ual_daemon.trajectory.pulse import change_m, change_s
 
 _LONGEST_S = 600.0
-"""Ruckig's numbers fail for what lasts hours."""
+"""Ruckig is numerically unstable for motions that take hours."""
 _ALONG_SHARE = 0.95
 _HALVINGS = 6
 _NOTHING = 1e-9
@@ -35,17 +35,19 @@ _SLACK = 1e-6
 
 
 class Along:
-    """Straight on to a goal; see `plan`."""
+    """A motion straight on to a goal; see `plan`."""
 
     def __init__(self, origin: Vector3, goal: Vector3, axes: Sequence[Vector3], trajectory: ruckig.Trajectory) -> None:
         self._origin, self._goal, self._axes, self._trajectory = origin, goal, axes, trajectory
         self.duration_s: float = trajectory.duration
         self.bend_s = self.duration_s
-        """So long it may move across, or turn back; then it goes straight on."""
+        """Until this time it may move across the line, or backwards; then it goes straight on."""
 
     @classmethod
     def plan(cls, start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float) -> Along | None:
-        """The motion to rest at a goal; None where the start is not along the way there, or the way is too long."""
+        """Plans the motion to rest at a goal. Returns None if the start is not along the line to the goal, or the line
+        is too long.
+        """
         way = goal - start.position
         length_m = way.norm()
         if length_m <= _NOTHING:
@@ -78,13 +80,13 @@ class Along:
         if ruckig.Ruckig(len(axes)).calculate(given, trajectory) != ruckig.Result.Working:
             return None
         found = cls(start.position, goal, axes, trajectory)
-        turned_s = _turned_s(velocity[0], acceleration[0], length_m, accelerations[0])
-        # What moves across ends by itself, as the axes are not synchronized.
-        found.bend_s = min(found.duration_s, max(turned_s, *trajectory.independent_min_durations[1:], 0.0))
+        forward_s = _forward_after_s(velocity[0], acceleration[0], length_m, accelerations[0])
+        # The motion across ends at its own time, because the axes are not synchronized.
+        found.bend_s = min(found.duration_s, max(forward_s, *trajectory.independent_min_durations[1:], 0.0))
         return found if found.is_within(limits) else None
 
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Position, velocity and acceleration at a time."""
+        """Returns position, velocity and acceleration at a time."""
         if time_s >= self.duration_s:
             return self._goal, Vector3(), Vector3()
         p, v, a = self._trajectory.at_time(max(0.0, time_s))
@@ -99,7 +101,9 @@ class Along:
         return Vector3(x, y, z)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether the velocities and accelerations, together, are allowed: a start at a limit may leave it askew."""
+        """Whether the velocities and accelerations of all axes together are allowed. From a start at a limit they may
+        exceed it.
+        """
         for look in range(_LOOKS + 1):
             _, v, a = self.at(self.duration_s * look / _LOOKS)
             share = acceleration_share(a, limits)
@@ -109,9 +113,9 @@ class Along:
         return True
 
 
-def _turned_s(speed_m_s: float, acceleration_m_s2: float, length_m: float, limit_m_s2: float) -> float:
-    """How long it may take until a motion along a line goes only forward; infinity where it may pass the goal."""
-    left_m_s = speed_m_s + acceleration_m_s2 * RAMP_S / 2  # at least, where it slows down; at most, where it speeds up
+def _forward_after_s(speed_m_s: float, acceleration_m_s2: float, length_m: float, limit_m_s2: float) -> float:
+    """Returns how long it may take until a motion along a line goes only forward; infinity if it may pass the goal."""
+    left_m_s = speed_m_s + acceleration_m_s2 * RAMP_S / 2  # a lower bound when it slows down, else an upper bound
     stop_m = max(speed_m_s, left_m_s) * RAMP_S + change_m(max(speed_m_s, left_m_s), 0.0, limit_m_s2)
     if stop_m > length_m:
         return math.inf
@@ -131,7 +135,7 @@ def _fits(numbers: Sequence[float], limits: Sequence[float]) -> bool:
 
 
 def _shares(axes: Sequence[Vector3], limits: Limits) -> tuple[float, float, float]:
-    """The shares of the limits for the motion along and across, so that all together they keep them."""
+    """Returns the shares of the limits for the motions along and across, with which all together keep the limits."""
     sides = list(itertools.product((-1.0, 1.0), repeat=3))
 
     def is_within(across: float, limit: Callable[[Vector3], float], share: Callable[[Vector3], float]) -> bool:

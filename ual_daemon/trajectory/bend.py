@@ -1,9 +1,10 @@
-"""From any motion to another velocity, and to a goal: what a trajectory that starts in motion begins with.
+"""The first part of a trajectory that starts in motion: from any motion to another velocity, to rest, or towards a
+goal.
 
-A motion that starts with an acceleration goes on with it: the acceleration turns at one jerk, as fast as allowed, to
-that of the change of velocity. What lies between two allowed accelerations is allowed; the velocities on that short way
-are looked at, and where they would leave the limits (the start is at its speed limit, say), the acceleration first dies
-out. That is always within the limits for whatever start these plans themselves lead to.
+A start with an acceleration is continued: with one constant jerk, as fast as allowed, the acceleration changes to that
+of the change of velocity. All accelerations between two allowed ones are allowed. The velocities meanwhile are checked;
+if they would leave the limits (for example from a start at the speed limit), the acceleration first decreases to 0.
+From any state that these plans themselves reach, this is always within the limits.
 """
 
 from __future__ import annotations
@@ -37,52 +38,52 @@ _LOOKS = 16
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of velocity that begins with an acceleration: that turns to another one within `turn_s`, which holds for
-    `hold_s` and dies out within `fall_s`.
+    """A change of velocity that begins with an acceleration: this changes within `blend_s` to `held`, which lasts for
+    `hold_s` and decreases to 0 within `fall_s`.
     """
 
     velocity: Vector3
     acceleration: Vector3
-    turn_s: float
-    turned: Vector3
+    blend_s: float
+    held: Vector3
     hold_s: float
     fall_s: float
 
     @classmethod
     def to(cls, after: Vector3, velocity: Vector3, acceleration: Vector3, limits: Limits) -> Change:
-        """The shortest one from a velocity with an acceleration to the velocity `after`, or nearly."""
+        """Plans the (almost) shortest change from a velocity with an acceleration to the velocity `after`."""
         if acceleration_share(acceleration, limits) <= _NO_ACCELERATION:
             change = after - velocity
             size = change.norm()
             if size < 1e-12:
                 return cls(velocity, Vector3(), 0.0, Vector3(), 0.0, 0.0)
             pulse = Pulse.shortest(size, acceleration_limit(change / size, limits))
-            turned = change / (pulse.ramp_s + pulse.hold_s)
-            return cls(velocity, Vector3(), pulse.ramp_s, turned, pulse.hold_s, pulse.ramp_s)
+            held = change / (pulse.ramp_s + pulse.hold_s)
+            return cls(velocity, Vector3(), pulse.ramp_s, held, pulse.hold_s, pulse.ramp_s)
 
-        def plan(turn_s: float) -> tuple[Vector3, float, float]:
-            missing = after - velocity - acceleration * (turn_s / 2)
+        def plan(blend_s: float) -> tuple[Vector3, float, float]:
+            missing = after - velocity - acceleration * (blend_s / 2)
             size = missing.norm()
             if size < 1e-12:
                 return Vector3(), 0.0, 0.0
             limit = acceleration_limit(missing / size, limits)
-            # From share * limit * (turn_s / 2 + share * RAMP_S / 2) = size.
-            share = 4 * size / limit / (turn_s + math.sqrt(turn_s**2 + 8 * size * RAMP_S / limit))
+            # From share * limit * (blend_s / 2 + share * RAMP_S / 2) = size.
+            share = 4 * size / limit / (blend_s + math.sqrt(blend_s**2 + 8 * size * RAMP_S / limit))
             if share < 1.0:
                 return missing * (share * limit / size), 0.0, share * RAMP_S
-            return missing * (limit / size), size / limit - (turn_s + RAMP_S) / 2, RAMP_S
+            return missing * (limit / size), size / limit - (blend_s + RAMP_S) / 2, RAMP_S
 
-        turn_s = _shortest(
-            lambda turn_s: acceleration_share(plan(turn_s)[0] - acceleration, limits) * RAMP_S,
+        blend_s = _shortest(
+            lambda blend_s: acceleration_share(plan(blend_s)[0] - acceleration, limits) * RAMP_S,
             acceleration_share(acceleration, limits) * RAMP_S,
         )
-        return cls(velocity, acceleration, turn_s, *plan(turn_s))
+        return cls(velocity, acceleration, blend_s, *plan(blend_s))
 
     def way(self) -> Vector3:
-        """How far it takes."""
-        v, a0, a1 = self.velocity, self.acceleration, self.turned
-        t, h, f = self.turn_s, self.hold_s, self.fall_s
-        # Of the velocity; of the acceleration at the start; of that which it turns to.
+        """Returns the displacement during the change."""
+        v, a0, a1 = self.velocity, self.acceleration, self.held
+        t, h, f = self.blend_s, self.hold_s, self.fall_s
+        # The parts of the initial velocity, of the initial acceleration, and of the held acceleration.
         of_v = t + h + f
         of_a0 = t * t / 3 + t * (h + f) / 2
         of_a1 = t * t / 6 + t * (h + f) / 2 + h * h / 2 + h * f + f * f / 3
@@ -93,27 +94,27 @@ class Change:
         )
 
     def append(self, pieces: Pieces, after: Vector3) -> None:
-        """Appends it to the motion that it was planned for."""
+        """Appends the change to the motion that it was planned for."""
         end = pieces.position + self.way()
-        if self.turn_s > 0.0:
-            pieces.add(self.turn_s, (self.turned - self.acceleration) / self.turn_s)
+        if self.blend_s > 0.0:
+            pieces.add(self.blend_s, (self.held - self.acceleration) / self.blend_s)
         pieces.add(self.hold_s, Vector3())
         if self.fall_s > 0.0:
-            pieces.add(self.fall_s, -self.turned / self.fall_s)
+            pieces.add(self.fall_s, -self.held / self.fall_s)
         pieces.settle(end, after)
 
     def is_within(self, limits: Limits) -> bool:
-        """Whether the velocities are allowed while the acceleration turns, and those at which it would have died out
-        if it did so from that moment on. The rest lies between allowed velocities.
+        """Whether the velocities are allowed while the acceleration changes, and the velocities that would be reached
+        if the acceleration decreased to 0 from then on. All other velocities are between allowed ones.
         """
         allowed = 1.0 + 1e-9
         for look in range(_LOOKS + 1):
             x = look / _LOOKS
-            acceleration = self.acceleration + (self.turned - self.acceleration) * x
-            velocity = self.velocity + (self.acceleration + acceleration) * (x * self.turn_s / 2)
+            acceleration = self.acceleration + (self.held - self.acceleration) * x
+            velocity = self.velocity + (self.acceleration + acceleration) * (x * self.blend_s / 2)
             died_out = velocity + acceleration * (acceleration_share(acceleration, limits) * RAMP_S / 2)
             share = max(speed_share(velocity, limits), speed_share(died_out, limits))
-            if look == 0:  # a start beyond the limits must not go further beyond
+            if look == 0:  # from a start beyond the limits it must not go further beyond
                 allowed = max(allowed, share)
             elif share > allowed:
                 return False
@@ -121,19 +122,19 @@ class Change:
 
 
 def _shortest(needed_s: Callable[[float], float], die_out_s: float) -> float:
-    """The shortest time that is as long as `needed_s` for it, or hardly longer."""
+    """Returns the (almost) shortest time that is at least `needed_s` of that time."""
     if needed_s(0.0) <= _NO_TIME_S:
         return 0.0
-    enough_s = die_out_s + RAMP_S  # to die out, and then to rise
+    enough_s = die_out_s + RAMP_S  # to decrease to 0, and then to increase to the limit
     if needed_s(die_out_s) <= die_out_s + _NO_TIME_S:
         enough_s = die_out_s
-    turn_s = largest(lambda turn_s: needed_s(turn_s) - turn_s, 0.0, enough_s, within=1e-6) + _NO_TIME_S
-    turn_s += max(0.0, needed_s(turn_s) - turn_s)
-    return turn_s if needed_s(turn_s) <= turn_s * (1.0 + 1e-7) + _NO_TIME_S else die_out_s + RAMP_S
+    blend_s = largest(lambda blend_s: needed_s(blend_s) - blend_s, 0.0, enough_s, within=1e-6) + _NO_TIME_S
+    blend_s += max(0.0, needed_s(blend_s) - blend_s)
+    return blend_s if needed_s(blend_s) <= blend_s * (1.0 + 1e-7) + _NO_TIME_S else die_out_s + RAMP_S
 
 
 def brake(start: Motion, limits: Limits) -> Pieces:
-    """From a motion to rest."""
+    """Plans the motion from a start to rest."""
     pieces = Pieces(start.position, start.velocity, start.acceleration)
     change = Change.to(Vector3(), start.velocity, start.acceleration, limits)
     if not change.is_within(limits):
@@ -144,10 +145,11 @@ def brake(start: Motion, limits: Limits) -> Pieces:
 
 
 def aim(start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float = math.inf) -> tuple[Pieces, Vector3, float]:
-    """The beginning of a motion to a goal: it bends to fly straight at it, as fast as can still be stopped there.
+    """Plans the first part of a motion to a goal: it bends until it flies straight at the goal, as fast as it can still
+    stop there.
 
-    Returns the motion so far, the direction of the straight line to the goal that it ends in, and how long that is.
-    Where the goal is too near for any, the motion ends at rest.
+    Returns this part, the direction of the straight line from its end to the goal, and the length of that line. If the
+    goal is too near for this, the part ends at rest.
     """
     pieces = Pieces(start.position, start.velocity, start.acceleration)
     change, direction, speed = _Aim(pieces, goal, limits, fastest_m_s).best()
@@ -159,7 +161,7 @@ def aim(start: Motion, goal: Vector3, limits: Limits, fastest_m_s: float = math.
 
 
 def _die_out(pieces: Pieces, limits: Limits) -> None:
-    """Appends to a motion what brings its acceleration to 0."""
+    """Appends a piece in which the acceleration decreases to 0."""
     duration_s = acceleration_share(pieces.acceleration, limits) * RAMP_S
     if duration_s > 0.0:
         pieces.add(duration_s, -pieces.acceleration / duration_s)
@@ -167,7 +169,7 @@ def _die_out(pieces: Pieces, limits: Limits) -> None:
 
 
 class _Aim:
-    """The search for the velocity, straight at a goal, that a motion bends to."""
+    """The search for the velocity straight at a goal to which a motion bends."""
 
     def __init__(self, pieces: Pieces, goal: Vector3, limits: Limits, fastest_m_s: float) -> None:
         self._velocity, self._acceleration = pieces.velocity, pieces.acceleration
@@ -176,13 +178,13 @@ class _Aim:
         self._fastest_m_s = fastest_m_s
 
     def best(self) -> tuple[Change, Vector3, float]:
-        """The change, the direction after it, and the speed: the largest one that can be stopped from at the goal, by
-        false position over the share of the speed limit. At rest it always can.
+        """Returns the change, the direction after it, and the largest speed from which it can stop at the goal, by
+        false position over the share of the speed limit. The speed 0 is always possible.
         """
         stop, left, left_m = self._bend(Vector3())
         direction = left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0)
         low, at_low = 0.0, self._stoppable_m_s(direction, left_m)
-        # No bend is longer than the way to stop and back.
+        # The bend is not longer than the distance to a stop and back.
         fastest = self._stoppable_m_s(direction, left_m + 2 * stop.way().norm())
         share, high, at_high = min(1.0, fastest / self._speed_limit(direction)), 1.0, -fastest
         for _ in range(_MOST_SPEEDS):
@@ -204,15 +206,15 @@ class _Aim:
         return stop, left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0), 0.0
 
     def _bend(self, velocity: Vector3) -> tuple[Change, Vector3, float]:
-        """The change to a velocity, the way that it leaves to the goal, and its length."""
+        """Returns the change to a velocity, the vector from its end to the goal, and the length of that vector."""
         change = Change.to(velocity, self._velocity, self._acceleration, self._limits)
         left = self._way - change.way()
         return change, left, left.norm()
 
     def _at(self, share: float, direction: Vector3, miss: float) -> tuple[Change, Vector3, float, float] | None:
-        """The change to a share of the largest speed that then hits the goal (or misses it by an angle), by fixed-point
-        iteration; with direction, speed and the way left. None where there is none to be found, or none that could be
-        stopped from.
+        """Returns the change to a share of the largest speed, straight at the goal (or up to the angle `miss` beside
+        it), by fixed-point iteration; with its direction, speed and the distance left. Returns None if it finds none,
+        or if the motion could not stop at the goal.
         """
         last_miss = math.inf
         for count in range(_MOST_AIMS):

@@ -1,13 +1,13 @@
 """The limits of a motion as sets of velocities, accelerations and jerks.
 
-A velocity is allowed whose horizontal part is within the horizontal limit and whose vertical part is within the limit
-of climb or descent; an acceleration likewise. Each set is convex and contains 0, so whatever lies between two allowed
-velocities (accelerations, jerks) is allowed: the plans of this package rely on that and on nothing else.
+A velocity is allowed if its horizontal part is within the horizontal limit and its vertical part is within the limit of
+climb or descent; the same holds for an acceleration. Each set is convex and contains 0. So all velocities
+(accelerations, jerks) between two allowed ones are allowed. The plans of this package need no other property.
 
-The jerk limit follows from the acceleration limit, which may be reached from 0 within `RAMP_S`: horizontally
-``horizontal_acceleration_m_s2 / RAMP_S``, vertically ``vertical_acceleration_m_s2 / RAMP_S``. The heading has its rate
-limit, ``yaw_rate_rad_s``; its acceleration limit is ``yaw_rate_rad_s / TURN_RAMP_S``, and its jerk limit that divided
-by `TURN_JERK_RAMP_S`.
+The jerk limit is such that the acceleration can rise from 0 to its limit within `RAMP_S`: horizontally
+``horizontal_acceleration_m_s2 / RAMP_S``, vertically ``vertical_acceleration_m_s2 / RAMP_S``. The heading has the rate
+limit ``yaw_rate_rad_s``; its acceleration limit is ``yaw_rate_rad_s / TURN_RAMP_S``, and its jerk limit is the
+acceleration limit divided by `TURN_JERK_RAMP_S`.
 """
 
 from __future__ import annotations
@@ -18,33 +18,36 @@ from ual.geometry import Vector3
 from ual.types import Limits
 
 RAMP_S = 0.4
-"""How long the acceleration takes to its limit; sets the jerk limit. PX4's default (MPC_JERK_AUTO 4 m/s^3 for
-MPC_ACC_HOR 3 m/s^2) is 0.75; a multirotor tilts to its limit within 0.3 s."""
+"""The time in which the acceleration rises to its limit; this sets the jerk limit. PX4's default (MPC_JERK_AUTO 4 m/s^3
+for MPC_ACC_HOR 3 m/s^2) is 0.75; a multirotor tilts to its limit within 0.3 s.
+"""
 TURN_RAMP_S = 0.5
-"""How long a turn takes to its full rate, at its full acceleration."""
+"""The time in which a turn reaches its full rate, with full acceleration."""
 TURN_JERK_RAMP_S = 0.25
-"""How long the acceleration of a turn takes to its limit."""
+"""The time in which the acceleration of a turn rises to its limit."""
 
 
 def speed_limit(direction: Vector3, limits: Limits) -> float:
-    """The largest speed along a unit vector, m/s, that keeps both the horizontal and the vertical limit."""
+    """Returns the largest speed along a unit vector, m/s, within both the horizontal and the vertical limit."""
     vertical = limits.climb_speed_m_s if direction.z > 0 else limits.descent_speed_m_s
     return _along(direction, limits.horizontal_speed_m_s, vertical)
 
 
 def acceleration_limit(direction: Vector3, limits: Limits) -> float:
-    """The largest acceleration along a unit vector, m/s^2; see `speed_limit`. Divided by `RAMP_S`, the largest jerk."""
+    """Returns the largest acceleration along a unit vector, m/s^2; see `speed_limit`. Divided by `RAMP_S` this is the
+    largest jerk.
+    """
     return _along(direction, limits.horizontal_acceleration_m_s2, limits.vertical_acceleration_m_s2)
 
 
 def speed_share(velocity: Vector3, limits: Limits) -> float:
-    """How much of the limits a velocity takes: at most 1 is within them."""
+    """Returns a velocity as a share of the limits: it is allowed up to 1."""
     vertical = limits.climb_speed_m_s if velocity.z > 0 else limits.descent_speed_m_s
     return max(math.hypot(velocity.x, velocity.y) / limits.horizontal_speed_m_s, abs(velocity.z) / vertical)
 
 
 def acceleration_share(acceleration: Vector3, limits: Limits) -> float:
-    """How much of the limits an acceleration takes. Times `RAMP_S`, that of a jerk."""
+    """Returns an acceleration as a share of the limits. Of a jerk, times `RAMP_S` this is its share."""
     return max(
         math.hypot(acceleration.x, acceleration.y) / limits.horizontal_acceleration_m_s2,
         abs(acceleration.z) / limits.vertical_acceleration_m_s2,
@@ -52,12 +55,12 @@ def acceleration_share(acceleration: Vector3, limits: Limits) -> float:
 
 
 def turn_acceleration_limit(limits: Limits) -> float:
-    """The largest acceleration of the heading, rad/s^2."""
+    """Returns the largest acceleration of the heading, rad/s^2."""
     return limits.yaw_rate_rad_s / TURN_RAMP_S
 
 
 def turn_jerk_limit(limits: Limits) -> float:
-    """The largest jerk of the heading, rad/s^3."""
+    """Returns the largest jerk of the heading, rad/s^3."""
     return turn_acceleration_limit(limits) / TURN_JERK_RAMP_S
 
 

@@ -1,7 +1,8 @@
-"""The nose always at a point, as far as it can turn.
+"""Points the nose at a point all the time, as far as the limits of the heading allow.
 
-Near the point, and right above it, it would have to turn faster than it may. There, and at the start, where it points
-elsewhere, a smooth turn takes its place, that begins before and ends behind: so long that it keeps the limits.
+Near the point, and directly above it, this would need faster turns than allowed. There, and at the start, where the
+nose points elsewhere, it makes a smooth turn instead. This turn begins earlier and ends later, so that it keeps the
+limits.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import cmath
 import functools
 import math
 from collections.abc import Callable
+
+from typing_extensions import override
 
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
@@ -23,7 +26,7 @@ Body = Callable[[float], tuple[Vector3, Vector3, Vector3]]
 
 _SAMPLE_S = 0.02
 _FREE_SHARE = 0.95
-"""Between the samples it may be a little more."""
+"""Less than 1, because the rate may be a little larger between the samples."""
 _TURN_SHARE = 0.98
 _FIRST_MARGIN_S = 0.25
 _WIDER = 1.4
@@ -33,8 +36,9 @@ _ABOVE_M = 1e-3
 
 @functools.lru_cache(maxsize=8)
 def free_m(speed_m_s: float, limits: Limits) -> float:
-    """How far from a point facing it takes less than the limits at any motion within them: with r the way to the point
-    as a complex number, the heading is arg r, and its derivatives are the imaginary parts of those of log r.
+    """Returns the distance from a point beyond which facing it stays within the limits, whatever the (allowed) motion
+    is. With r the vector to the point as a complex number, the heading is arg r, and its derivatives are the imaginary
+    parts of the derivatives of log r.
     """
 
     def is_free(distance_m: float) -> bool:
@@ -53,7 +57,7 @@ def free_m(speed_m_s: float, limits: Limits) -> float:
 
 
 class Facing(Heading):
-    """Faces a point on the way of a body."""
+    """The heading of a body that moves and faces a point."""
 
     def __init__(
         self,
@@ -73,6 +77,7 @@ class Facing(Heading):
         fastest_m_s = max(limits.horizontal_speed_m_s, start.velocity.horizontal_norm())
         self._patch(start, [] if is_far else self._too_fast(fastest_m_s))
 
+    @override
     def at(self, time_s: float, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, ...]:
         index = bisect.bisect_right(self._times, time_s) - 1
         if index >= 0:
@@ -86,7 +91,7 @@ class Facing(Heading):
         return self._facing(position, velocity, acceleration)
 
     def _is_last(self, index: int) -> bool:
-        """Whether a turn goes on to the end, where there may be nothing to face."""
+        """Whether a turn lasts until the end of the motion, where the point may be directly below."""
         return index + 1 == len(self._turns) and self._patched_s >= self._duration_s
 
     def _facing(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, float, float]:
@@ -104,7 +109,7 @@ class Facing(Heading):
         return self._facing(*self._body(time_s))
 
     def _too_fast(self, fastest_m_s: float) -> list[tuple[float, float]]:
-        """The spans of time in which facing the point would take more than the limits."""
+        """Returns the spans of time in which facing the point would exceed the limits."""
         spans: list[tuple[float, float]] = []
         far_m = free_m(fastest_m_s, self._limits)
         time_s, last_s = 0.0, -math.inf
@@ -120,17 +125,19 @@ class Facing(Heading):
                     spans.append((time_s, time_s))
             distance_m = math.hypot(self._point.x - body[0].x, self._point.y - body[0].y)
             last, last_s = now, time_s
-            time_s += max(_SAMPLE_S, (distance_m - far_m) / fastest_m_s)  # nothing can happen before
+            time_s += max(_SAMPLE_S, (distance_m - far_m) / fastest_m_s)  # before that, the body is too far away
         return spans
 
     def _is_too_fast(self, last: tuple[float, float, float], now: tuple[float, float, float], passed_s: float) -> bool:
         _, rate, acceleration = now
-        # As it would be if the turn were stopped from here.
+        # The largest rate if the turn were stopped from here.
         rate = abs(rate) + acceleration**2 / turn_jerk_limit(self._limits) / 2
         jerk = 0.0
         if passed_s < 1.5 * _SAMPLE_S:
             jerk = (acceleration - last[2]) / passed_s
-            rate = max(rate, abs(wrap_angle(now[0] - last[0])) / (1.1 * passed_s))  # right above, it has no rate
+            rate = max(
+                rate, abs(wrap_angle(now[0] - last[0])) / (1.1 * passed_s)
+            )  # directly above, `rate` is not valid
         return not (
             abs(rate) <= _FREE_SHARE * self._limits.yaw_rate_rad_s
             and abs(acceleration) <= _FREE_SHARE * turn_acceleration_limit(self._limits)
@@ -138,12 +145,12 @@ class Facing(Heading):
         )
 
     def _patch(self, start: Motion, blind: list[tuple[float, float]]) -> None:
-        """Puts smooth turns in place of the start and of the spans in which it cannot face the point."""
+        """Replaces the heading at the start, and in the spans in which it cannot face the point, by smooth turns."""
         yaw = (start.yaw_rad, start.yaw_rate_rad_s, start.yaw_acceleration_rad_s2)
         facing = self._at(0.0)
         if any(abs(d) > 1e-9 for d in (wrap_angle(yaw[0] - facing[0]), yaw[1] - facing[1], yaw[2] - facing[2])):
             blind = [(0.0, 0.0), *(span for span in blind if span[1] > 0.0)]
-        free_s = 0.0  # up to here it is settled
+        free_s = 0.0  # until this time the heading is planned
         while blind:
             (begin_s, end_s), *blind = blind
             margin_s = _FIRST_MARGIN_S
@@ -167,8 +174,8 @@ class Facing(Heading):
     def _turns_between(
         self, from_s: float, begin: tuple[float, float, float], to_s: float
     ) -> list[tuple[float, Turn | Polynomial]]:
-        """A turn that goes on from one moment until it faces the point again at another, within the limits; or else one
-        to a halt and another from there. Empty where there is none.
+        """Returns one turn from the heading at one time to facing the point at another, within the limits; or else a
+        turn to a halt and one from there. Returns nothing if neither is possible.
         """
         end = self._end_of(begin, from_s, to_s)
         if end is None:
@@ -189,8 +196,9 @@ class Facing(Heading):
     def _end_of(
         self, begin: tuple[float, float, float], from_s: float, to_s: float
     ) -> tuple[float, float, float] | None:
-        """Where a turn ends: facing the point again, by the shorter way round. Where it ends for good right above the
-        point: wherever it gets to; on the way there: nowhere.
+        """Returns the heading, rate and acceleration with which a turn ends: facing the point, by the smaller angle.
+        Directly above the point this is not defined: at the end of the motion any heading will do, before that returns
+        None.
         """
         yaw, rate, acceleration = self._at(min(to_s, self._duration_s))
         if math.isinf(rate):

@@ -1,4 +1,4 @@
-"""Where the nose points on the way: turns from one heading to another, or always at a point."""
+"""Where the nose points: turns from one heading to another, or at a point all the time."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import bisect
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+
+from typing_extensions import override
 
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
@@ -15,21 +17,22 @@ from ual_daemon.trajectory.turn import Turn
 
 
 class Heading(ABC):
-    """The heading at each moment of a motion."""
+    """The heading at each time of a motion."""
 
     end_s: float
     """When it has come to rest."""
 
     @abstractmethod
     def at(self, time_s: float, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, ...]:
-        """Heading, its rate and acceleration, at a time, where and however the UAV then is."""
+        """Returns the heading, its rate and its acceleration at a time. The UAV then has the given motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
-    """A heading as a polynomial of the fifth degree in time, by its values and first two derivatives at both ends.
+    """A heading as a polynomial of the fifth degree in time, given by its values and first two derivatives at both
+    ends.
 
-    `end` counts on from `begin`: their difference is the turn.
+    `end` is not wrapped: the difference to `begin` is the angle of the turn.
     """
 
     duration_s: float
@@ -37,7 +40,7 @@ class Polynomial:
     end: tuple[float, float, float]
 
     def at(self, time_s: float) -> tuple[float, float, float]:
-        """Heading, its rate and acceleration, at a time from 0 to its duration."""
+        """Returns the heading, its rate and its acceleration at a time from 0 to the duration."""
         (p0, v0, a0), h = self.begin, self.duration_s
         c3, c4, c5 = self._coefficients()
         x = time_s / h
@@ -48,7 +51,7 @@ class Polynomial:
         )
 
     def largest_jerk(self) -> float:
-        """The largest magnitude of its third derivative, rad/s^3."""
+        """Returns the largest magnitude of the third derivative, rad/s^3."""
         c3, c4, c5 = self._coefficients()
         places = [0.0, 1.0]
         if c5 != 0.0 and 0.0 < -c4 / (5 * c5) < 1.0:
@@ -56,14 +59,14 @@ class Polynomial:
         return max(abs(6 * c3 + x * (24 * c4 + x * 60 * c5)) for x in places) / self.duration_s**3
 
     def _coefficients(self) -> tuple[float, float, float]:
-        """Of what is added, over the share of the time, to the parabola that goes on from the start."""
+        """Returns the coefficients of what is added, over the share of the time, to the parabola of the start."""
         (p0, v0, a0), (p1, v1, a1), h = self.begin, self.end, self.duration_s
         dp, dv, da = p1 - p0 - (v0 + a0 * h / 2) * h, (v1 - v0 - a0 * h) * h, (a1 - a0) * h * h
         return 10 * dp - 4 * dv + da / 2, -15 * dp + 7 * dv - da, 6 * dp - 3 * dv + da / 2
 
 
 def turn_s(turn_rad: float, limits: Limits) -> float:
-    """How long a turn from rest to rest by a `Polynomial` takes at least, by the peaks of its derivatives."""
+    """Returns the shortest duration of a turn from rest to rest by a `Polynomial` (from its derivatives' peaks)."""
     turn = abs(turn_rad)
     return max(
         1.875 * turn / limits.yaw_rate_rad_s,
@@ -73,9 +76,10 @@ def turn_s(turn_rad: float, limits: Limits) -> float:
 
 
 class Turns(Heading):
-    """One turn after the other, each as short as its limits or as long as is asked; between them it stays.
+    """A sequence of turns, each as short as the limits allow or as long as requested. In between the heading is
+    constant.
 
-    A turn that is to begin before the one before has ended begins then.
+    A turn begins at its time, or at the end of the turn before it if that is later.
     """
 
     def __init__(self, start: Motion, limits: Limits) -> None:
@@ -87,7 +91,7 @@ class Turns(Heading):
         self.end_s = 0.0
 
     def turn_to(self, yaw_rad: float | None, begin_s: float, end_s: float) -> None:
-        """Adds a turn, by the shorter way, after all others; None only ends one that the start is in."""
+        """Appends a turn by the smaller angle. For None it only ends the turn that the start is in."""
         begin_s = max(begin_s, self.end_s)
         turn: Turn | Polynomial
         if self._start is not None:
@@ -107,9 +111,10 @@ class Turns(Heading):
 
     @property
     def end_rad(self) -> float:
-        """The heading after all turns so far."""
+        """The heading after all turns that were added so far."""
         return self._yaw_rad
 
+    @override
     def at(self, time_s: float, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, ...]:
         index = bisect.bisect_right(self._times, time_s) - 1
         if index < 0:

@@ -1,4 +1,4 @@
-"""A straight leg, from one speed to another, and the corner at its end."""
+"""A straight leg from one speed to another, with the corner at its end."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ual_daemon.trajectory.pulse import Pulse, change_m
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """Speeds up (or slows down) to a peak along a direction, keeps that, and changes to the speed at its end; then the
-    velocity changes, by a pulse, to that of the next leg. The accelerations are 0 in between.
+    """Changes the speed along a direction to a peak, keeps it, and changes it to the speed at the end. Then the
+    velocity changes by a pulse to that of the next leg. The acceleration is 0 in between.
     """
 
     begin: Vector3
@@ -36,7 +36,7 @@ class Leg:
         corner: Pulse | None = None,
         next_direction: Vector3 | None = None,
     ) -> Leg:
-        """A leg whose straight part is `way_m` long, with the speeds before, on, and after it."""
+        """Plans a leg whose straight part is `way_m` long, with the speeds before, on, and after it."""
         before, peak, after = speeds_m_s
         ramps_m = change_m(before, peak, acceleration_m_s2) + change_m(peak, after, acceleration_m_s2)
         return cls(
@@ -54,20 +54,20 @@ class Leg:
 
     @property
     def straight_s(self) -> float:
-        """How long the straight part takes."""
+        """The duration of the straight part."""
         return self.up.duration_s + self.cruise_s + self.down.duration_s
 
     @property
     def duration_s(self) -> float:
-        """How long it takes, its corner included."""
+        """The duration, including the corner."""
         return self.straight_s + self.corner.duration_s
 
     def along_m(self, time_s: float) -> float:
-        """The way along the straight part."""
+        """The length of the straight part."""
         return self._along(min(time_s, self.straight_s))[0]
 
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Position, velocity and acceleration at a time from 0 to its duration."""
+        """Returns position, velocity and acceleration at a time from 0 to the duration."""
         straight_s = self.straight_s
         d, p = self.direction, self.begin
         s, v, a = self._along(min(time_s, straight_s))
@@ -81,7 +81,7 @@ class Leg:
         return position + onward * t + change * way, onward + change * speed, change * acceleration
 
     def _along(self, t: float) -> tuple[float, float, float]:
-        """Way, speed and acceleration on the straight part."""
+        """Returns distance, speed and acceleration on the straight part."""
         before, peak = self.before_m_s, self.peak_m_s
         up_s = self.up.duration_s
         if t < up_s:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from typing_extensions import override
+
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.trajectory.along import Along
@@ -20,11 +22,11 @@ _SAME_PLACE_M = 1e-9
 
 
 class Line(Trajectory):
-    """A straight line to a goal, heading in step, time-optimal and jerk-limited.
+    """A straight line to a goal with a synchronized heading, time-optimal and jerk-limited.
 
-    From rest the line is exactly straight. A start in motion along the line goes on; one in another direction bends to
-    the straight line to the goal, or stops where the goal is too near for that. The heading takes the shorter way round
-    and as long as the line; where it needs longer, a line from rest is flown slower.
+    From rest the line is exactly straight. A motion along the line is continued. A motion in another direction bends to
+    a straight line to the goal, or stops first if the goal is too near for that. The heading turns by the smaller
+    angle, in the same time as the line takes; if it needs longer, a line from rest is flown slower.
     """
 
     def __init__(
@@ -45,9 +47,11 @@ class Line(Trajectory):
         self.duration_s = max(self._way.duration_s, self._turn.duration_s)
         self._end = Motion(goal, wrap_angle(goal_yaw_rad))
 
+    @override
     def bends_s(self) -> Iterable[tuple[float, float]]:
         return ((0.0, self._way.bend_s),)
 
+    @override
     def at(self, time_s: float) -> Motion:
         if time_s >= self.duration_s:
             return self._end
@@ -57,7 +61,7 @@ class Line(Trajectory):
 
 
 class Brake(Trajectory):
-    """From motion to rest, within the limits; straight ahead where the motion is not accelerated."""
+    """A motion from a start to rest, within the limits; straight ahead if the start has no acceleration."""
 
     def __init__(self, start: Motion, limits: Limits) -> None:
         self.limits = limits
@@ -66,6 +70,7 @@ class Brake(Trajectory):
         self.duration_s = max(self._pieces.duration_s, self._turn.duration_s)
         self.length_m = (self._pieces.position - start.position).norm()
 
+    @override
     def at(self, time_s: float) -> Motion:
         position, velocity, acceleration = self._pieces.at(time_s)
         yaw, yaw_rate, yaw_acceleration = self._turn.at(time_s)
@@ -73,7 +78,7 @@ class Brake(Trajectory):
 
 
 class _BentLine:
-    """A bend, and the straight line behind it; not faster than `within_s`."""
+    """A bend and the straight line after it. It takes at least `within_s`."""
 
     def __init__(
         self,
@@ -100,7 +105,7 @@ class _BentLine:
     def from_rest(
         cls, begin: Vector3, goal: Vector3, limits: Limits, max_speed_m_s: float, within_s: float
     ) -> _BentLine:
-        """A line without a bend."""
+        """Plans a line without a bend."""
         way = goal - begin
         length_m = way.norm()
         direction = way / length_m if length_m > 0.0 else Vector3(1.0, 0.0, 0.0)
@@ -108,7 +113,7 @@ class _BentLine:
         return cls(rest, direction, length_m, goal, limits, max_speed_m_s, within_s)
 
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Position, velocity and acceleration at a time."""
+        """Returns position, velocity and acceleration at a time."""
         if time_s >= self.duration_s:
             return self._goal, Vector3(), Vector3()
         if self._leg is None or time_s < self._bend.duration_s:
@@ -117,7 +122,7 @@ class _BentLine:
 
 
 def _peak_m_s(begin_m_s: float, way_m: float, fastest_m_s: float, acceleration: float, within_s: float) -> float:
-    """The speed on a way to rest: the largest one with which it takes no less than `within_s`."""
+    """Returns the largest peak speed with which the motion to rest takes at least `within_s`."""
     peak = peak_m_s(begin_m_s, 0.0, way_m, fastest_m_s, acceleration)
 
     def longer_s(peak: float) -> float:
@@ -127,4 +132,4 @@ def _peak_m_s(begin_m_s: float, way_m: float, fastest_m_s: float, acceleration: 
 
     if longer_s(peak) >= 0.0:
         return peak
-    return largest(longer_s, way_m / within_s, peak)  # slower than the mean speed is slow enough
+    return largest(longer_s, way_m / within_s, peak)  # a peak below the mean speed would take longer than `within_s`

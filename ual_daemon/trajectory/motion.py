@@ -1,4 +1,4 @@
-"""What a trajectory is: a motion at each moment."""
+"""The interface of trajectories: a motion at each time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual.types import Limits
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A moment of a reference in the local frame: where, how fast, and heading. Derivatives are by time, in s."""
+    """The state of a trajectory at one time, in the local frame: position, heading, and their derivatives by time."""
 
     position: Vector3
     yaw_rad: float
@@ -23,34 +23,34 @@ class Motion:
 
 
 class Trajectory(ABC):
-    """A reference from its start (0) to its end (`duration_s`), where it stands still."""
+    """A motion from its start (time 0) to its end (`duration_s`), where it is at rest."""
 
     duration_s: float
     length_m: float
     limits: Limits
-    """What it keeps."""
+    """The limits that it keeps."""
     stops_s: Sequence[float] = ()
-    """When it stands still at a waypoint on the way."""
+    """The times at which it is at rest at a waypoint before the end."""
 
     @abstractmethod
     def at(self, time_s: float) -> Motion:
-        """The reference at a time; before the start and after the end, that at the start and the end."""
+        """Returns the state at a time; before the start that of the start, after the end that of the end."""
 
     def end(self) -> Motion:
-        """Where it ends."""
+        """Returns the position of the end."""
         return self.at(self.duration_s)
 
     def bends_s(self) -> Iterable[tuple[float, float]]:
-        """From when to when, in order, it may bend, turn back, or (of no duration) stop for a corner. From one to the
-        next it flies straight on, so that the two places tell where it goes.
+        """Yields, in order, the spans of time in which it may bend, reverse, or (without duration) stop for a corner.
+        Between two spans it flies straight, so that the positions at their ends define the line.
         """
         return ((0.0, self.duration_s),)
 
     def waypoint_at(self, time_s: float) -> int:
-        """The number of the waypoint it is flying to at a time."""
+        """Returns the number of the waypoint that it is flying to at a time."""
         del time_s
         return 0
 
     def length_left_m(self, time_s: float) -> float:
-        """The way left at a time."""
+        """Returns the distance left along the path at a time."""
         return (self.end().position - self.at(time_s).position).norm()

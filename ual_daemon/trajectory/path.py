@@ -8,6 +8,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from typing_extensions import override
+
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, PathHeading
@@ -24,14 +26,14 @@ _SAME_PLACE_M = 1e-6
 _LEAST_CUT_M = 1e-3
 _SHARPEST_ROUNDED_CORNER = math.cos(math.radians(170.0))
 _VERTICAL = 1e-3
-"""The horizontal part of a direction below which it has no azimuth."""
+"""A direction with a smaller horizontal part has no azimuth."""
 _SAME_TURN_RAD = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A place to pass, in the local frame; the heading there (None: the one before), and the speed limit on the leg
-    that ends there (None: no other than the UAV's).
+    """A position to pass, in the local frame, the heading there (None: keep the one before), and the speed limit on the
+    leg that ends there (None: only the UAV's).
     """
 
     position: Vector3
@@ -40,10 +42,10 @@ class Waypoint:
 
 
 class Chain(Trajectory):
-    """One trajectory after the other, standing still in between."""
+    """A sequence of trajectories, at rest in between."""
 
     def __init__(self, parts: Sequence[tuple[Trajectory, int, int]]) -> None:
-        """`parts` come with the number of the first waypoint of each, and whether (1 or 0) it ends at one."""
+        """Each part comes with the number of its first waypoint, and whether (1 or 0) it ends at a waypoint."""
         self._parts = parts
         self.limits = parts[0][0].limits
         self._starts = [0.0]
@@ -58,23 +60,27 @@ class Chain(Trajectory):
             after.append(left)
         self._length_after = after[::-1]
 
+    @override
     def at(self, time_s: float) -> Motion:
         if time_s >= self.duration_s:
-            return self._parts[-1][0].end()  # exactly, not by a difference of times
+            return self._parts[-1][0].end()  # without the rounding of a difference of times
         index = self._index(time_s)
         return self._parts[index][0].at(time_s - self._starts[index])
 
+    @override
     def bends_s(self) -> Iterable[tuple[float, float]]:
         for start_s, (part, _, _) in zip(self._starts, self._parts, strict=True):
-            yield start_s, start_s  # where it stood still
+            yield start_s, start_s  # at rest
             for begin_s, end_s in part.bends_s():
                 yield start_s + begin_s, start_s + end_s
 
+    @override
     def waypoint_at(self, time_s: float) -> int:
         index = self._index(time_s)
         part, first, _ = self._parts[index]
         return first + part.waypoint_at(time_s - self._starts[index])
 
+    @override
     def length_left_m(self, time_s: float) -> float:
         index = self._index(time_s)
         return self._parts[index][0].length_left_m(time_s - self._starts[index]) + self._length_after[index]
@@ -91,22 +97,22 @@ def path(
     heading: PathHeading = PathHeading.WAYPOINTS,
     point_of_interest: Vector3 | None = None,
 ) -> Trajectory:
-    """A trajectory from `start` through the waypoints to rest at the last one.
+    """Plans a trajectory from `start` through the waypoints to rest at the last one.
 
-    A corner is rounded: it leaves its legs at most `corner_radius_m` from the waypoint. It stops where that is 0, where
-    the corner is (almost) a reversal, and where it turns on the spot. Waypoints that lie within a tenth of the radius
-    of a straight line between others (a recorded track) count as lying on it. A start in motion bends towards the
-    first waypoint.
+    Corners are rounded: the trajectory leaves a leg at most `corner_radius_m` before the waypoint. It stops at a
+    waypoint if the radius is 0, if the corner is (almost) a reversal, and if it has to turn there. Waypoints within a
+    tenth of the radius from a straight line between others (a recorded track) count as points on that line. A start in
+    motion bends towards the first waypoint.
 
-    The nose, always within the limits of the turn:
+    The heading, always within its limits:
 
-    - `WAYPOINTS`: turns from the heading of each waypoint to that of the next in step with the leg between them, by the
-      shorter way. A leg that is too short for its turn is flown slower.
+    - `WAYPOINTS`: turns from the heading of each waypoint to that of the next one during the leg between them, by the
+      smaller angle. A leg that is too short for its turn is flown slower.
     - `FIXED`: stays as it is at the start.
-    - `ALONG_PATH`: points along the leg; vertical legs keep the heading before. It turns standing at the start and at
-      stops, and at rounded corners while these are flown. Legs that are too short to turn so are flown slower.
-    - `POINT_OF_INTEREST`: faces the point; from a start that points elsewhere, and very near to the point, by smooth
-      turns (see `facing`). `point_of_interest` is required then.
+    - `ALONG_PATH`: points along the leg; vertical legs keep the heading before. It turns at rest at the start and at
+      stops, and during rounded corners. Legs that are too short for these turns are flown slower.
+    - `POINT_OF_INTEREST`: faces the point. From a start with another heading, and very near to the point, it makes
+      smooth turns (see `facing`). Requires `point_of_interest`.
     """
     if not goals:
         raise InvalidArgumentError("goals: there are none", {"field": "goals"})
@@ -116,7 +122,7 @@ def path(
 
 
 class _Planner:
-    """Cuts a path at its stops, and plans what is between them."""
+    """Cuts a path at its stops, and plans the parts in between."""
 
     def __init__(
         self,
@@ -159,7 +165,7 @@ class _Planner:
         return into.dot(out) >= _SHARPEST_ROUNDED_CORNER * before_m * after_m
 
     def _between(self, now: Motion, first: int, last: int) -> list[Trajectory]:
-        """What leads from one stop to the next."""
+        """Plans the part from one stop to the next."""
         if self._heading is PathHeading.POINT_OF_INTEREST:
             if (self._points[last] - now.position).norm() < _SAME_PLACE_M and last - first == 1:
                 return [Line(now, self._points[last], now.yaw_rad, self._limits)]
@@ -187,20 +193,20 @@ class _Planner:
         return Line(now, self._points[last], yaw_rad, self._limits, self._fastest[last - 1])
 
     def _run(self, now: Motion, first: int, last: int) -> Run:
-        """The legs from waypoint `first` to `last`, without a stop."""
+        """Plans the legs from waypoint `first` to `last`, without a stop."""
         limits = self._limits
         bend = Pieces(now.position, now.velocity, now.acceleration)
         if not _is_resting(now):
             bend, _, _ = aim(now, self._points[first + 1], limits, self._fastest[first])
-        # The bend leads to the first waypoint, so that one must stay.
+        # The bend ends towards the first waypoint, so this waypoint must not be left out.
         numbers = self._kept(first, last) if _is_resting(now) else [first, *self._kept(first + 1, last)]
         points = [bend.position, *(self._points[number] for number in numbers[1:])]
-        if (points[1] - points[0]).norm() < _SAME_PLACE_M:  # the bend has come to rest at the first waypoint
+        if (points[1] - points[0]).norm() < _SAME_PLACE_M:  # the bend ends at rest at the first waypoint
             del points[0], numbers[0]
         fastest = [self._fastest[number - 1] for number in numbers[1:]]
         yaws = [self._yaws[number] for number in numbers]
         azimuths = _azimuths(points, now.yaw_rad)
-        # Only a leg between neighbours must not be left further from its ends than the radius.
+        # Only a leg between neighbours must be left within the radius from its ends.
         reach = [self._radius_m if there == here + 1 else math.inf for here, there in itertools.pairwise(numbers)]
         run = Run(bend, points, fastest, self._least_s(yaws, azimuths), reach, self._radius_m, limits)
         run.passes_s = self._passes(run, first, numbers)
@@ -208,14 +214,14 @@ class _Planner:
         return run
 
     def _kept(self, first: int, last: int) -> list[int]:
-        """The waypoints, of those from one to another, that are no mere points of a line between others."""
+        """Returns the waypoints, from one to another, that are not just points on a straight line between others."""
         yaws = _unwrapped(self._yaws[first : last + 1]) if self._heading is PathHeading.WAYPOINTS else None
         within_m = self._radius_m * CLOSE_SHARE
         numbers = kept(self._points[first : last + 1], self._fastest[first:last], yaws, within_m, _SAME_TURN_RAD)
         return [first + number for number in numbers]
 
     def _passes(self, run: Run, first: int, numbers: Sequence[int]) -> list[float]:
-        """When each waypoint behind `first` is passed."""
+        """Returns the times at which the waypoints after `first` are passed."""
         passes: list[float] = [run.bend_s] if numbers[0] > first else []
         ends_s = [*run.corners_s, run.motion_s]
         for index, (here, there) in enumerate(itertools.pairwise(numbers)):
@@ -225,7 +231,7 @@ class _Planner:
         return passes
 
     def _least_s(self, yaws: Sequence[float], azimuths: Sequence[float]) -> list[float]:
-        """How long each leg must take for the nose to keep step."""
+        """Returns how long each leg must at least take, so that the heading can turn in that time."""
         if self._heading is PathHeading.WAYPOINTS:
             return [turn_s(wrap_angle(b - a), self._limits) for a, b in itertools.pairwise(yaws)]
         if self._heading is PathHeading.ALONG_PATH:
@@ -269,7 +275,7 @@ def _azimuth(way: Vector3, otherwise_rad: float) -> float:
 
 
 def _azimuths(points: Sequence[Vector3], before_rad: float) -> list[float]:
-    """The azimuth of each leg; a vertical one has that before."""
+    """Returns the azimuth of each leg; a vertical leg has the azimuth of the leg before."""
     found = []
     for begin, end in itertools.pairwise(points):
         before_rad = _azimuth(end - begin, before_rad)

@@ -1,4 +1,4 @@
-"""Motion made of pieces of constant jerk, one after the other."""
+"""Motion made of consecutive pieces with constant jerk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual.geometry import Vector3
 class Pieces:
     """A motion whose position, velocity and acceleration are continuous, and whose jerk is constant in each piece.
 
-    It is built from its start on, by `add`; after the last piece it stays as that one ended.
+    `add` appends a piece at the end. After the last piece, it keeps the state of that piece's end.
     """
 
     def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> None:
@@ -20,7 +20,7 @@ class Pieces:
         self._rows: list[tuple[Vector3, Vector3, Vector3, Vector3]] = []
 
     def add(self, duration_s: float, jerk: Vector3) -> None:
-        """One more piece."""
+        """Appends a piece."""
         if duration_s <= 0.0:
             return
         row = (self.position, self.velocity, self.acceleration, jerk)
@@ -30,13 +30,15 @@ class Pieces:
         self.duration_s += duration_s
 
     def settle(self, position: Vector3, velocity: Vector3) -> None:
-        """Says where and how fast the last piece ends, without acceleration, exactly: what is only the sum of many
-        roundings else.
+        """Sets the exact position and velocity of the last piece's end, without acceleration. This removes the rounding
+        errors that have added up.
         """
         self.position, self.velocity, self.acceleration = position, velocity, Vector3()
 
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Position, velocity and acceleration at a time; before the start and after the end, those there."""
+        """Returns position, velocity and acceleration at a time; before the start those of the start, after the end
+        those of the end.
+        """
         if not self._rows or time_s >= self.duration_s:
             return self.position, self.velocity, self.acceleration
         time_s = max(0.0, time_s)

@@ -1,9 +1,10 @@
-"""Changes of speed and of velocity, from one without acceleration to another, as fast as acceleration and jerk allow.
+"""Changes of speed and of velocity as fast as acceleration and jerk allow. The acceleration is 0 before and after.
 
-The acceleration rises within a ramp, may hold, and falls within such a ramp, always along the difference of the
-velocities: so all velocities on the way lie between the two. It is symmetrical in time, so the way is that of the mean
-velocity. A corner, too, is such a change: it leaves one leg and joins the next equally far from where they meet (the
-parabolic blends of textbooks, as Biagiotti and Melchiorri make them smooth: by ramps of the acceleration).
+The acceleration rises in a ramp, may hold, and falls in an equal ramp, always along the difference of the velocities.
+So all velocities meanwhile are between the two. The change is symmetrical in time, so the displacement is that of the
+mean velocity. A corner is also such a change: it leaves one leg and joins the next one at equal distances from the
+point where they meet (the parabolic blends of textbooks, smoothed by ramps of the acceleration as in Biagiotti and
+Melchiorri).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Pulse:
 
     @classmethod
     def shortest(cls, change_m_s: float, acceleration_m_s2: float) -> Pulse:
-        """The shortest one for a change of speed."""
+        """Returns the shortest pulse for a change of speed."""
         hold_s = change_m_s / acceleration_m_s2 - RAMP_S
         if hold_s >= 0.0:
             return cls(RAMP_S, hold_s)
@@ -32,11 +33,11 @@ class Pulse:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes."""
+        """The duration."""
         return 2 * self.ramp_s + self.hold_s
 
     def at(self, time_s: float) -> tuple[float, float, float]:
-        """For a change of 1 m/s from rest: the way, the speed and the acceleration at a time from 0 to its duration."""
+        """Returns distance, speed and acceleration at a time (0 to the duration), for a change of 1 m/s from rest."""
         ramp, hold = self.ramp_s, self.hold_s
         if ramp == 0.0:
             return 0.0, 0.0, 0.0
@@ -55,7 +56,7 @@ class Pulse:
 
 
 def change_s(change_m_s: float, acceleration_m_s2: float) -> float:
-    """How long the shortest change of speed takes."""
+    """Returns the duration of the shortest change of speed."""
     change_m_s = abs(change_m_s)
     if change_m_s >= acceleration_m_s2 * RAMP_S:
         return change_m_s / acceleration_m_s2 + RAMP_S
@@ -63,13 +64,13 @@ def change_s(change_m_s: float, acceleration_m_s2: float) -> float:
 
 
 def change_m(before_m_s: float, after_m_s: float, acceleration_m_s2: float) -> float:
-    """The way of the shortest change of speed along a straight line."""
+    """Returns the distance of the shortest change of speed along a straight line."""
     return (before_m_s + after_m_s) / 2 * change_s(after_m_s - before_m_s, acceleration_m_s2)
 
 
 def fastest_change_m_s(way_m: float, acceleration_m_s2: float) -> float:
-    """The largest speed from which one can stop within a way; or that a change by as much, at the same mean speed as
-    stopping, is made at within that way.
+    """Returns the largest speed from which it is possible to stop within a distance. A change of velocity of the same
+    size and mean speed needs the same distance.
     """
     if way_m >= acceleration_m_s2 * RAMP_S**2:
         return (math.sqrt(RAMP_S**2 + 8 * way_m / acceleration_m_s2) - RAMP_S) * acceleration_m_s2 / 2
@@ -77,9 +78,9 @@ def fastest_change_m_s(way_m: float, acceleration_m_s2: float) -> float:
 
 
 def peak_m_s(before_m_s: float, after_m_s: float, way_m: float, fastest_m_s: float, acceleration_m_s2: float) -> float:
-    """The speed that is changed to, kept, and changed from, on a way between two speeds: as large as the way allows.
+    """Returns the largest speed that a motion can reach, and keep, on a distance between two given speeds.
 
-    The way must be long enough for the change from one speed to the other.
+    The distance must be long enough for the change from one speed to the other.
     """
 
     def spare_m(peak: float) -> float:
@@ -88,7 +89,7 @@ def peak_m_s(before_m_s: float, after_m_s: float, way_m: float, fastest_m_s: flo
     if spare_m(fastest_m_s) >= 0.0:
         return fastest_m_s
     lowest = max(before_m_s, after_m_s)
-    # Where both changes reach the limit of the acceleration.
+    # The solution if both changes reach the limit of the acceleration.
     a, r = acceleration_m_s2, RAMP_S
     rest = (before_m_s + after_m_s) * r / 2 - (before_m_s**2 + after_m_s**2) / (2 * a) - way_m
     peak = (math.sqrt(max(0.0, r * r - 4 * rest / a)) - r) * a / 2
@@ -96,8 +97,8 @@ def peak_m_s(before_m_s: float, after_m_s: float, way_m: float, fastest_m_s: flo
 
 
 def largest(spare: Callable[[float], float], low: float, high: float, within: float = 1e-13) -> float:
-    """The largest value for which a falling function is not negative, to a relative precision, by false position
-    (Illinois). It is not negative at `low`, and may be at `high`.
+    """Returns the largest value for which a falling function is not negative, to a relative precision, by false
+    position (Illinois). The function must not be negative at `low`; it may be at `high`.
     """
     at_low, at_high = spare(low), spare(high)
     if at_high >= 0.0:

@@ -1,4 +1,4 @@
-"""Several legs flown without a stop, their corners rounded."""
+"""Several legs without a stop, with rounded corners."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+
+from typing_extensions import override
 
 from ual.geometry import Vector3
 from ual.types import Limits
@@ -19,43 +21,43 @@ from ual_daemon.trajectory.pulse import Pulse, change_m, change_s, fastest_chang
 
 _STRAIGHT_ON = 1e-9
 CLOSE_SHARE = 0.1
-"""What is so near to the legs, in shares of the corner radius, counts as on them."""
+"""A point that is this near to a leg, as a share of the corner radius, counts as on the leg."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Corner:
-    """Where two legs meet: how much the direction changes (a difference of unit vectors), and what it may take."""
+    """Where two legs meet: the change of direction (a difference of unit vectors), and the largest acceleration."""
 
     change: float
     acceleration_m_s2: float
 
     def duration_s(self, speed_m_s: float) -> float:
-        """How long it takes at a speed."""
+        """Returns the duration at a speed."""
         return change_s(self.change * speed_m_s, self.acceleration_m_s2) if self.change > _STRAIGHT_ON else 0.0
 
     def cut_m(self, speed_m_s: float) -> float:
-        """How far from the corner it leaves the leg, and joins the next one."""
+        """Returns the distance from the corner at which it leaves the leg, and joins the next one."""
         return speed_m_s * self.duration_s(speed_m_s) / 2
 
     def close_m(self, corner_radius_m: float) -> float:
-        """How far from the corner it may leave the leg to stay close to both: it passes the corner at a quarter of that
-        times the change of direction, at most.
+        """Returns the distance from the corner at which it may leave the leg to stay close to both legs: it passes the
+        corner at a quarter of this distance times the change of direction, at most.
         """
         return 4 * CLOSE_SHARE * corner_radius_m / self.change if self.change > _STRAIGHT_ON else math.inf
 
     def fastest_m_s(self, cut_m: float) -> float:
-        """The speed at which it leaves the leg so far from the corner."""
+        """Returns the speed at which it leaves the leg at a distance from the corner."""
         if self.change <= _STRAIGHT_ON:
             return math.inf
         return fastest_change_m_s(cut_m * self.change, self.acceleration_m_s2) / self.change
 
 
 class Run(Trajectory):
-    """From rest, or from a bend in motion, along straight legs to rest, corners rounded.
+    """A motion from rest, or from a bend in motion, along straight legs with rounded corners to rest.
 
-    Speed and acceleration are continuous everywhere. A leg's speed changes between its corners, a corner is a change of
-    the velocity at a steady speed; so each keeps the limits by itself, and the speeds at the corners are what a
-    backward and a forward pass leave of the largest ones.
+    Speed and acceleration are continuous everywhere. The speed changes on the legs, between corners; a corner changes
+    the direction at constant speed. So each part keeps the limits by itself. The speeds at the corners are the largest
+    ones that a backward and a forward pass over the legs allow.
     """
 
     def __init__(
@@ -68,10 +70,10 @@ class Run(Trajectory):
         corner_radius_m: float,
         limits: Limits,
     ) -> None:
-        """`points` begin where the bend ends; the bend must end towards the second one, or at rest. For each leg,
-        `fastest_m_s` is its speed limit (infinity: none of its own), `least_s` how long it must take at the least, and
-        `reach_m` how far from its ends it may be left: where that is more than the radius, as long as the corner stays
-        within `CLOSE_SHARE` of the radius to the legs.
+        """`points` begin where the bend ends; the bend must end towards the second point, or at rest. For each leg,
+        `fastest_m_s` is its speed limit (infinity: none of its own), `least_s` its shortest duration, and `reach_m` how
+        far from its ends it may be left. If that is more than the radius, the corner must stay within `CLOSE_SHARE` of
+        the radius from the legs.
         """
         self.limits = limits
         self._bend = bend
@@ -86,7 +88,7 @@ class Run(Trajectory):
         self._bend_m = (bend.position - bend.at(0.0)[0]).norm()
         self.length_m = self._bend_m + self._left_m[0]
         self.passes_s: Sequence[float] = [*self.corners_s, self.motion_s]
-        """When each waypoint is passed."""
+        """Returns the times at which the waypoints are passed."""
         self._heading: Heading | None = None
         self._end: Motion | None = None
 
@@ -117,7 +119,7 @@ class Run(Trajectory):
         _pass(speeds, lengths, accelerations, corners)
         self.legs: list[Leg] = []
         self.corners_s: list[float] = []
-        """When the middle of each corner is reached."""
+        """Returns the times at which the middles of the corners are reached."""
         self._left_m = list(itertools.accumulate(reversed(lengths), initial=0.0))[::-1]
         self._cuts_m: list[float] = []
         begin, time_s = points[0], self._bend.duration_s
@@ -138,13 +140,13 @@ class Run(Trajectory):
                 begin = points[i + 1] + onward * next_cut_m
 
     def turn(self, heading: Heading, end_rad: float) -> None:
-        """Gives it a heading, at rest at `end_rad` in the end."""
+        """Sets the heading, which ends at rest at `end_rad`."""
         self._heading = heading
         self.duration_s = max(self.motion_s, heading.end_s)
         self._end = Motion(self._points[-1], end_rad)
 
     def body(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Position, velocity and acceleration at a time."""
+        """Returns position, velocity and acceleration at a time."""
         if time_s >= self.motion_s:
             return self._points[-1], Vector3(), Vector3()
         if time_s < self.bend_s:
@@ -152,6 +154,7 @@ class Run(Trajectory):
         index = self._index(time_s)
         return self.legs[index].at(max(0.0, time_s - self._times[index]))
 
+    @override
     def at(self, time_s: float) -> Motion:
         assert self._heading is not None
         assert self._end is not None
@@ -162,13 +165,14 @@ class Run(Trajectory):
         yaw, yaw_rate, yaw_acceleration = self._heading.at(time_s, position, velocity, acceleration)
         return Motion(position, yaw, velocity, acceleration, yaw_rate, yaw_acceleration)
 
+    @override
     def bends_s(self) -> Iterable[tuple[float, float]]:
         yield 0.0, self.bend_s
         for begin_s, leg in zip(self._times[:-1], self.legs[:-1], strict=True):
             yield begin_s + leg.straight_s, begin_s + leg.duration_s
 
     def distance_m(self, point: Vector3) -> float:
-        """At least so far, horizontally, its legs and corners pass a point."""
+        """Returns a lower bound of the horizontal distance between its legs and corners and a point."""
         cuts_m = [*self._cuts_m[1:], 0.0]
         return min(
             _horizontal_distance_m(point, begin, end) - cut_m
@@ -176,7 +180,7 @@ class Run(Trajectory):
         )
 
     def when(self, index: int, share: float) -> float:
-        """About when a share of a leg, from corner to corner, is flown: as if it sped up in one go."""
+        """Returns about when a share of a leg (from corner to corner) is flown, as if by one change of speed."""
         leg, begin_s = self.legs[index], self._times[index]
         straight_s = leg.up.duration_s, leg.cruise_s, leg.down.duration_s
         marks_s = [begin_s, *(begin_s + passed_s for passed_s in itertools.accumulate(straight_s))]
@@ -192,9 +196,11 @@ class Run(Trajectory):
     def _index(self, time_s: float) -> int:
         return max(0, bisect.bisect_right(self._times, time_s) - 1)
 
+    @override
     def waypoint_at(self, time_s: float) -> int:
         return min(bisect.bisect_right(self.passes_s, time_s), len(self.passes_s) - 1)
 
+    @override
     def length_left_m(self, time_s: float) -> float:
         if time_s >= self.motion_s:
             return 0.0
@@ -232,14 +238,15 @@ def _pulse(corner: _Corner, speed_m_s: float) -> Pulse:
 def _pass(
     speeds: list[float], lengths: Sequence[float], accelerations: Sequence[float], corners: Sequence[_Corner]
 ) -> None:
-    """Lowers the speeds at the corners until each leg is long enough for its change of speed."""
+    """Reduces the speeds at the corners until each leg is long enough for its change of speed."""
     legs = range(len(lengths))
     for i in reversed(legs[1:]):
         if speeds[i] > speeds[i + 1]:
             room_m = lengths[i] - corners[i + 1].cut_m(speeds[i + 1])
             speeds[i] = _fitting_m_s(speeds[i + 1], speeds[i], room_m, accelerations[i], corners[i])
     if speeds[1] < speeds[0]:
-        # The start is as fast as can be stopped from within the first leg; so some speed at the first corner will do.
+        # From the speed at the start it can stop within the first leg. So there is a possible speed at the first
+        # corner.
         shares = (share / 64 for share in range(64, -1, -1))
         speeds[1] = next(
             speed
@@ -253,7 +260,7 @@ def _pass(
 
 
 def _fitting_m_s(lower: float, higher: float, room_m: float, acceleration: float, corner: _Corner) -> float:
-    """The larger speed at the ends of a leg: the largest that is changed to or from, with its corner, in the room."""
+    """Returns the larger speed of a leg's two ends: the largest one that, with its corner, fits into the length."""
 
     def spare_m(speed: float) -> float:
         return room_m - corner.cut_m(speed) - change_m(lower, speed, acceleration)

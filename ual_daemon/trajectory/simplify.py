@@ -1,4 +1,4 @@
-"""Which points of a polyline matter."""
+"""Reduces a polyline to the points that matter."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ def kept(
     within_m: float,
     within_rad: float,
 ) -> list[int]:
-    """The numbers of the points to keep, the first and the last among them.
+    """Returns the numbers of the points to keep, including the first and the last one.
 
-    All others lie within `within_m` of the straight line between two that are kept, in order along it, and (where there
-    are headings) within `within_rad` of the even turn between them. Where the speed limit of the legs changes, a point
-    is kept.
+    All other points are within `within_m` of the straight line between two kept points, in order along that line, and
+    (if there are headings) within `within_rad` of the linear turn between them. A point at which the speed limit
+    changes is kept.
     """
     count = len(points)
     result = [0]
     while result[-1] < count - 1:
         begin = result[-1]
-        # Twice as far each time; then between the last that was straight and the first that was not.
+        # Doubles the distance each time, then searches between the last point that was straight and the first that was
+        # not.
         good, bad, step = begin + 1, min(count, begin + _LONGEST), 2
         while begin + step < bad:
             if not _is_straight(points, fastest_m_s, yaws_rad, begin, begin + step, within_m, within_rad):

@@ -1,6 +1,6 @@
 """Turns of the heading within the limits of its rate, acceleration and jerk.
 
-Time-optimal, jerk-limited motion from any state comes from Ruckig (Berscheid & Kroeger, "Jerk-limited Real-time
+Ruckig plans the time-optimal, jerk-limited motion from any state (Berscheid & Kroeger, "Jerk-limited Real-time
 Trajectory Generation with Arbitrary Target States", RSS 2021).
 """
 
@@ -17,15 +17,15 @@ from ual_daemon.trajectory.envelope import turn_acceleration_limit, turn_jerk_li
 from ual_daemon.trajectory.motion import Motion
 
 _LONGEST_S = 600.0
-"""Ruckig's numbers fail for what lasts hours: a longer turn, to keep step with a longer way, ends before that."""
+"""Ruckig is numerically unstable for motions that take hours: a turn during a longer leg ends earlier than the leg."""
 _LONGER = 1.01
-"""Ruckig may find no turn that takes hardly longer than the shortest one."""
+"""Ruckig may fail to plan a turn that is only a little longer than the shortest one."""
 
 
 class Turn:
-    """From the heading of a motion, turning or not, to another one, by the shorter way, within `duration_s`.
+    """A turn from the heading of a motion (with any rate) to another heading, by the smaller angle; takes `duration_s`.
 
-    `within_s` draws it out, to keep step with something that takes so long.
+    `within_s` makes it longer, so that it takes as long as a leg.
     """
 
     def __init__(self, start: Motion, yaw_rad: float | None, limits: Limits, within_s: float = 0.0) -> None:
@@ -42,19 +42,21 @@ class Turn:
         given.max_velocity = [limits.yaw_rate_rad_s]
         given.max_acceleration = [turn_acceleration_limit(limits)]
         given.max_jerk = [turn_jerk_limit(limits)]
-        if yaw_rad is None:  # it only comes to rest
+        if yaw_rad is None:  # only stops turning
             given.control_interface = ruckig.ControlInterface.Velocity
         else:
             given.target_position = [wrap_angle(yaw_rad - start.yaw_rad)]
         self._trajectory = _calculate(given)
         if within_s > self._trajectory.duration * _LONGER:
             given.minimum_duration = min(within_s, _LONGEST_S)
-            with suppress(UalError):  # Ruckig finds none for some motions: then it turns as fast as it can
+            with suppress(UalError):  # Ruckig fails for some motions: then the turn is as fast as possible
                 self._trajectory = _calculate(given)
         self.duration_s = self._trajectory.duration
 
     def at(self, time_s: float) -> tuple[float, float, float]:
-        """Heading, its rate and acceleration at a time; before the start and after the end, those there."""
+        """Returns the heading, its rate and its acceleration at a time; before the start those of the start, after the
+        end those of the end.
+        """
         if self._trajectory is None:
             return wrap_angle(self._begin_rad), 0.0, 0.0
         if time_s >= self.duration_s:
@@ -68,7 +70,7 @@ def _calculate(problem: ruckig.InputParameter) -> ruckig.Trajectory:
     trajectory = ruckig.Trajectory(1)
     try:
         result = ruckig.Ruckig(1).calculate(problem, trajectory)
-    except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result that its binding does not name
+    except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result that Ruckig's binding has no name for
         raise UalError(f"no turn could be planned ({str(error).splitlines()})") from None
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise UalError(f"no turn could be planned (ruckig: {result})")

@@ -1,11 +1,12 @@
-"""Calls back with the newest sample, on threads that subscriptions share as long as none of them holds up the others.
+"""Calls subscribers back with the newest sample, on threads that they share unless one of them is slow.
 
-A thread for each subscription would have to be woken for each sample: with a hundred of them that takes milliseconds.
-One for all would be at the mercy of the slowest. So they begin on one thread, a *lane*; when a sample comes and finds
-the lane busy for longer than `PATIENCE_S`, the callback that it is in keeps it, and the others go on on a new one.
+One thread for each subscription would mean one wake-up for each of them with every sample: with a hundred subscriptions
+that takes milliseconds. One thread for all would be delayed by the slowest callback. So all subscriptions begin on one
+worker thread. When a new sample finds that worker busy for longer than `SLOW_S`, the callback that it is running keeps
+that worker, and the other subscriptions move to a new one.
 
-Whoever has a sample and may wait calls back himself (`Listener.offer`, then `Listener.call`), which spares waking a
-lane. That is for quick callbacks: those that took longer than `PATIENCE_S` lately have a lane all the same.
+A thread that has a sample and time to spare calls back itself (`Listener.offer`, then `Listener.call`), which saves
+waking a worker. This is for quick callbacks: one that took longer than `SLOW_S` lately is called by a worker.
 """
 
 from __future__ import annotations
@@ -22,104 +23,108 @@ from ual.types import Telemetry
 
 _log = logging.getLogger(__name__)
 
-PATIENCE_S = 0.005
-_QUICK_AGAIN_COUNT = 10
-"""After so many quick calls in a row a callback that was slow counts as quick again."""
+SLOW_S = 0.005
+"""A callback that takes longer than this is slow."""
+_QUICK_CALLS_COUNT = 10
+"""After this many quick calls in a row a slow callback counts as quick again."""
 
 
 class Callbacks:
-    """The callbacks of one program's subscriptions. May be used from any thread."""
+    """The callbacks of all subscriptions of one client. May be used from any thread."""
 
     def __init__(self) -> None:
-        self.calling: set[int] = set()
-        """The threads that call back now."""
+        self.calling_thread_ids: set[int] = set()
+        """The threads that are running a callback now."""
         self._lock = threading.Lock()
-        self._shared: _Lane | None = None
+        self._shared: _Worker | None = None
 
     def open(self, callback: Callable[[Telemetry], None]) -> Listener:
-        """Calls back with what is put into the listener."""
+        """Returns a listener, which calls back with each sample that is put into it."""
         with self._lock:
-            lane = self._shared = self._shared or _Lane()
-            listener = Listener(callback, lane, self)
-            lane.listeners.add(listener)
+            worker = self._shared = self._shared or _Worker()
+            listener = Listener(callback, worker, self)
+            worker.listeners.add(listener)
         return listener
 
     # --- For the listeners --------------------------------------------------------------------------------------------
 
-    def queue(self, listener: Listener) -> None:
-        """It has something to be called back with."""
-        with self._lock:  # so that nobody moves it to another lane meanwhile
-            listener.lane.add(listener)
+    def schedule(self, listener: Listener) -> None:
+        """Has the listener's worker call back."""
+        with self._lock:  # keeps the listener from moving to another worker meanwhile
+            listener.worker.add(listener)
 
-    def relieve(self, lane: _Lane) -> None:
-        """Gives a new lane to all who wait for the callback that a lane is in."""
+    def separate_slow(self, worker: _Worker) -> None:
+        """Leaves the worker to the callback that it is running, and moves its other listeners to a new worker."""
         with self._lock:
-            slow = lane.current
-            if slow is None or lane.listeners <= {slow}:
+            slow = worker.current
+            if slow is None or worker.listeners <= {slow}:
                 return
-            relief = _Lane()
-            if lane is self._shared:
-                self._shared = relief
-            relief.listeners = lane.listeners - {slow}
-            lane.listeners &= {slow}
-            for listener in relief.listeners:
-                listener.lane = relief
-            for waiting in lane.take_all():
-                relief.add(waiting)
-            if not lane.listeners:  # what it is in ends, or goes on elsewhere
-                lane.end()
+            new = _Worker()
+            if worker is self._shared:
+                self._shared = new
+            new.listeners = worker.listeners - {slow}
+            worker.listeners &= {slow}
+            for listener in new.listeners:
+                listener.worker = new
+            for waiting in worker.take_all():
+                new.add(waiting)
+            if not worker.listeners:  # the slow listener was closed, or has moved to another worker
+                worker.end()
 
-    def leave(self, listener: Listener) -> None:
-        """It has ended."""
+    def remove(self, listener: Listener) -> None:
+        """Forgets a listener that was closed, and ends its worker if no other listener uses it."""
         with self._lock:
-            lane = listener.lane
-            lane.listeners.discard(listener)
-            if not lane.listeners:
-                lane.end()
-                if lane is self._shared:
+            worker = listener.worker
+            worker.listeners.discard(listener)
+            if not worker.listeners:
+                worker.end()
+                if worker is self._shared:
                     self._shared = None
 
 
 class Listener:
-    """One callback, the newest sample for it, and how many were lost before. One thread puts or offers at a time."""
+    """One callback, the newest sample for it, and how many samples were missed before that one.
 
-    def __init__(self, callback: Callable[[Telemetry], None], lane: _Lane, group: Callbacks) -> None:
-        self.lane = lane
+    Only one thread at a time may call `put` or `offer`.
+    """
+
+    def __init__(self, callback: Callable[[Telemetry], None], worker: _Worker, group: Callbacks) -> None:
+        self.worker = worker
         self._callback = callback
         self._group = group
         self._lock = threading.Lock()
         self._newest: Telemetry | None = None
         self._missed_count = 0
         self._is_busy = False
-        """Whether it waits in a lane, or is called: it is never in two places."""
+        """Whether it waits in a worker's queue or is being called. This keeps it from being in two threads."""
         self._called_by: int | None = None
-        self._on_probation_count = 0
-        """How many quick calls must come before it counts as quick."""
+        self._quick_calls_needed = 0
+        """How many quick calls in a row it needs to count as quick."""
         self._is_closed = False
         self._has_returned = threading.Event()
 
     def put(self, sample: Telemetry) -> None:
-        """Takes a new sample, and has a lane call back with it."""
-        if self.lane.is_held_up():
-            self._group.relieve(self.lane)
+        """Takes a new sample and has a worker call back with it."""
+        if self.worker.is_delayed():
+            self._group.separate_slow(self.worker)
         with self._lock:
             self._take(sample)
             is_new, self._is_busy = not self._is_busy, True
         if is_new:
-            self._group.queue(self)
+            self._group.schedule(self)
 
     def offer(self, sample: Telemetry) -> None:
-        """Takes a new sample, and waits for somebody to `call`; has a lane call back where that took long lately, or is
-        in one already.
+        """Takes a new sample, for a thread that then calls `call`. A worker calls back instead if the callback was slow
+        lately, or if a worker has it already.
         """
-        if self._on_probation_count or self._is_busy:
+        if self._quick_calls_needed or self._is_busy:
             self.put(sample)
             return
         with self._lock:
             self._take(sample)
 
     def call(self) -> None:
-        """Calls back with the newest sample, unless that is done already, or somebody else is about to."""
+        """Calls back with the newest sample, unless that is done already or another thread is about to do it."""
         with self._lock:
             if self._is_busy or self._newest is None:
                 return
@@ -127,7 +132,7 @@ class Listener:
         self.run()
 
     def run(self) -> None:
-        """Calls back, for whoever has made it busy."""
+        """Calls back. Only for the thread that has set `_is_busy`, and for workers."""
         with self._lock:
             sample, self._newest = self._newest, None
             missed_count, self._missed_count = self._missed_count, 0
@@ -135,24 +140,24 @@ class Listener:
                 self._is_busy = False
                 return
             self._called_by = thread_id = threading.get_ident()
-        self._group.calling.add(thread_id)
+        self._group.calling_thread_ids.add(thread_id)
         begin_s = time.monotonic()
         try:
             self._callback(replace(sample, missed_count=sample.missed_count + missed_count) if missed_count else sample)
-        except BaseException:  # noqa: BLE001 (whatever it is, it is the callback's: SystemExit, too, ends no other's thread)
+        except BaseException:  # noqa: BLE001 (even a SystemExit of one callback must not end a thread that others use)
             _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
-        self._group.calling.discard(thread_id)
-        if time.monotonic() - begin_s > PATIENCE_S:
-            self._on_probation_count = _QUICK_AGAIN_COUNT
-        elif self._on_probation_count:
-            self._on_probation_count -= 1
+        self._group.calling_thread_ids.discard(thread_id)
+        if time.monotonic() - begin_s > SLOW_S:
+            self._quick_calls_needed = _QUICK_CALLS_COUNT
+        elif self._quick_calls_needed:
+            self._quick_calls_needed -= 1
         with self._lock:
             self._called_by = None
             if self._is_closed:
                 self._has_returned.set()
-            goes_on = self._is_busy = self._newest is not None and not self._is_closed
-        if goes_on:
-            self._group.queue(self)
+            has_more = self._is_busy = self._newest is not None and not self._is_closed
+        if has_more:
+            self._group.schedule(self)
 
     def _take(self, sample: Telemetry) -> None:
         if self._newest is not None:
@@ -160,18 +165,20 @@ class Listener:
         self._newest = sample
 
     def close(self) -> None:
-        """Ends it. Called from none of the group's callbacks: once it has returned, the callback runs no more."""
+        """Ends it. Waits for the callback to return, unless it is called from a callback of the same group; after that
+        the callback does not run again.
+        """
         with self._lock:
             self._is_closed = True
             is_called = self._called_by is not None
-        # Two callbacks that close each other, or both the client, would wait for each other for ever.
-        if is_called and threading.get_ident() not in self._group.calling:
+        # Two callbacks that close each other, or that both close the client, would wait for each other forever.
+        if is_called and threading.get_ident() not in self._group.calling_thread_ids:
             self._has_returned.wait()
-        self._group.leave(self)
+        self._group.remove(self)
 
 
-class _Lane:
-    """A thread that calls back, one listener after the other. `listeners` belongs to the group, and its lock."""
+class _Worker:
+    """A thread that runs callbacks, one after the other. The group's lock guards `listeners`."""
 
     def __init__(self) -> None:
         self.listeners: set[Listener] = set()
@@ -182,16 +189,16 @@ class _Lane:
         self._thread.start()
 
     def add(self, listener: Listener) -> None:
-        """It has something to be called back with."""
+        """Queues a listener that has a sample."""
         self._waiting.put(listener)
 
-    def is_held_up(self) -> bool:
-        """Whether it has not been idle for longer than anybody should have to wait."""
+    def is_delayed(self) -> bool:
+        """Whether it has been busy, without a pause, for longer than `SLOW_S`."""
         since_s = self._busy_since_s
-        return since_s is not None and time.monotonic() - since_s > PATIENCE_S
+        return since_s is not None and time.monotonic() - since_s > SLOW_S
 
     def take_all(self) -> list[Listener]:
-        """Those that wait, who then do not wait here any more."""
+        """Empties the queue and returns the listeners that were in it."""
         found = []
         with suppress(Empty):
             while (listener := self._waiting.get_nowait()) is not None:
@@ -199,7 +206,7 @@ class _Lane:
         return found
 
     def end(self) -> None:
-        """Ends the thread, once the call that it is in returns."""
+        """Ends the thread once the callback that it is running returns."""
         self._waiting.put(None)
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""The client's channel to its daemon: opened when first needed, and again where the daemon moved."""
+"""The client's channel to its daemon: opened when first needed, and anew when the daemon has moved."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import grpc
 
 from ual import _calls, _rpc_errors
 from ual._calls import Call
-from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
+from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
@@ -30,7 +30,16 @@ class Connection:
         self._was_reached = False
 
     def run(self, call: Call[T], timeout_s: float | None = None) -> T:
-        """Makes a call and waits for its answer. A call that is interrupted (Ctrl-C) is cancelled."""
+        """Makes a call and blocks until it is answered. An interruption (Ctrl-C) cancels the call.
+
+        If the daemon answered before and cannot be reached now, waits for it (`ual._calls.RECONNECT_S`) and tries once
+        more.
+
+        Raises:
+            DaemonUnreachableError: No daemon answers.
+            UalTimeoutError: The daemon did not answer in time.
+            UalError: The daemon refused the call, or it failed.
+        """
         limit_s = _calls.deadline(call, timeout_s)
         try:
             return self._run_once(call, limit_s)
@@ -42,35 +51,36 @@ class Connection:
         return self._run_once(call, limit_s)
 
     def stream_telemetry(self, rate_hz: float) -> TelemetryStream:
-        """A stream of telemetry, over a channel of its own. Raises where the daemon is not found."""
-        # Imported with the first channel anyhow, as late as that.
+        """Opens a stream of telemetry on a channel of its own. Raises `UalError` if the client is closed."""
+        # Imported here because gRPC, too, imports it only with the first channel.
         from grpc.experimental import ChannelOptions
 
         address = self.target.address()
         if self._is_closed:
             raise _calls.closed()
-        # Its reader waits for it himself, not for a thread that waits for all calls: docs/decisions/0016.
-        channel = self._make_channel(address, ((ChannelOptions.SingleThreadedUnaryStream, 1),))
+        # The thread that reads waits on the socket itself, and is not woken by gRPC's polling thread:
+        # docs/decisions/0016.
+        channel = self.target.open_channel(grpc, address, ((ChannelOptions.SingleThreadedUnaryStream, 1),))
         return TelemetryStream(channel, self.target, address, rate_hz)
 
     def watch_task(self, task_id: str, rate_hz: float, timeout_s: float | None) -> Any:  # noqa: ANN401 (an iterator and a call: gRPC has no type for it)
-        """The stream of a task's progress: an iterator with `cancel`, which raises `grpc.RpcError`."""
+        """Opens the stream of a task's progress: an iterator with `cancel`, which raises `grpc.RpcError`."""
         request = pb.WatchTaskRequest(task_id=task_id, rate_hz=rate_hz)
         return self._begin(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
 
     def stream_setpoints(self, setpoints: Iterator[pb.StreamSetpointsRequest]) -> Any:  # noqa: ANN401 (as above)
-        """Sends setpoints until the iterator ends: a future, which raises `grpc.RpcError`."""
+        """Sends setpoints until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
         return self._begin(lambda stubs: stubs.ual.StreamSetpoints.future(setpoints, metadata=self.target.metadata))
 
     def error(self, error: grpc.RpcError) -> UalError:
-        """What a call of this connection ended with."""
+        """Converts the error that a call of this connection ended with."""
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
             return _calls.closed()
         route = self._route
         return _rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
 
     def close(self) -> None:
-        """Ends every call that runs, and refuses new ones."""
+        """Ends all running calls and refuses new ones."""
         with self._lock:
             self._is_closed = True
             routes, self._retired = self._retired, []
@@ -94,7 +104,7 @@ class Connection:
         method = stubs.method(call)
         if call.quick_s is not None:
             return method(call.request, timeout=limit_s, metadata=self.target.metadata)
-        # As a future it is cancelled when Ctrl-C, or whatever else, ends the waiting for it.
+        # A future can be cancelled when Ctrl-C, or anything else, ends the wait for it.
         future = method.future(call.request, timeout=limit_s, metadata=self.target.metadata)
         try:
             return future.result()
@@ -102,7 +112,7 @@ class Connection:
             future.cancel()
 
     def _use(self, use: Callable[[Stubs], T]) -> T:
-        """Makes a call that has ended when this returns."""
+        """Makes a call and holds its route until the call has returned."""
         route = self._enter()
         try:
             return self._call(use, route)
@@ -110,7 +120,7 @@ class Connection:
             self._leave(route)
 
     def _begin(self, begin: Callable[[Stubs], Any]) -> Any:  # noqa: ANN401 (a call: gRPC has no type for it)
-        """Makes a call that goes on."""
+        """Begins a call and holds its route until the call ends."""
         route = self._enter()
         try:
             call = self._call(begin, route)
@@ -124,12 +134,12 @@ class Connection:
         try:
             return use(route.stubs)
         except ValueError as error:
-            if self._is_closed:  # gRPC's answer on a channel that was closed meanwhile
+            if self._is_closed:  # gRPC raises ValueError on a channel that was closed meanwhile
                 raise _calls.closed() from error
             raise
 
     def _enter(self) -> Route:
-        """Where the daemon is now, for one call: its channel stays open until that leaves."""
+        """Returns the route to where the daemon is now. Its channel stays open until `_leave`."""
         address = self.target.address()
         with self._lock:
             if self._is_closed:
@@ -138,7 +148,7 @@ class Connection:
             if route is None or address != route.address:
                 if route is not None:
                     self._retired.append(route)
-                channel = self._make_channel(address)
+                channel = self.target.open_channel(grpc, address)
                 self._route = route = Route(address, channel, Stubs(channel))
             route.call_count += 1
             unused = [each for each in self._retired if not each.call_count]
@@ -148,18 +158,14 @@ class Connection:
         return route
 
     def _leave(self, route: Route) -> None:
-        # Its channel is closed by who enters next: this is called on gRPC's thread, too, which closing would wait for.
+        # Does not close the channel: closing waits for gRPC's thread, and this may run on it. `_enter` closes it.
         with self._lock:
             route.call_count -= 1
 
-    def _make_channel(self, address: str, more: tuple[tuple[str, int], ...] = ()) -> grpc.Channel:
-        options = (*CHANNEL_OPTIONS, *more)
-        if self.target.credentials is None:
-            return grpc.insecure_channel(address, options)
-        return grpc.secure_channel(address, self.target.credentials, options)
-
     def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
-        """Waits for a daemon that was there before: it may be starting again, here or elsewhere, or gRPC pausing."""
+        """Waits for a daemon that answered before: it may be restarting, here or at another address, or gRPC may be
+        pausing between two attempts to connect.
+        """
         address = self.target.address()
         try:
             self._use(
@@ -178,7 +184,7 @@ class Connection:
 
 
 class TelemetryStream:
-    """One stream of telemetry. One thread at a time reads it; `close` may be called from any."""
+    """One stream of telemetry. Only one thread at a time may read it; any thread may call `close`."""
 
     def __init__(self, channel: grpc.Channel, target: Target, address: str, rate_hz: float) -> None:
         self._channel = channel
@@ -190,7 +196,9 @@ class TelemetryStream:
         )
 
     def read(self) -> Generator[pb.StreamTelemetryResponse, None, None]:
-        """The samples, until it is closed. Raises what the daemon, or the connection, ends it by."""
+        """Yields samples until the stream is closed. Raises the `UalError` by which the daemon or the connection ended
+        it.
+        """
         try:
             yield from self._call
         except grpc.RpcError as error:
@@ -199,11 +207,11 @@ class TelemetryStream:
             raise _rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
         finally:
             self.close()
-            with suppress(grpc.RpcError):  # only once its end has been read does gRPC give back what it holds
+            with suppress(grpc.RpcError):  # gRPC frees what the call holds only once its end has been read
                 for _ in self._call:
                     pass
 
     def close(self) -> None:
-        """Ends it."""
+        """Ends the stream."""
         self._is_closed = True
-        self._channel.close()  # not by `cancel`: of a call that it ended, the reader would not read the end
+        self._channel.close()  # not `cancel`: after that the reader would not read the end of the call

@@ -1,8 +1,9 @@
-"""Sends the messages of a stream from the thread that has them.
+"""Sends the messages of a stream directly from the caller's thread.
 
-gRPC's client takes them from an iterator instead, on a thread of its own that is woken for each: 0.08 of a setpoint's
-0.5 ms. What is below that, its binding to the core, is not promised to stay as it is; where a gRPC has it otherwise,
-there is no direct way, and the iterator is left (docs/decisions/0017).
+gRPC's Python client takes messages from an iterator instead, on a thread of its own that has to be woken for each
+message: 0.08 ms of the 0.5 ms that a setpoint takes. This module uses the layer below, gRPC's binding to its core. That
+layer is not a public interface and may change: if this gRPC does not have it in the known form, there is no direct way,
+and the caller uses the iterator (docs/decisions/0017).
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ from typing import Any, TypeAlias
 from google.protobuf.message import Message
 
 Send: TypeAlias = Callable[[Message, Callable[[], None]], None]
-"""Sends a message and tells, on a thread of gRPC, when the next may be sent: never, where the stream has ended."""
+"""Sends a message. Calls the function that it is given, on a thread of gRPC, when the next message may be sent; never
+calls it if the stream has ended.
+"""
 
 _NO_FLAGS = 0
 
 
-def sender(call: Any) -> Send | None:  # noqa: ANN401 (an iterator's future: gRPC has no type for it)
-    """What sends in a call that streams, or None where this gRPC has no direct way.
+def sender(call: Any) -> Send | None:  # noqa: ANN401 (gRPC has no type for it)
+    """Returns the function that sends a message in a streaming call, or None if this gRPC has no direct way.
 
-    As gRPC's own sending thread does it, what is under way stands in the call's `due`. Else the thread that waits for
-    the channel's events could end before this one has come, and closing the channel would wait for it for ever.
+    An operation that is under way is entered in the call's `due`, as gRPC's own sending thread does it. Otherwise the
+    thread that waits for the channel's events could end before the operation's event has come, and closing the channel
+    would wait for that event forever.
     """
     try:
         from grpc._cython.cygrpc import OperationType, SendMessageOperation

@@ -1,9 +1,9 @@
 """How daemons and clients of one computer find each other: a directory with one small file for each daemon.
 
-A daemon holds a lock on `lock_file` of its namespace as long as it runs and writes its `Registration` beside it. The
-file of a daemon that was killed stays behind: nobody holds its lock, and it is taken as none.
+A daemon locks the `lock_file` of its namespace while it runs, and writes its `Registration` beside it. A daemon that
+was killed leaves its registration behind, but the lock is free: such a registration is ignored.
 
-All users of the computer may add files to the directory: whatever is no registration there is passed over.
+All users of the computer may add files to the directory: any file that is not a registration is ignored.
 """
 
 from __future__ import annotations
@@ -26,52 +26,52 @@ _LAST_PORT = 65535
 _READABLE = 0o644
 _OWN = 0o600
 _LONGEST_FILE = 4096
-_AS_IT_LIES = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
-"""To open a file that anybody may have laid there: no link is followed, no pipe waited for."""
+_UNTRUSTED = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+"""Flags to open a file that any user may have put there: does not follow a link, and does not wait for a pipe."""
 
 
 def runtime_dir() -> Path:
-    """Where the daemons of this computer register: ``$UAL_RUNTIME_DIR``, else ``ual`` in the directory of temporary
-    files.
+    """Returns where the daemons of this computer register: ``$UAL_RUNTIME_DIR``, else ``ual`` in the directory of
+    temporary files.
     """
     configured = os.environ.get(RUNTIME_DIR_VARIABLE)
     if configured:
         return Path(configured)
-    from tempfile import gettempdir  # with a dozen modules: 1 MiB
+    from tempfile import gettempdir  # imported late: it loads a dozen modules, 1 MiB
 
     return Path(gettempdir()) / "ual"
 
 
 def registry_file(ns: str) -> Path:
-    """Where the daemon of a namespace says who and where it is."""
+    """Returns the file with the registration of the namespace's daemon."""
     return runtime_dir() / f"{ns}.json"
 
 
 def lock_file(ns: str) -> Path:
-    """What the daemon of a namespace holds locked (flock) as long as it runs."""
+    """Returns the file that the namespace's daemon locks (flock) while it runs."""
     return runtime_dir() / f"{ns}.lock"
 
 
 def default_port(ns: str) -> int:
-    """50050 + N for a namespace that ends in ``_N``, 50051 without a number."""
+    """Returns 50050 + N for a namespace that ends in ``_N``, 50051 for one without a number."""
     _, number = split_number(ns)
     return _PORT_BEFORE_FIRST + number if number is not None and has_own_port(ns) else _DEFAULT_PORT
 
 
 def has_own_port(ns: str) -> bool:
-    """Whether a namespace has a port that no other one has by default."""
+    """Whether the namespace has a default port that no other namespace has."""
     _, number = split_number(ns)
     return number is not None and _PORT_BEFORE_FIRST + number <= _LAST_PORT
 
 
 def split_number(ns: str) -> tuple[str, int | None]:
-    """``uav_7`` as ``uav`` and 7; None where a namespace has no number."""
+    """Splits ``uav_7`` into ``uav`` and 7. The number is None if the namespace has none."""
     match = re.fullmatch(r"(.*)_(\d+)", ns)
     return (ns, None) if match is None else (match[1], int(match[2]))
 
 
 def default_address(ns: str) -> str:
-    """Where the daemon of a namespace listens if nobody said otherwise."""
+    """Returns where the daemon of a namespace listens by default."""
     return f"{LOOPBACK}:{default_port(ns)}"
 
 
@@ -86,9 +86,13 @@ class Registration:
     started_s: float
 
     def write(self) -> None:
-        """Registers the daemon; a reader sees the old file or the new one, never half of one."""
+        """Registers the daemon. A reader sees the old file or the new one, never a part of one.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
         file = registry_file(self.ns)
-        # A new file of a name that nobody can know before: others may write in this directory, too.
+        # The name cannot be guessed: other users may write in this directory, too.
         unfinished = file.with_name(f"{self.ns}.{os.urandom(8).hex()}.tmp")
         handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, _OWN)
         try:
@@ -102,7 +106,7 @@ class Registration:
 
     @classmethod
     def read(cls, file: Path) -> Registration | None:
-        """What a file says; None where there is none, or it is none of ours."""
+        """Reads a file. Returns None if there is no file or it is not a registration."""
         try:
             values = json.loads(_read_small(file))
             found = cls(
@@ -114,12 +118,12 @@ class Registration:
             )
         except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return None
-        # It speaks for the namespace whose file it is, in words that can be shown.
-        is_ours = found.ns == file.stem and (found.ns + found.address + found.backend).isprintable()
-        return found if is_ours else None
+        # The file's name must be that of the namespace, and all text must be safe to print.
+        is_valid = found.ns == file.stem and (found.ns + found.address + found.backend).isprintable()
+        return found if is_valid else None
 
     def is_alive(self) -> bool:
-        """Whether its daemon runs: by the lock, and by its pid only where the lock cannot be looked at."""
+        """Whether its daemon runs: judged by the lock, and by its pid only if the lock file cannot be opened."""
         is_locked = _is_locked(lock_file(self.ns))
         return self._has_process() if is_locked is None else is_locked
 
@@ -131,16 +135,16 @@ class Registration:
         except ProcessLookupError:
             return False
         except (PermissionError, OverflowError):
-            # Another user's process is one all the same; a number that can be no process is not.
+            # PermissionError: the process is another user's. OverflowError: the number is too large for a pid.
             return self.pid < 2**31
         return True
 
 
 def _read_small(file: Path) -> bytes:
-    handle = os.open(file, _AS_IT_LIES)
+    handle = os.open(file, _UNTRUSTED)
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise ValueError("no regular file")
+            raise ValueError("not a regular file")
         text = os.read(handle, _LONGEST_FILE + 1)
     finally:
         os.close(handle)
@@ -150,15 +154,15 @@ def _read_small(file: Path) -> bytes:
 
 
 def _is_locked(file: Path) -> bool | None:
-    """Whether a daemon holds this lock; None where that cannot be seen.
+    """Whether a daemon holds this lock. Returns None if that cannot be found out.
 
-    It is tried for a moment, shared, so that clients do not see each other; a daemon that starts at that moment tries
-    again (`ual_daemon.program.namespace`).
+    Takes the lock for a moment, shared, so that several clients can do this at once. A daemon that starts at that
+    moment tries again (`ual_daemon.program.namespace`).
     """
-    import fcntl  # not everywhere where a client that was given an address works
+    import fcntl  # imported late: not every system has it, and a client with a given address does not need it
 
     try:
-        handle = os.open(file, _AS_IT_LIES)
+        handle = os.open(file, _UNTRUSTED)
     except OSError:
         return None
     try:
@@ -174,30 +178,37 @@ def _is_locked(file: Path) -> bool | None:
 
 
 def list_daemons() -> list[Registration]:
-    """The daemons that run on this computer, in the order of their names and numbers."""
+    """Returns the daemons that run on this computer, sorted by name and number."""
     found = (Registration.read(file) for file in runtime_dir().glob("*.json"))
     return sorted((each for each in found if each is not None and each.is_alive()), key=_natural)
 
 
 def registered(ns: str) -> Registration | None:
-    """The daemon of a namespace, if one runs on this computer."""
+    """Returns the daemon of a namespace, if one runs on this computer."""
     registration = Registration.read(registry_file(ns))
     return registration if registration is not None and registration.is_alive() else None
 
 
 def only() -> Registration | None:
-    """The daemon of this computer, if there is one. Raises `InvalidArgumentError` if there are several."""
+    """Returns the daemon of this computer, if one runs.
+
+    Raises:
+        InvalidArgumentError: Several daemons run.
+    """
     daemons = list_daemons()
     if len(daemons) > 1:
         names = ", ".join(each.ns for each in daemons)
-        raise InvalidArgumentError(f"ns: several UAVs are here, say which one: {names}", {"field": "ns"})
+        raise InvalidArgumentError(f"ns: several UAVs run on this computer, choose one: {names}", {"field": "ns"})
     return daemons[0] if daemons else None
 
 
 def find(ns: str = "") -> str:
-    """The address of the daemon of a namespace: where it registered, else where it would listen by default.
+    """Returns the address of a namespace's daemon: where it registered, else where it would listen by default.
 
-    Without a namespace it is the only daemon of this computer. Raises `InvalidArgumentError` if there are several.
+    Without a namespace this is the only daemon of this computer.
+
+    Raises:
+        InvalidArgumentError: No namespace is given, and several daemons run.
     """
     registration = registered(ns) if ns else only()
     return default_address(ns) if registration is None else registration.address

@@ -1,4 +1,6 @@
-"""Between the errors of the interface and gRPC's: a status code with a ``google.rpc.ErrorInfo`` of domain ``ual``."""
+"""Converts the errors of the interface to gRPC's and back: a status code with a ``google.rpc.ErrorInfo`` of domain
+``ual``.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,8 @@ from ual.errors import (
 
 DETAILS_KEY = "grpc-status-details-bin"
 
-# In bytes. All trailing metadata of a call must fit 8 KiB, and a message is in it twice.
 _LONGEST_TEXT = 1500
+"""In bytes. All trailing metadata of a call must fit into 8 KiB, and it contains each message twice."""
 
 _NOT_CONNECTED = (
     "failed to connect to all addresses",
@@ -42,7 +44,7 @@ _NOT_CONNECTED = (
     "DNS resolution failed",
 )
 
-# What gRPC's words mean where one side uses TLS and the other does not, or another; the first that fits is it.
+# What gRPC's messages mean if only one side uses TLS or the certificates do not match. The first one found counts.
 _TLS_CAUSES: Mapping[str, str] = {
     "WRONG_VERSION_NUMBER": "it does not use TLS (leave out --tls-ca)",
     "CERTIFICATE_VERIFY_FAILED": "its certificate is not one that --tls-ca trusts, or is for another host name",
@@ -66,12 +68,12 @@ _CODES: Mapping[str, grpc.StatusCode] = {
 
 
 def status_code(error: UalError) -> grpc.StatusCode:
-    """The gRPC status code of an error; INTERNAL for one that is not of the contract."""
+    """Returns the gRPC status code of an error; INTERNAL if the contract has no such error."""
     return _CODES.get(error.reason, grpc.StatusCode.INTERNAL)
 
 
 def to_status(error: UalError) -> Status:
-    """The error as ``google.rpc.Status``."""
+    """Converts an error to ``google.rpc.Status``."""
     info = ErrorInfo(reason=error.reason, domain=DOMAIN)
     for key, value in error.metadata.items():
         info.metadata[key] = _clip(value)
@@ -82,14 +84,15 @@ def to_status(error: UalError) -> Status:
 
 
 def to_grpc_status(error: UalError) -> grpc.Status:
-    """The error as what `ServicerContext.abort_with_status` takes."""
+    """Converts an error to what `ServicerContext.abort_with_status` takes."""
     return cast("grpc.Status", rpc_status.to_status(to_status(error)))
 
 
 def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> UalError:
-    """What a call ended with, as the error that the daemon raised, or, where none did, what the code says.
+    """Converts the error of a call to the error that the daemon raised or, if the error is gRPC's own, to the error
+    that fits its code.
 
-    `address` and `ns` are those of the daemon that was called, for people.
+    `address` and `ns` are those of the daemon that was called, for the message.
     """
     info = _error_info(error)
     details = error.details() or ""
@@ -115,10 +118,12 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
 
 
 def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreachableError:
-    """No daemon answers: says where it was looked for and, in `details` that gRPC gives, why; and what to do."""
+    """Makes the error for a daemon that does not answer: where it was called, why it failed (from gRPC's `details`),
+    and what to do.
+    """
     metadata = {"address": address, "ns": ns, "details": details}
     if details and not details.startswith(_NOT_CONNECTED):
-        return DaemonUnreachableError(f"the UAL daemon at {address} went away ({details})", metadata)
+        return DaemonUnreachableError(f"the connection to the UAL daemon at {address} was lost ({details})", metadata)
     whom = f"no UAL daemon of {ns} answers" if ns else "no UAL daemon answers"
     for sign, cause in _TLS_CAUSES.items():
         if sign in details:
@@ -132,12 +137,12 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
 
 
 def was_never_sent(error: DaemonUnreachableError) -> bool:
-    """True where no connection could be made, so that it is safe to try again."""
+    """Whether no connection was made, so that it is safe to try again."""
     return error.metadata.get("details", "").startswith(_NOT_CONNECTED)
 
 
 def _error_info(error: grpc.RpcError) -> ErrorInfo | None:
-    # Read by hand: rpc_status.from_call knows only synchronous calls, and raises where a proxy changed the code.
+    # Not by rpc_status.from_call: it accepts only synchronous calls, and raises if a proxy has changed the code.
     trailing = cast("Iterable[tuple[str, bytes]]", error.trailing_metadata() or ())
     for key, value in trailing:
         if key != DETAILS_KEY:

@@ -1,8 +1,8 @@
-"""`set_velocity` and `set_pose` of the client: the first of a motion is answered, those that follow are streamed.
+"""`set_velocity` and `set_pose` of the client: the first setpoint is sent by a call, those that follow by a stream.
 
-A call that begins a motion waits for the daemon's answer (a millisecond), so that a refusal is raised where it belongs.
-Calls that follow within `CONTINUES_S` only hand over the newest setpoint and return; if the daemon refuses one of
-those, the next call raises it.
+The first setpoint waits for the daemon's answer (a millisecond), so that the caller that began to fly gets the refusal.
+Setpoints that follow within `CONTINUES_S` only hand over the newest one and return. If the daemon refuses one of these,
+the next setpoint raises the refusal.
 """
 
 from __future__ import annotations
@@ -24,15 +24,18 @@ from ual.v1 import ual_pb2 as pb
 
 _log = logging.getLogger(__name__)
 
-# The daemon stops a UAV that gets no velocity for this long: what comes later begins a new motion.
 CONTINUES_S = 0.5
-# A setpoint that could not be sent for this long is not sent at all: the world has moved on.
+"""A setpoint that comes later than this after the last one is sent by a call again. The daemon stops a UAV that gets no
+velocity for this long.
+"""
 STALE_S = 0.2
+"""A setpoint that waits for longer than this is dropped, because it is out of date."""
 CLOSE_S = 2.0
+"""How long the daemon may take to read the last setpoints of a stream."""
 
 
 class Setpoints:
-    """Sends setpoints, the newest only. May be used from any thread."""
+    """Sends setpoints; skips those that a newer one has replaced. May be used from any thread."""
 
     def __init__(self, connection: Connection, clock: Callable[[], float] = time.monotonic) -> None:
         self._connection = connection
@@ -43,7 +46,7 @@ class Setpoints:
         self._accepted_s: float | None = None
 
     def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
-        """Sends a setpoint; raises the refusal of this one, or of one before."""
+        """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
         with self._lock:
             failure, self._failure = self._failure, None
             now_s = self._clock()
@@ -65,15 +68,17 @@ class Setpoints:
             stream.open()
 
     def settle(self) -> bool:
-        """Sends what waits and ends the stream, so that what is called next comes after it. Returns whether the daemon
-        took it all. If not, that is logged, as is a refusal that no setpoint is left to raise.
+        """Sends the setpoint that waits and ends the stream, so that the next call reaches the daemon after it.
+
+        Returns whether the daemon took all setpoints. Otherwise logs it, as well as a refusal, which no later setpoint
+        can raise any more.
         """
         with self._lock:
             stream, self._accepted_s = self._stream, None
         is_taken = stream is None or stream.close(CLOSE_S)
         with self._lock:
             failure, self._failure = self._failure, None
-        return tell(is_taken, failure)
+        return log_settled(is_taken, failure)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         with self._lock:
@@ -82,11 +87,12 @@ class Setpoints:
                 self._failure = failure
 
 
-def tell(is_taken: bool, failure: UalError | None) -> bool:
-    """Logs what is wrong with the setpoints that nobody will ask for any more; returns whether nothing is."""
+def log_settled(is_taken: bool, failure: UalError | None) -> bool:
+    """Logs what went wrong with the last setpoints of a stream; returns whether all of them were taken."""
     if not is_taken:
         _log.warning(
-            "the daemon did not take the last setpoints within %g s: what the UAV makes of them is not known", CLOSE_S
+            "the daemon did not take the last setpoints within %g s: it is not known whether the UAV follows them",
+            CLOSE_S,
         )
     if failure is not None:
         _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
@@ -94,10 +100,10 @@ def tell(is_taken: bool, failure: UalError | None) -> bool:
 
 
 class _Stream:
-    """One stream of setpoints: one is under way at a time, the newest waits, those between are never sent.
+    """One stream of setpoints. One setpoint at a time is being sent, the newest waits, those between are dropped.
 
-    It is sent from the caller's thread where gRPC lets us (`_direct`). Else gRPC's own sending thread takes it by
-    iterating over this, as it does in any case to learn of the end.
+    A setpoint is sent from the caller's thread if this gRPC allows it (`_direct`). Otherwise gRPC's sending thread
+    takes it by iterating over this object. In both cases the end of the iteration ends the stream.
     """
 
     def __init__(
@@ -111,26 +117,26 @@ class _Stream:
         self._clock = clock
         self._lock = threading.Lock()
         self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
-        self._is_under_way = True
-        """Whether a setpoint is, or none can be sent yet."""
+        self._is_sending = True
+        """Whether a setpoint is being sent, or the stream is not open yet."""
         self._is_ending = False
         self._ended = threading.Event()
         self._iterated: SimpleQueue[tuple[pb.StreamSetpointsRequest, Callable[[], None]] | None] = SimpleQueue()
-        self._tell_out: Callable[[], None] | None = None
+        self._on_sent: Callable[[], None] | None = None
         self._send: Send = self._send_by_iterator
         self._call: Any = None
 
     def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
-        """Sends it, or lets it wait in place of the one that waits."""
+        """Sends a setpoint, or lets it wait in place of the one that waits."""
         with self._lock:
-            if self._is_under_way:
+            if self._is_sending:
                 self._newest = (setpoint, self._clock())
                 return
-            self._is_under_way = True
-        self._send(setpoint, self._go_on)
+            self._is_sending = True
+        self._send(setpoint, self._send_next)
 
     def open(self) -> None:
-        """Begins to send."""
+        """Opens the stream and begins to send. Raises `UalError` if the daemon cannot be called."""
         try:
             self._call = self._connection.stream_setpoints(self)
         except UalError:
@@ -139,16 +145,16 @@ class _Stream:
             raise
         self._call.add_done_callback(self._end)
         self._send = _direct.sender(self._call) or self._send_by_iterator
-        self._go_on()
+        self._send_next()
 
     def close(self, timeout_s: float) -> bool:
-        """Ends the stream once what waits is sent; cancels it where the daemon has not taken that in time. Returns
-        whether it has.
+        """Ends the stream once the waiting setpoint is sent. Returns whether the daemon took all of them in time;
+        otherwise the stream is cancelled.
         """
         with self._lock:
             self._is_ending = True
-            is_under_way = self._is_under_way
-        if not is_under_way:
+            is_sending = self._is_sending
+        if not is_sending:
             self._iterated.put(None)
         if self._ended.wait(timeout_s):
             return True
@@ -161,28 +167,30 @@ class _Stream:
         return self
 
     def __next__(self) -> pb.StreamSetpointsRequest:
-        if self._tell_out is not None:  # the one before is out
-            self._tell_out()
+        if self._on_sent is not None:  # gRPC asks for the next one: the one before is sent
+            self._on_sent()
         taken = self._iterated.get()
         if taken is None:
-            self._tell_out = None
-            self._iterated.put(None)  # it stays ended, whoever asks again
+            self._on_sent = None
+            self._iterated.put(None)  # further calls must end the iteration, too
             raise StopIteration
-        setpoint, self._tell_out = taken
+        setpoint, self._on_sent = taken
         return setpoint
 
-    def _go_on(self) -> None:
-        """Sends the newest, when none is under way; the end, when there is none left. On threads of gRPC, too."""
+    def _send_next(self) -> None:
+        """Sends the waiting setpoint; ends the stream if none waits and `close` was called. Also runs on gRPC's
+        threads.
+        """
         while True:
             with self._lock:
                 newest, self._newest = self._newest, None
                 if newest is None:
-                    self._is_under_way = False
+                    self._is_sending = False
                     is_ending = self._is_ending
                     break
             setpoint, put_s = newest
             if self._clock() - put_s <= STALE_S:
-                self._send(setpoint, self._go_on)
+                self._send(setpoint, self._send_next)
                 return
         if is_ending:
             self._iterated.put(None)
@@ -192,7 +200,7 @@ class _Stream:
 
     def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
         was_asked, self._is_ending = self._is_ending, True
-        self._iterated.put(None)  # lets gRPC's sending thread end, too
+        self._iterated.put(None)  # ends gRPC's sending thread, too
         failure: UalError | None = None
         if call.code() is not grpc.StatusCode.OK:
             failure = None if call.cancelled() else self._connection.error(call)

@@ -1,8 +1,9 @@
-"""Subscriptions of the client: threads take turns in reading a stream and calling back with what they read.
+"""Subscriptions of the client: threads alternate between reading a stream and calling back with what they read.
 
-While one calls back the next reads already: a stream that is read only as fast as the callbacks return would fill
-gRPC's buffers with old samples, and the subscriber see the UAV as it was seconds ago. One stream for all subscriptions
-of a rate, because each costs the daemon: docs/decisions/0011.
+This is the leader/follower pattern: the leader reads one sample, hands the lead to the next thread, and then calls back
+while the next thread reads. So the stream is read even while callbacks run. Otherwise gRPC's buffers would fill with
+old samples, and the subscriber would see the UAV as it was seconds ago. All subscriptions with the same rate share one
+stream, because each stream costs the daemon: docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ import threading
 from collections.abc import Callable, Generator
 from dataclasses import replace
 
-from typing_extensions import Self
+from typing_extensions import Self, override
 
-from ual import _calls, _convert
+from ual import _calls, _convert, interface
 from ual._callbacks import Callbacks, Listener
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
+from ual._interruption_log import InterruptionLog
 from ual.errors import UalError, UalTimeoutError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -25,8 +27,8 @@ from ual.v1 import ual_pb2 as pb
 _log = logging.getLogger(__name__)
 
 RETRY_S = 0.25
-_AVAILABLE_COUNT = 2
-"""One thread that reads, and one that reads when the first has something to call back with."""
+_READERS_COUNT = 2
+"""The leader, which reads, and a follower, which takes the lead when the leader has a sample to call back with."""
 
 
 class Subscriptions:
@@ -40,7 +42,13 @@ class Subscriptions:
         self._callbacks = Callbacks()
 
     def open(self, callback: Callable[[Telemetry], None], rate_hz: float) -> Subscription:
-        """A subscription that has begun. Raises where there is no daemon, or it refuses."""
+        """Returns a subscription once its first sample has come.
+
+        Raises:
+            UalError: The client is closed, or the daemon refuses the subscription.
+            UalTimeoutError: The daemon sent no telemetry in time.
+            DaemonUnreachableError: No daemon answers.
+        """
         with self._lock:
             if self._is_closed:
                 raise _calls.closed()
@@ -53,15 +61,15 @@ class Subscriptions:
             if known is None:
                 feed.start()
             feed.wait()
-        except BaseException:  # refused, or Ctrl-C
+        except BaseException:  # also Ctrl-C
             subscription.close()
             raise
-        if self._is_closed:  # meanwhile, and this subscription with it
+        if self._is_closed:  # the client was closed meanwhile, and this subscription with it
             raise _calls.closed()
         return subscription
 
     def close(self) -> None:
-        """Closes them all, also those that are being opened, and opens no more."""
+        """Closes all subscriptions, also those that are being opened, and refuses new ones."""
         with self._lock:
             self._is_closed = True
             subscriptions = [each for feed in self._feeds.values() for each in feed.subscriptions]
@@ -78,15 +86,18 @@ class Subscriptions:
             feed.close()
 
 
-class Subscription:
+class Subscription(interface.Subscription):
     """Calls back with new samples until it is closed."""
 
     def __init__(self, listener: Listener, on_close: Callable[[Subscription], None]) -> None:
         self.listener = listener
         self._on_close = on_close
 
+    @override
     def close(self) -> None:
-        """Ends it. Called from no callback of this client: once it has returned, the callback runs no more."""
+        """Ends it. Waits for the callback to return, unless it is called from a callback of this client; after that the
+        callback does not run again.
+        """
         self.listener.close()
         self._on_close(self)
 
@@ -98,9 +109,9 @@ class Subscription:
 
 
 class _Feed:
-    """One stream of telemetry, for all subscriptions of its rate; goes on by itself when the daemon comes back.
+    """One stream of telemetry for all subscriptions with its rate. Reconnects when the daemon comes back.
 
-    `join` and `leave` are called one at a time.
+    The caller serializes `join` and `leave`.
     """
 
     def __init__(self, connection: Connection, rate_hz: float) -> None:
@@ -114,95 +125,99 @@ class _Feed:
         self._refusal: UalError | None = None
         self._stream: TelemetryStream | None = None
         self._responses: Generator[pb.StreamTelemetryResponse, None, None] | None = None
-        self._reported = ""
-        """The reason, as it was told, by which the stream is interrupted."""
-        self._turn = threading.Lock()
-        """Of the thread that reads."""
-        self._reading_id: int | None = None
-        self._available_count = 0
-        """How many threads read, or wait for their turn; the others call back."""
+        self._interruptions = InterruptionLog(_log)
+        self._lead = threading.Lock()
+        """Held by the leader while it reads."""
+        self._leader_id: int | None = None
+        self._readers_count = 0
+        """How many threads are the leader or wait for the lead. The other threads are calling back."""
         self._has_ended = threading.Event()
-        """Whether the stream is read no more."""
+        """Set while no thread reads the stream: before the start and after the end."""
         self._has_ended.set()
 
     def start(self) -> None:
-        """Begins to read."""
+        """Starts the threads that read."""
         self._has_ended.clear()
         try:
-            self._add_thread()
-        except RuntimeError:  # the system has none left
+            self._start_reader()
+        except RuntimeError:  # the system allows no more threads
             self._has_ended.set()
             raise
-        for _ in range(1, _AVAILABLE_COUNT):
-            self._add_thread()
+        for _ in range(1, _READERS_COUNT):
+            self._start_reader()
 
     def wait(self) -> None:
-        """Returns once the first sample has come. Raises what the daemon refuses it by, or by which none come now."""
+        """Blocks until the first sample has come.
+
+        Raises:
+            UalTimeoutError: No sample came within `QUICK_S`.
+            UalError: The daemon refused the stream, or the stream is interrupted now.
+        """
         if not self._is_answered.wait(QUICK_S):
             raise UalTimeoutError(f"the daemon sent no telemetry within {QUICK_S:g} s")
         if self._refusal is not None:
             raise self._refusal
 
     def join(self, subscription: Subscription) -> None:
-        """From now on it gets the samples, the newest at once."""
+        """Adds a subscription. It gets the newest sample at once, and every new one from now on."""
         with self._lock:
             self.subscriptions = (*self.subscriptions, subscription)
             if self._sample is not None:
                 subscription.listener.put(replace(self._sample, missed_count=0))
 
     def leave(self, subscription: Subscription) -> None:
-        """It gets no more."""
+        """Removes a subscription."""
         with self._lock:
             self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
 
     def close(self) -> None:
-        """Ends the stream."""
+        """Ends the stream, and waits until no thread reads it any more."""
         self._is_closing.set()
-        self._is_answered.set()  # nothing more comes that could be waited for
+        self._is_answered.set()  # releases `wait`: no sample will come
         if self._stream is not None:
             self._stream.close()
-        if self._reading_id != threading.get_ident():  # else what it logs has led here
+        if self._leader_id != threading.get_ident():  # else a log handler, run by the leader, has called this
             self._has_ended.wait()
 
-    def _add_thread(self) -> None:
-        threading.Thread(target=self._take_turns, name="ual telemetry", daemon=True).start()
+    def _start_reader(self) -> None:
+        threading.Thread(target=self._read_and_call, name="ual telemetry", daemon=True).start()
 
-    def _replace(self) -> None:
+    def _start_replacement(self) -> None:
         try:
-            self._add_thread()
+            self._start_reader()
         except RuntimeError as error:
             _log.warning("telemetry is not read while callbacks run: %s", error)
 
-    def _take_turns(self) -> None:
-        """Reads, lets the next one read, and calls back meanwhile."""
+    def _read_and_call(self) -> None:
+        """Waits for the lead, reads a sample, hands over the lead, and calls back; again and again."""
         while True:
             with self._lock:
-                if self._available_count == _AVAILABLE_COUNT:  # others came while this one called back
+                if self._readers_count == _READERS_COUNT:  # replaced while this thread called back
                     return
-                self._available_count += 1
-            with self._turn:
-                self._reading_id = threading.get_ident()
+                self._readers_count += 1
+            with self._lead:
+                self._leader_id = threading.get_ident()
                 subscriptions = None
                 try:
                     subscriptions = self._read()
                 finally:
-                    self._reading_id = None
+                    self._leader_id = None
                     with self._lock:
-                        self._available_count -= 1
-                        is_last = not self._available_count
+                        self._readers_count -= 1
+                        has_no_follower = not self._readers_count
                     if subscriptions is None:
                         self._is_closing.set()
                         self._has_ended.set()
                 if subscriptions is None:
                     return
-                if is_last:
-                    self._replace()
+                if has_no_follower:
+                    self._start_replacement()
             for subscription in subscriptions:
                 subscription.listener.call()
 
     def _read(self) -> tuple[Subscription, ...] | None:
-        """Waits for the next sample, however long that takes: who is to be called back. None once it is closed, or
-        where it is refused.
+        """Blocks until the next sample comes, and returns the subscriptions to call back. Returns None once the feed is
+        closed, or if the daemon refuses the stream at its beginning.
         """
         while not self._is_closing.is_set():
             try:
@@ -211,24 +226,26 @@ class _Feed:
             except UalError as error:
                 has_begun = self._is_answered.is_set()
                 with self._lock:
-                    self._sample, self._refusal = None, error  # what came last is old for who joins now
+                    self._sample, self._refusal = (
+                        None,
+                        error,
+                    )  # a subscription that joins now must not get an old sample
                 self._is_answered.set()
                 if not has_begun:
                     break
-                if not self._is_closing.is_set() and error.reason != self._reported:
-                    self._reported = error.reason
-                    _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)
+                if not self._is_closing.is_set():
+                    self._interruptions.interrupted(error)
             self._responses = None
             self._is_closing.wait(RETRY_S)
         if self._responses is not None:
-            self._responses.close()  # only then does gRPC give back what it holds
+            self._responses.close()  # else gRPC keeps what the call holds
         return None
 
     def _next(self) -> Telemetry | None:
-        """The next sample of the stream, of a new one where there is none; None where it has ended."""
+        """Returns the next sample, from a new stream if there is none. Returns None when the stream has ended."""
         if self._responses is None:
             self._stream = stream = self._connection.stream_telemetry(self.rate_hz)
-            if self._is_closing.is_set():  # closed before it could see the stream
+            if self._is_closing.is_set():  # `close` may have run before the stream was there
                 stream.close()
             self._responses = stream.read()
         response = next(self._responses, None)
@@ -242,7 +259,5 @@ class _Feed:
             subscription.listener.offer(sample)
         if not self._is_answered.is_set():
             self._is_answered.set()
-        if self._reported:
-            self._reported = ""
-            _log.info("telemetry is back")
+        self._interruptions.resumed()
         return subscriptions

@@ -1,4 +1,4 @@
-"""Where a client's daemon is, and how to open a channel to it; shared by the client and its asyncio twin."""
+"""Where a client's daemon is, and how to open a channel to it. Both clients, with and without asyncio, use this."""
 
 from __future__ import annotations
 
@@ -20,42 +20,44 @@ NS_VARIABLE = "UAL_NS"
 NS_METADATA_KEY = "ual-ns"
 
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
-    # A daemon that was restarted is found again within this.
+    # The longest pause between two attempts to connect: a restarted daemon is found again within 500 ms.
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 500),
-    # By its name the same, but it is how long an attempt may take: a busy computer needs more than a few ms.
+    # Despite its name, this is how long one attempt may take: a busy computer needs more than a few ms.
     ("grpc.min_reconnect_backoff_ms", 3000),
-    # Each client has connections of its own, which end with it.
+    # Each client has its own connections, which end with it.
     ("grpc.use_local_subchannel_pool", 1),
-    # A daemon's computer that vanished without a word (cable, radio) is noticed within 8 s.
+    # If the daemon's computer disappears without closing the connection (cable, radio), this is noticed within 8 s.
     ("grpc.keepalive_time_ms", 4000),
     ("grpc.keepalive_timeout_ms", 4000),
-    # The one that counts with gRPC 1.8x: it waits for the answer to a ping for 60 s by default.
+    # gRPC 1.8x uses this option: by default it waits 60 s for the answer to a ping.
     ("grpc.http2.ping_timeout_ms", 4000),
     ("grpc.http2.max_pings_without_data", 0),
-    # A command is sent once; one that gets lost is the caller's to judge.
+    # A command is sent only once. If it gets lost, the caller decides what to do.
     ("grpc.enable_retries", 0),
-    # A web proxy has no business between a program and its UAV.
+    # The environment's web proxy is not for connections to a UAV.
     ("grpc.enable_http_proxy", 0),
 )
 
 
 class Stubs:
-    """The daemon's services over one channel, of either kind."""
+    """The daemon's services over one channel of `grpc` or `grpc.aio`."""
 
     def __init__(self, channel: Any) -> None:  # noqa: ANN401 (grpc's, or grpc.aio's)
         self.ual = ual_pb2_grpc.UalServiceStub(channel)
         self.simulation = simulation_pb2_grpc.SimulationServiceStub(channel)
 
-    def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (what is called differs by method and by channel)
-        """The method that a call is of."""
+    def method(self, call: Call[Any]) -> Any:  # noqa: ANN401 (its type depends on the method and on the channel)
+        """Returns the gRPC method of a call."""
         return getattr(self.ual if call.service is Service.UAL else self.simulation, call.method)
 
 
 @dataclass(slots=True, eq=False)
 class Route:
-    """A channel, of either kind, to where the daemon was when it was opened. Where the daemon moved, it is closed once
-    no call uses it any more: closing it would end their calls.
+    """A channel of `grpc` or `grpc.aio` to one address of the daemon.
+
+    When the daemon has moved to another address, the channel is closed as soon as no call uses it: closing a channel
+    ends its calls.
     """
 
     address: str
@@ -65,7 +67,7 @@ class Route:
 
 
 class Target:
-    """The daemon that a client means: fixed by an address, or looked up by its namespace whenever that changes."""
+    """The daemon that a client talks to: at a fixed address, or wherever its namespace is registered."""
 
     def __init__(self, ns: str | None, address: str | None, tls_ca: str | Path | None) -> None:
         self.ns = ns or os.environ.get(NS_VARIABLE, "")
@@ -77,19 +79,21 @@ class Target:
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
-        """What every request carries."""
+        """The metadata that every request carries."""
         return ((NS_METADATA_KEY, self.ns),) if self.ns else ()
 
-    @property
-    def credentials(self) -> grpc.ChannelCredentials | None:
-        """For a secure channel; None for a plain one."""
-        return self._credentials
+    def open_channel(self, api: Any, address: str, more_options: tuple[tuple[str, int], ...] = ()) -> Any:  # noqa: ANN401 (grpc or grpc.aio, and its channel)
+        """Opens a channel to an address by `api`, which is the module `grpc` or `grpc.aio`."""
+        options = (*CHANNEL_OPTIONS, *more_options)
+        if self._credentials is None:
+            return api.insecure_channel(address, options)
+        return api.secure_channel(address, self._credentials, options)
 
     def address(self) -> str:
-        """Where the daemon is now. Costs one look at a file, so it can be asked before each call.
+        """Returns where the daemon is now. Costs one `stat` of a file, so it can be called before each call.
 
-        A daemon that is gone is expected where it was. Where neither namespace nor address was given, it is the only
-        daemon of this computer, and from then on the one of that namespace.
+        If the daemon is gone, returns where it was. If neither namespace nor address was given, this is the only daemon
+        of this computer; from then on its namespace is used.
         """
         if self._fixed_address is not None:
             return self._fixed_address
@@ -109,7 +113,9 @@ class Target:
 
 def _checked(address: str) -> str:
     if not re.fullmatch(r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\s:/\[\]]+):\d{1,5}", address):
-        raise InvalidArgumentError(f"address: {address!r} is none; write HOST:PORT or unix:PATH", {"field": "address"})
+        raise InvalidArgumentError(
+            f"address: {address!r} is not an address; write HOST:PORT or unix:PATH", {"field": "address"}
+        )
     return address
 
 

@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Generic, TypeVar
 
 import grpc
+from typing_extensions import override
 
-from ual import _calls, _convert
+from ual import _calls, _convert, interface
 from ual._connection import Connection
 from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
 from ual.types import TaskInfo, TaskKind
 
-# Waiting needs only the last message, which comes at once when the task ends.
 WAIT_RATE_HZ = 1.0
+"""Waiting needs only the last message, which the daemon sends at once when the task ends."""
+
+ConnectionT = TypeVar("ConnectionT")
 
 
-def has_not_ended(kind: TaskKind, timeout_s: float) -> UalTimeoutError:
-    """What waiting raises when the time is over."""
+def not_ended(kind: TaskKind, timeout_s: float) -> UalTimeoutError:
+    """The error that `wait` raises when its time has passed."""
     return UalTimeoutError(f"{kind.name} has not ended after {timeout_s:g} s; it goes on")
 
 
-class Task:
-    """A manoeuvre under way, or ended; see `ual.interface.Task`."""
+class KnownTask(Generic[ConnectionT]):
+    """What the client knows of a task without asking the daemon. Base of both clients' handles."""
 
-    def __init__(self, connection: Connection, info: TaskInfo) -> None:
+    def __init__(self, connection: ConnectionT, info: TaskInfo) -> None:
         self._connection = connection
         self._info = info
 
     @property
     def id(self) -> str:
-        """By which `Uav.task` finds it."""
+        """The identifier, for `Uav.task`."""
         return self._info.id
 
     @property
@@ -38,14 +42,24 @@ class Task:
         """Which manoeuvre it is."""
         return self._info.kind
 
+    def __repr__(self) -> str:
+        return f"<Task {self.id} {self.kind.name} {self._info.status.name}>"
+
+
+class Task(KnownTask[Connection], interface.Task):
+    """A manoeuvre that is running or has ended; see `ual.interface.Task`."""
+
+    @override
     def info(self) -> TaskInfo:
         if not _calls.has_ended(self._info):
             self._info = self._connection.run(_calls.get_task(self.id))
         return self._info
 
+    @override
     def done(self) -> bool:
         return _calls.has_ended(self.info())
 
+    @override
     def wait(self, timeout_s: float | None = None) -> TaskInfo:
         for info in self._watch(WAIT_RATE_HZ, time_limit(timeout_s)):
             self._info = info
@@ -53,6 +67,7 @@ class Task:
             raise self._info.error
         return self._info
 
+    @override
     def cancel(self) -> None:
         if self.done():
             return
@@ -62,13 +77,11 @@ class Task:
             if not self.done():
                 raise
 
+    @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
         for info in self._watch(rate_hz, None):
             self._info = info
             yield info
-
-    def __repr__(self) -> str:
-        return f"<Task {self.id} {self.kind.name} {self._info.status.name}>"
 
     def _watch(self, rate_hz: float, timeout_s: float | None) -> Iterator[TaskInfo]:
         if _calls.has_ended(self._info):
@@ -80,7 +93,7 @@ class Task:
                 yield _convert.task_from_proto(response.task)
         except grpc.RpcError as error:
             if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
-                raise has_not_ended(self.kind, timeout_s) from error
+                raise not_ended(self.kind, timeout_s) from error
             raise self._connection.error(error) from error
         finally:
             call.cancel()

@@ -1,15 +1,19 @@
-"""How long a caller would wait."""
+"""How long a caller waits."""
 
 from __future__ import annotations
 
 from ual.errors import InvalidArgumentError
 
 _LONGEST_S = 1e9
-"""Longer than anybody waits; gRPC cannot count to 2**63 ns after 1970, nor a lock to that many from now."""
+"""Longer times count as no limit: gRPC's deadlines end 2**63 ns after 1970, and those of locks 2**63 ns from now."""
 
 
 def time_limit(timeout_s: float | None) -> float | None:
-    """How long a caller would wait; None where he would wait for ever. `InvalidArgumentError` for what is no time."""
+    """Returns how long a caller waits; None if it waits without a limit.
+
+    Raises:
+        InvalidArgumentError: The value is not a time to wait.
+    """
     if timeout_s is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Parts of a telemetry sample, with their frame and time; the same in the class, the client and its asyncio twin."""
+"""Parts of a telemetry sample with their frame and time. The class interface and both clients share them."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ T = TypeVar("T")
 
 
 def pose(telemetry: Telemetry) -> PoseStamped:
-    """The pose. Raises `WrongStateError` while it is not known."""
+    """Returns the pose. Raises `WrongStateError` while it is not known."""
     return PoseStamped(_known(telemetry.pose, "pose", telemetry), telemetry.frame_id, telemetry.stamp_s)
 
 
 def velocity(telemetry: Telemetry) -> TwistStamped:
-    """The velocity. Raises `WrongStateError` while it is not known."""
+    """Returns the velocity. Raises `WrongStateError` while it is not known."""
     return TwistStamped(_known(telemetry.velocity, "velocity", telemetry), telemetry.frame_id, telemetry.stamp_s)
 
 
 def odometry(telemetry: Telemetry) -> Odometry:
-    """The odometry. Raises `WrongStateError` while it is not known."""
+    """Returns the odometry. Raises `WrongStateError` while it is not known."""
     return _known(telemetry.odometry, "odometry", telemetry)
 
 
 def reference_pose(telemetry: Telemetry) -> PoseStamped | None:
-    """Where the UAV is told to be; None while no reference is given."""
+    """Returns the pose that the autopilot gets as its reference; None while there is none."""
     reference = telemetry.reference_pose
     return None if reference is None else PoseStamped(reference, telemetry.frame_id, telemetry.stamp_s)
 
 
 def is_ready(telemetry: Telemetry) -> bool:
-    """True when the state is not UNINITIALIZED."""
+    """Whether the state is other than UNINITIALIZED."""
     return telemetry.state is not State.UNINITIALIZED
 
 
 def is_idle(telemetry: Telemetry) -> bool:
-    """True when no task runs."""
+    """Whether no task runs."""
     return telemetry.task is None
 
 

@@ -1,6 +1,7 @@
-"""Every error of the interface, the same in the class interface and in the client.
+"""All errors of the interface. The class interface and the client raise the same ones.
 
-Over gRPC an error is a status code with a ``google.rpc.ErrorInfo`` of domain ``ual``; `reason` and `metadata` are its.
+Over gRPC an error is a status code with a ``google.rpc.ErrorInfo`` of domain ``ual``, which carries `reason` and
+`metadata`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ DOMAIN = "ual"
 
 
 class UalError(Exception):
-    """Something was refused or failed: the message says what, why, and what to do."""
+    """Something was refused or has failed. The message says what, why, and what to do."""
 
     reason: ClassVar[str] = "INTERNAL"
 
@@ -25,7 +26,7 @@ class UalError(Exception):
 
     @property
     def state(self) -> str | None:
-        """Name of the UAV's state when it was raised, where that matters."""
+        """The name of the UAV's state when the error was raised, if the error depends on it."""
         return self.metadata.get("state")
 
 
@@ -36,13 +37,13 @@ class WrongStateError(UalError):
 
 
 class InvalidArgumentError(UalError, ValueError):
-    """A value cannot be meant; metadata ``field`` names it."""
+    """A value is not valid; metadata ``field`` names it."""
 
     reason = "INVALID_ARGUMENT"
 
 
 class UnknownFrameError(InvalidArgumentError):
-    """No frame has that name; metadata ``known`` lists those that are."""
+    """No frame has this name; metadata ``known`` lists the frames that exist."""
 
     reason = "UNKNOWN_FRAME"
 
@@ -54,13 +55,13 @@ class GeofenceError(UalError):
 
 
 class TaskAbortedError(UalError):
-    """The task was replaced, cancelled, or taken by the safety pilot; metadata ``by`` says which."""
+    """The task was replaced, cancelled, or ended by the safety pilot; metadata ``by`` says which."""
 
     reason = "TASK_ABORTED"
 
 
 class RejectedByAutopilotError(UalError):
-    """The autopilot refused, or did not do as told; the message carries its own words."""
+    """The autopilot refused the command, or accepted it and did not do it; the message quotes the autopilot."""
 
     reason = "REJECTED_BY_AUTOPILOT"
 
@@ -72,31 +73,31 @@ class LinkLostError(UalError):
 
 
 class UalTimeoutError(UalError, builtins.TimeoutError):
-    """It took longer than it can take, or than the caller would wait."""
+    """It took longer than allowed, or longer than the caller's `timeout_s`."""
 
     reason = "TIMEOUT"
 
 
 class NotSupportedError(UalError):
-    """The backend cannot do that."""
+    """The backend cannot do this."""
 
     reason = "NOT_SUPPORTED"
 
 
 class UnauthenticatedError(UalError):
-    """No or wrong credentials."""
+    """The credentials are missing or wrong."""
 
     reason = "UNAUTHENTICATED"
 
 
 class PermissionDeniedError(UalError):
-    """The caller, or this daemon, may not do that."""
+    """The caller, or this daemon, is not permitted to do this."""
 
     reason = "PERMISSION_DENIED"
 
 
 class DaemonUnreachableError(UalError, ConnectionError):
-    """No daemon answers there. Raised by the client only; never sent over the wire."""
+    """No daemon answers at the address. Only the client raises it; it is never sent over the wire."""
 
     reason = "DAEMON_UNREACHABLE"
 
@@ -121,5 +122,5 @@ _BY_REASON: Mapping[str, type[UalError]] = {
 
 
 def from_reason(reason: str, message: str, metadata: Mapping[str, str] | None = None) -> UalError:
-    """The error of a reason; a plain `UalError` for a reason of a newer daemon."""
+    """Makes the error of a reason; a plain `UalError` if this version does not know the reason."""
     return _BY_REASON.get(reason, UalError)(message, metadata)

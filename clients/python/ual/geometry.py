@@ -1,8 +1,8 @@
-"""Vectors, rotations, poses and transforms: the one home of their mathematics.
+"""Vectors, rotations, poses and transforms, and all their mathematics.
 
 Axes follow REP 103: x forward, y left, z up in the body; x east, y north, z up outside. SI units and radians.
-Quaternions are x, y, z, w (Hamilton convention, as in ROS); ``q.rotate(v)`` takes a vector from the rotated (child)
-frame to the frame that it is rotated in (parent).
+Quaternions are x, y, z, w (Hamilton convention, as in ROS); ``q.rotate(v)`` converts a vector from the rotated frame
+(child) to the frame in which it is rotated (parent).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ual.errors import InvalidArgumentError
 
 @dataclass(frozen=True, slots=True)
 class Vector3:
-    """Three components along x, y, z; the unit is that of the place it stands in."""
+    """Three components along x, y, z. The unit depends on what the vector is used for."""
 
     x: float = 0.0
     y: float = 0.0
@@ -45,11 +45,11 @@ class Vector3:
         yield self.z
 
     def dot(self, other: Vector3) -> float:
-        """The scalar product."""
+        """Returns the scalar product."""
         return self.x * other.x + self.y * other.y + self.z * other.z
 
     def cross(self, other: Vector3) -> Vector3:
-        """The vector product."""
+        """Returns the vector product."""
         return Vector3(
             self.y * other.z - self.z * other.y,
             self.z * other.x - self.x * other.z,
@@ -57,17 +57,17 @@ class Vector3:
         )
 
     def norm(self) -> float:
-        """The length."""
+        """Returns the length."""
         return math.hypot(self.x, self.y, self.z)
 
     def horizontal_norm(self) -> float:
-        """The length of the part along x and y."""
+        """Returns the length of the part along x and y."""
         return math.hypot(self.x, self.y)
 
 
 @dataclass(frozen=True, slots=True)
 class Quaternion:
-    """A rotation as a unit quaternion. `KEEP_HEADING`, all zeros, is none: it asks to keep the present heading."""
+    """A rotation as a unit quaternion. `KEEP_HEADING` (all zeros) is not a rotation: it means "keep the heading"."""
 
     x: float = 0.0
     y: float = 0.0
@@ -76,19 +76,19 @@ class Quaternion:
 
     @classmethod
     def from_yaw(cls, yaw_rad: float) -> Quaternion:
-        """The rotation about z, counter-clockwise seen from above."""
+        """Returns the rotation about z, counter-clockwise seen from above."""
         sine, cosine = _half(yaw_rad, "yaw_rad")
         return cls(0.0, 0.0, sine, cosine)
 
     @classmethod
     def from_euler(cls, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-        """Roll about x, then pitch about y, then yaw about z, each about the fixed axes (REP 103)."""
+        """Returns the rotation by roll (x), then pitch (y), then yaw (z), each about a fixed axis (REP 103)."""
         sine_x, cosine_x = _half(roll_rad, "roll_rad")
         sine_y, cosine_y = _half(pitch_rad, "pitch_rad")
         return cls.from_yaw(yaw_rad) * cls(0.0, sine_y, 0.0, cosine_y) * cls(sine_x, 0.0, 0.0, cosine_x)
 
     def __mul__(self, other: Quaternion) -> Quaternion:
-        """The other rotation first, then this one (Hamilton product)."""
+        """Returns the rotation that applies `other` first, then this one (Hamilton product)."""
         return Quaternion(
             self.w * other.x + self.x * other.w + self.y * other.z - self.z * other.y,
             self.w * other.y - self.x * other.z + self.y * other.w + self.z * other.x,
@@ -103,21 +103,21 @@ class Quaternion:
         yield self.w
 
     def norm(self) -> float:
-        """The length; 1 for a rotation."""
+        """Returns the length; 1 for a rotation."""
         return math.hypot(self.x, self.y, self.z, self.w)
 
     def normalized(self) -> Quaternion:
-        """The same rotation with unit length. Raises `ZeroDivisionError` for all zeros."""
+        """Returns the same rotation with unit length. Raises `ZeroDivisionError` for all zeros."""
         n = self.norm()
         return Quaternion(self.x / n, self.y / n, self.z / n, self.w / n)
 
     def inverse(self) -> Quaternion:
-        """The rotation back (of a unit quaternion)."""
+        """Returns the inverse rotation (of a unit quaternion)."""
         return Quaternion(-self.x, -self.y, -self.z, self.w)
 
     def rotate(self, v: Vector3) -> Vector3:
-        """The vector, rotated (of a unit quaternion): v + 2 w (q x v) + 2 q x (q x v)."""
-        # Written out, as it is most of what frames cost.
+        """Returns the rotated vector (for a unit quaternion): v + 2 w (q x v) + 2 q x (q x v)."""
+        # Written out in components, because frame transforms spend most of their time here.
         x, y, z, w = self.x, self.y, self.z, self.w
         tx, ty, tz = 2.0 * (y * v.z - z * v.y), 2.0 * (z * v.x - x * v.z), 2.0 * (x * v.y - y * v.x)
         return Vector3(
@@ -133,7 +133,7 @@ class Quaternion:
         )
 
     def to_euler(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw in radians (see `from_euler`); pitch is within -pi/2 to pi/2."""
+        """Returns roll, pitch and yaw in radians (see `from_euler`); pitch is within -pi/2 to pi/2."""
         sin_pitch = max(-1.0, min(1.0, 2.0 * (self.w * self.y - self.z * self.x)))
         roll = math.atan2(
             2.0 * (self.w * self.x + self.y * self.z),
@@ -147,15 +147,15 @@ KEEP_HEADING = Quaternion(0.0, 0.0, 0.0, 0.0)
 
 
 def _half(angle_rad: float, name: str) -> tuple[float, float]:
-    """Sine and cosine of half an angle."""
+    """Returns sine and cosine of half an angle."""
     try:
         return math.sin(angle_rad / 2), math.cos(angle_rad / 2)
     except ValueError:
-        raise InvalidArgumentError(f"{name}: {angle_rad} is no angle", {"field": name}) from None
+        raise InvalidArgumentError(f"{name}: {angle_rad} is not an angle", {"field": name}) from None
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction within -pi to pi; differences of headings so become the shortest turn."""
+    """Returns the same direction within -pi to pi. Of a difference of headings this is the shortest turn."""
     return math.remainder(angle_rad, math.tau)
 
 
@@ -168,7 +168,7 @@ class Pose:
 
     @classmethod
     def at(cls, x: float, y: float, z: float, yaw_rad: float | None = None) -> Pose:
-        """A goal: a position with a heading, or, where `yaw_rad` is None, keeping the heading it has."""
+        """Makes a goal: a position with a heading. If `yaw_rad` is None, the UAV keeps its heading."""
         return cls(Vector3(x, y, z), KEEP_HEADING if yaw_rad is None else Quaternion.from_yaw(yaw_rad))
 
     @property
@@ -213,23 +213,23 @@ class TwistStamped:
 
 
 def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
-    """A pose without a frame is one in ``<ns>/odom``."""
+    """Returns the pose with its frame; one without a frame is in ``<ns>/odom``."""
     return PoseStamped(pose) if isinstance(pose, Pose) else pose
 
 
 def stamped_point(point: PointStamped | Vector3) -> PointStamped:
-    """A point without a frame is one in ``<ns>/odom``."""
+    """Returns the point with its frame; one without a frame is in ``<ns>/odom``."""
     return PointStamped(point) if isinstance(point, Vector3) else point
 
 
 def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
-    """A velocity without a frame is one in ``<ns>/odom``."""
+    """Returns the velocity with its frame; one without a frame is in ``<ns>/odom``."""
     return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Takes coordinates in the child frame to the parent `frame_id`: p = rotation * p_child + translation."""
+    """Converts coordinates in the child frame to the parent `frame_id`: p = rotation * p_child + translation."""
 
     translation: Vector3 = field(default_factory=Vector3)
     rotation: Quaternion = IDENTITY
@@ -238,15 +238,17 @@ class Transform:
     stamp_s: float = 0.0
 
     def apply(self, point: Vector3) -> Vector3:
-        """A point in the child frame, in the parent frame."""
+        """Converts a point from the child frame to the parent frame."""
         return self.rotation.rotate(point) + self.translation
 
     def apply_pose(self, pose: Pose) -> Pose:
-        """A pose in the child frame, in the parent frame."""
+        """Converts a pose from the child frame to the parent frame."""
         return Pose(self.apply(pose.position), self.rotation * pose.orientation)
 
     def compose(self, inner: Transform) -> Transform:
-        """The inner transform first, then this one; the inner one's parent is this one's child."""
+        """Returns the transform that applies `inner` first, then this one. The parent of `inner` must be the child of
+        this one.
+        """
         return Transform(
             self.apply(inner.translation),
             self.rotation * inner.rotation,
@@ -256,6 +258,6 @@ class Transform:
         )
 
     def inverse(self) -> Transform:
-        """The transform from the parent to the child."""
+        """Returns the transform from the parent to the child."""
         back = self.rotation.inverse()
         return Transform(-back.rotate(self.translation), back, self.child_frame_id, self.frame_id, self.stamp_s)

@@ -1,7 +1,7 @@
-"""Routes from files: UAL's own waypoint files, QGroundControl's ``.plan``, and lines of KML (Google Earth, QGIS, ...).
+"""Reads routes from files: UAL's own waypoint files, QGroundControl's ``.plan``, and KML (Google Earth, QGIS, ...).
 
-A route of a file is what `Uav.follow_path` takes. What a file holds beyond that (a take-off, camera commands, times to
-wait) is not flown, and said in `Route.left_out`.
+`Uav.follow_path` takes the waypoints of a route. Whatever else a file contains (a take-off, camera commands, times to
+wait) is not flown; `Route.left_out` lists it.
 
 Sources: QGroundControl's plan file format (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html)
 with MAVLink's MAV_CMD and MAV_FRAME; OGC KML 2.3 (OGC 12-007r2), sections 9.11 (LineString) and 9.20 (altitudeMode).
@@ -23,9 +23,9 @@ from ual.types import AltitudeReference, GeoWaypoint
 
 _NAV_WAYPOINT, _NAV_SPLINE, _NAV_TAKEOFF, _DO_CHANGE_SPEED = 16, 82, 22, 178
 _SPEEDS_ALONG = (0, 1)
-"""Of DO_CHANGE_SPEED's kinds (SPEED_TYPE) those along the way, airspeed and ground speed; the others climb or sink."""
+"""Kinds of DO_CHANGE_SPEED (SPEED_TYPE) along the path: airspeed and ground speed. The others are climb and descent."""
 _NAV_COMMANDS_BELOW = 96
-"""MAV_CMD_NAV_LAST is 95: commands up to it move the vehicle, those behind it do not (MAVLink common.xml)."""
+"""MAV_CMD_NAV_LAST is 95: commands up to this number move the vehicle, those above do not (MAVLink common.xml)."""
 _HARMLESS_NAV = {_NAV_TAKEOFF: "take-off", 20: "return to launch", 21: "landing", 93: "delay"}
 _AMSL_FRAMES = (0, 5)
 _HOME_FRAMES = (3, 6)
@@ -34,14 +34,15 @@ _MOST_BYTES = 50_000_000
 
 
 class RouteError(Exception):
-    """A file holds no route; the message is one line that says where and why."""
+    """A file contains no valid route; the message is one line that says where and why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Waypoints, all in frames or all geographic; `leg_speeds_m_s` is empty or one for each (0: none given).
+    """Waypoints, either all with frames or all geographic; `leg_speeds_m_s` is empty or has one for each waypoint (0:
+    none given).
 
-    `left_out` tells, for people, what else the file holds and is not flown.
+    `left_out` lists, as text for people, what else is in the file and is not flown.
     """
 
     waypoints: Sequence[PoseStamped] | Sequence[GeoWaypoint]
@@ -50,10 +51,13 @@ class Route:
 
 
 def read(file: Path, *, frame_id: str = "", altitude_m: float | None = None) -> Route:
-    """The route of a file, by its ending: ``.plan``, ``.kml``, else waypoints a line.
+    """Reads a route; the file's ending says its format: ``.plan``, ``.kml``, else one waypoint a line.
 
-    Waypoints a line that name no frame are in `frame_id`. `altitude_m` (above home) is for lines of KML that lie on the
-    ground. Raises `RouteError`.
+    `frame_id` is the frame of waypoints (one a line) that name none. `altitude_m` (above home) is for a KML line that
+    is clamped to the ground.
+
+    Raises:
+        RouteError: The file cannot be read or contains no valid route.
     """
     try:
         if file.stat().st_size > _MOST_BYTES:
@@ -62,7 +66,7 @@ def read(file: Path, *, frame_id: str = "", altitude_m: float | None = None) -> 
     except OSError as error:
         raise RouteError(f"cannot read {file}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise RouteError(f"{file} is no text") from None
+        raise RouteError(f"{file} is not a text file") from None
     if file.suffix.lower() == ".plan":
         return parse_plan(text, str(file))
     if file.suffix.lower() == ".kml":
@@ -70,11 +74,13 @@ def read(file: Path, *, frame_id: str = "", altitude_m: float | None = None) -> 
     return Route(parse_lines(text, str(file), frame_id))
 
 
-# --- Waypoints a line -------------------------------------------------------------------------------------------------
+# --- One waypoint a line ----------------------------------------------------------------------------------------------
 
 
 def parse_lines(text: str, name: str, frame_id: str = "") -> list[PoseStamped]:
-    """Waypoints a line: JSON objects as ``ual waypoints save`` writes them, or ``X,Y,Z[,YAW]``; # begins comments."""
+    """Parses one waypoint a line: a JSON object as ``ual waypoints save`` writes it, or ``X,Y,Z[,YAW]``. ``#`` begins a
+    comment. Raises `RouteError`.
+    """
     return list(_lines(text.splitlines(), name, frame_id))
 
 
@@ -87,7 +93,7 @@ def _lines(lines: Iterable[str], name: str, frame_id: str) -> Iterator[PoseStamp
             yield _from_json(line, frame_id) if line.startswith("{") else PoseStamped(parse_waypoint(line), frame_id)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise RouteError(
-                f'{name}, line {number}: {line!r} is no waypoint: write X,Y,Z[,YAW] or {{"x": .., "y": .., "z": ..}}'
+                f'{name}, line {number}: {line!r} is not a waypoint: write X,Y,Z[,YAW] or {{"x": .., "y": .., "z": ..}}'
             ) from None
 
 
@@ -101,7 +107,7 @@ def _from_json(line: str, frame_id: str) -> PoseStamped:
 
 
 def parse_waypoint(text: str) -> Pose:
-    """``X,Y,Z`` or ``X,Y,Z,YAW``. Raises `ValueError`."""
+    """Parses ``X,Y,Z`` or ``X,Y,Z,YAW``. Raises `ValueError`."""
     x, y, z, *yaw = text.split(",")
     if len(yaw) > 1:
         raise ValueError("more than four numbers")
@@ -109,7 +115,7 @@ def parse_waypoint(text: str) -> Pose:
 
 
 def parse_angle(text: str) -> float:
-    """``90deg``, ``1.57rad`` or ``1.57``, in radians. Raises `ValueError`."""
+    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians. Raises `ValueError`."""
     text = text.strip()
     if text.endswith("deg"):
         return math.radians(float(text.removesuffix("deg")))
@@ -120,7 +126,9 @@ def parse_angle(text: str) -> float:
 
 
 def parse_plan(text: str, name: str) -> Route:
-    """The mission of a ``.plan`` file; surveys and corridors are flown as QGroundControl's items."""
+    """Parses the mission of a ``.plan`` file; surveys and corridors by the items that QGroundControl made of them.
+    Raises `RouteError`.
+    """
     try:
         plan = json.loads(text)
         items = plan["mission"]["items"]
@@ -128,7 +136,7 @@ def parse_plan(text: str, name: str) -> Route:
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         is_plan = False
     if not is_plan:
-        raise RouteError(f"{name} is no plan of QGroundControl (no mission with items)")
+        raise RouteError(f"{name} is not a plan of QGroundControl (no mission with items)")
     reader = _PlanReader(name)
     reader.read(items, "item")
     if not reader.waypoints:
@@ -146,7 +154,7 @@ def _holds(part: object, key: str) -> bool:
 
 
 class _PlanReader:
-    """Reads mission items in their order; a changed speed holds from its item on."""
+    """Reads mission items in their order. A change of speed applies to all following waypoints."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -156,12 +164,13 @@ class _PlanReader:
         self.left_out: list[str] = []
 
     def read(self, items: Sequence[Any], where: str) -> None:
+        """Reads items; `where` names them in errors."""
         for number, item in enumerate(items, start=1):
             place = f"{where} {number}"
             try:
                 self._read_item(item, place)
             except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError):
-                raise RouteError(f"{self._name}, {place}: is not as QGroundControl writes it") from None
+                raise RouteError(f"{self._name}, {place}: is not in QGroundControl's format") from None
 
     def _read_item(self, item: Mapping[str, Any], place: str) -> None:
         if item["type"] == "ComplexItem":
@@ -174,7 +183,7 @@ class _PlanReader:
         if command in (_NAV_WAYPOINT, _NAV_SPLINE):
             self._add(item, params, place)
         elif command == _DO_CHANGE_SPEED and int(params[0]) in _SPEEDS_ALONG:
-            self._speed_m_s = max(0.0, float(params[1]))  # negative: no change wanted, or back to the default
+            self._speed_m_s = max(0.0, float(params[1]))  # negative: no change, or back to the default
         elif command in _HARMLESS_NAV:
             self.left_out.append(f"{place}: {_HARMLESS_NAV[command]}")
         elif command < _NAV_COMMANDS_BELOW:
@@ -192,11 +201,11 @@ class _PlanReader:
             )
         yaw_rad = None
         if yaw_deg is not None and math.isfinite(float(yaw_deg)):
-            yaw_rad = wrap_angle(math.pi / 2 - math.radians(float(yaw_deg)))  # clockwise from north to REP 103
+            yaw_rad = wrap_angle(math.pi / 2 - math.radians(float(yaw_deg)))  # from clockwise from north to REP 103
         if hold_s > 0.0:
-            self.left_out.append(f"{place}: to wait there for {hold_s:g} s")
+            self.left_out.append(f"{place}: a wait of {hold_s:g} s")
         if int(item["command"]) == _NAV_SPLINE:
-            self.left_out.append(f"{place}: its curve (flown straight)")
+            self.left_out.append(f"{place}: the curve (flown straight)")
         reference = _AMSL if frame in _AMSL_FRAMES else _HOME
         self.waypoints.append(GeoWaypoint(float(params[4]), float(params[5]), float(params[6]), reference, yaw_rad))
         self.speeds_m_s.append(self._speed_m_s)
@@ -206,23 +215,23 @@ class _PlanReader:
 
 
 def parse_kml(text: str, name: str, altitude_m: float | None = None) -> Route:
-    """The one line (LineString) of a KML file. Its altitudes are used where it has an ``altitudeMode`` of ``absolute``
-    (mean sea level) or ``relativeToGround`` (taken as above home); else `altitude_m` above home.
+    """Parses the one line (LineString) of a KML file. Its altitudes are used if its ``altitudeMode`` is ``absolute``
+    (mean sea level) or ``relativeToGround`` (taken as above home); else `altitude_m` above home. Raises `RouteError`.
     """
-    if re.search(r"<!(DOCTYPE|ENTITY)", text):  # KML has none; entities can grow without bounds
-        raise RouteError(f"{name} has a document type declaration, as no KML has")
+    if re.search(r"<!(DOCTYPE|ENTITY)", text):  # KML has neither, and entities can expand without a limit
+        raise RouteError(f"{name} has a document type declaration, which KML does not have")
     try:
         root = ET.fromstring(text)  # noqa: S314  no declarations, see above
     except ET.ParseError as error:
-        raise RouteError(f"{name} is no XML: {error}") from None
+        raise RouteError(f"{name} is not valid XML: {error}") from None
     lines = [element for element in root.iter() if _tag(element) == "LineString"]
     if len(lines) != 1:
-        raise RouteError(f"{name} has {len(lines)} lines (LineString); a route is one")
+        raise RouteError(f"{name} has {len(lines)} lines (LineString); a route needs exactly one")
     values = {_tag(child): (child.text or "").strip() for child in lines[0]}
     mode = values.get("altitudeMode", "clampToGround")
     reference = {"absolute": _AMSL, "relativeToGround": _HOME}.get(mode)
     if reference is None and altitude_m is None:
-        raise RouteError(f"{name}: its line lies on the ground ({mode}); say how high to fly above home")
+        raise RouteError(f"{name}: its line lies on the ground ({mode}); give an altitude above home (--altitude)")
     waypoints = []
     for number, place in enumerate(values.get("coordinates", "").split(), start=1):
         try:
@@ -235,7 +244,7 @@ def parse_kml(text: str, name: str, altitude_m: float | None = None) -> Route:
                 waypoints.append(GeoWaypoint(latitude_deg, longitude_deg, height_m, reference))
         except ValueError:
             raise RouteError(
-                f"{name}, place {number}: {place!r} is not LONGITUDE,LATITUDE,ALTITUDE in numbers"
+                f"{name}, place {number}: {place!r} is not LONGITUDE,LATITUDE,ALTITUDE as numbers"
             ) from None
     if not waypoints:
         raise RouteError(f"{name}: its line has no coordinates")
@@ -246,5 +255,5 @@ def parse_kml(text: str, name: str, altitude_m: float | None = None) -> Route:
 
 
 def _tag(element: ET.Element) -> str:
-    """The name of an element without its namespace (files of KML 2.0 to 2.3 differ in it)."""
+    """Returns the name of an element without its namespace, which differs between KML 2.0 and 2.3."""
     return element.tag.rpartition("}")[2]

@@ -9,11 +9,12 @@ from concurrent.futures import Future
 from typing import Annotated
 
 from msgspec import Meta
+from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, Clock, UpdateCallback
 from ual_daemon.backends.values import (
     Control,
     Estimator,
@@ -43,12 +44,13 @@ class HoverSettings(Settings, frozen=True, kw_only=True):
     speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
 
 
-class HoverClock:
-    """The autopilot's time, derived from this computer's clock."""
+class HoverClock(Clock):
+    """The autopilot's time, estimated by the computer's clock."""
 
     def __init__(self, speed: float) -> None:
         self._begin_s, self._speed = time.monotonic(), speed
 
+    @override
     def now_s(self) -> float:
         return (time.monotonic() - self._begin_s) * self._speed
 
@@ -70,10 +72,12 @@ class HoverBackend(Backend):
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @override
     def open(self, on_update: UpdateCallback) -> None:
         self._thread = threading.Thread(target=self._receive, args=(on_update,), name="hover", daemon=True)
         self._thread.start()
 
+    @override
     def close(self) -> None:
         self._is_closing.set()
         if self._thread is not None and self._thread is not threading.current_thread():
@@ -84,11 +88,13 @@ class HoverBackend(Backend):
             packet = self._autopilot.receive(self._packet_timeout_s)
             if packet is not None:
                 self._newest = Sample(packet, self.clock.now_s())
-            on_update(self.snapshot())  # also when no packet came: that is information, too
+            on_update(self.snapshot())  # also if nothing came: old data changes the state
 
+    @override
     def info(self) -> VehicleInfo:
         return INFO
 
+    @override
     def snapshot(self) -> Snapshot:
         newest, now_s = self._newest, self.clock.now_s()
         if newest is None:
@@ -109,6 +115,7 @@ class HoverBackend(Backend):
             velocity=Sample(Twist(_ned_to_enu(packet.velocity), rotation), received_s),
         )
 
+    @override
     def send(self, setpoint: Setpoint) -> None:
         velocity = _enu_to_ned(setpoint.velocity)
         yaw_rate_deg_s = -math.degrees(setpoint.yaw_rate_rad_s)
@@ -118,21 +125,27 @@ class HoverBackend(Backend):
         else:
             self._autopilot.follow(Target(velocity, yaw_rate_deg_s))
 
+    @override
     def arm(self) -> Future[None]:
         return self._command("arm")
 
+    @override
     def disarm(self) -> Future[None]:
         return self._command("disarm")
 
+    @override
     def take_off(self, height_m: float) -> Future[None]:
         return self._command("follow")  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
 
+    @override
     def land(self) -> Future[None]:
         return self._command("land")
 
+    @override
     def take_control(self) -> Future[None]:
         return self._command("follow")
 
+    @override
     def hold(self) -> Future[None]:
         return self._command("hold")
 
@@ -161,5 +174,5 @@ def _enu_to_ned(vector: Vector3) -> Triple:
 
 
 def _yaw_rad(heading_deg: float) -> float:
-    """Converts clockwise from north to counter-clockwise from east."""
+    """Converts a heading clockwise from north to one counter-clockwise from east."""
     return math.radians(90.0 - heading_deg)

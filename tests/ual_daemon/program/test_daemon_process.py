@@ -76,7 +76,8 @@ def test_a_namespace_flies_once_on_a_computer(start_daemon: StartDaemon) -> None
     second = start_daemon()
     assert second.wait() == 1
     assert second.stderr == (
-        f"ual-daemon: uav_1 is flown by pid {first.pid} at {address} already: stop that, or choose another --ns\n"
+        f"ual-daemon: uav_1 is already flown by pid {first.pid} at {address}: "
+        "stop that daemon, or choose another --ns\n"
     )
     assert namespace_of(first.channel()) == "uav_1"
 

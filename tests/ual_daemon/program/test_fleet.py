@@ -214,10 +214,10 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
     address = _discovery.find("uav_3")
     second = start_daemon(ns="uav_3")
     assert second.wait() == 1
-    assert f"uav_3 is flown by pid {first.pid} at {address} already" in second.stderr
+    assert f"uav_3 is already flown by pid {first.pid} at {address}" in second.stderr
     other = start_daemon("--fleet", "3", ns="uav_4")
     assert other.wait() == 1
-    assert "uav_4 is flown by" in other.stderr
+    assert "uav_4 is already flown by" in other.stderr
     third = start_daemon("--fleet", "2", ns="uav_5")  # what the refused one had taken is free again
     third.wait_for("state", ns="uav_6")
 
@@ -227,12 +227,12 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
     [
         (
             ["--backend", "mavlink", "--fleet", "3"],
-            "ual-daemon: --fleet: the mavlink backend flies one UAV for each daemon: start a daemon for each",
+            "ual-daemon: --fleet: the mavlink backend flies only one UAV: start a daemon for each UAV",
         ),
         (["--fleet", "0"], "ual-daemon: --fleet: Expected `int` >= 1"),
         (
             ["--fleet", "2", "--url", "sim"],
-            "ual-daemon: --url: a fleet is simulated: there is no autopilot to look for",
+            "ual-daemon: --url: a fleet is simulated: it has no autopilot to connect to",
         ),
         (
             ["--fleet", "2", "--listen", "127.0.0.1:50051"],

@@ -61,7 +61,7 @@ def test_a_daemon_is_found_until_it_releases_the_namespace() -> None:
 def test_a_namespace_in_use_is_refused_with_pid_and_address() -> None:
     process = hold("127.0.0.1:4711", "light")
     try:
-        with pytest.raises(NamespaceError, match=rf"uav_1 is flown by pid {process.pid} at 127.0.0.1:4711 already"):
+        with pytest.raises(NamespaceError, match=rf"uav_1 is already flown by pid {process.pid} at 127.0.0.1:4711"):
             Namespace("uav_1")
         with Namespace("uav_2"):
             pass

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 
+from typing_extensions import override
+
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.interface import Simulation
@@ -37,28 +39,30 @@ from ual_daemon.settings import convert
 
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
-_SEEDS_APART = 1 << 40
-"""More than any world makes steps."""
+_SEED_DISTANCE = 1 << 40
+"""Larger than the number of steps in any world, so that no two vehicles use the same seed."""
 
 _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}
 _MODES = [Mode(mode.name, _CONTROLS.get(mode, Control.OTHER)) for mode in FlightMode]
 
 
-class _LightPilot:
+class _LightPilot(SafetyPilot):
     """See `ual_daemon.backends.base.SafetyPilot`: this vehicle is always simulated, and always ready."""
 
     def __init__(self, backend: LightBackend) -> None:
         self._backend = backend
 
+    @override
     def may_arm(self) -> bool:
         return True
 
+    @override
     def arm(self) -> None:
         self._backend.pilot_arm()
 
 
 class LightBackend(Backend):
-    """One simulated multirotor. Several can share a `World`: one thread then runs them all."""
+    """One simulated multirotor. Several of them can share a `World`, which steps them all on one thread."""
 
     name = "light"
     freshness = Freshness(link_s=0.5, pose_s=0.5, mode_s=0.5, landed_s=0.5, estimator_s=0.5)
@@ -71,7 +75,7 @@ class LightBackend(Backend):
         self._settings = settings
         self._index = self.world.add(settings)
         self._projection = EllipsoidProjection(*settings.origin_geo)
-        self._random = random.Random()  # noqa: S311  noise, no secret
+        self._random = random.Random()  # noqa: S311  for noise, not for secrets
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
         self._late_acks: list[tuple[float, Future[None]]] = []
@@ -81,9 +85,10 @@ class LightBackend(Backend):
         self._is_faulty = False
         self._snapshot = Snapshot(0.0)
         with self.world.lock:
-            self._look()
+            self._update_snapshot()
 
     @classmethod
+    @override
     def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
         settings = convert(options[0].settings, LightSettings, cls.name)
         origin = EllipsoidProjection(*settings.origin_geo)
@@ -100,67 +105,83 @@ class LightBackend(Backend):
 
     # --- The backend --------------------------------------------------------------------------------------------------
 
+    @override
     def open(self, on_update: UpdateCallback) -> None:
         self._on_update = on_update
         self.world.listen(self._index, self._after_step, self._is_step_needed)
 
+    @override
     def close(self) -> None:
         self.world.unlisten(self._index)
 
+    @override
     def info(self) -> VehicleInfo:
         return self._info
 
+    @override
     def snapshot(self) -> Snapshot:
-        # Standing time does not update: what the safety pilot did meanwhile must show all the same.
-        if self._looked_step != self.world.steps or self.world.speed_factor == 0.0:
+        # While time stands still there are no updates, but what the safety pilot does must be visible all the same.
+        if self._snapshot_step != self.world.steps or self.world.speed_factor == 0.0:
             with self.world.lock:
-                if self._looked_step != self.world.steps or self.world.speed_factor == 0.0:
-                    self._look()
+                if self._snapshot_step != self.world.steps or self.world.speed_factor == 0.0:
+                    self._update_snapshot()
         return self._snapshot
 
+    @override
     def send(self, setpoint: Setpoint) -> None:
         if self._faults.is_link_lost:
             return
         with self.world.lock:
-            self.world.fleet.tell(self._index, setpoint, self.world.now_s())
+            self.world.fleet.set_setpoint(self._index, setpoint, self.world.now_s())
 
+    @override
     def arm(self) -> Future[None]:
         return self._command(Command.ARM, self._arm)
 
+    @override
     def disarm(self) -> Future[None]:
         return self._command(Command.DISARM, self._disarm)
 
+    @override
     def take_off(self, height_m: float) -> Future[None]:
-        del height_m  # flown on setpoints
+        del height_m  # the daemon's setpoints fly the climb
         return self._command(Command.TAKE_OFF, self._guide)
 
+    @override
     def land(self) -> Future[None]:
         return self._command(Command.LAND, lambda fleet: self._switch(fleet, FlightMode.LAND))
 
+    @override
     def take_control(self) -> Future[None]:
         return self._command(Command.TAKE_CONTROL, self._guide)
 
+    @override
     def hold(self) -> Future[None]:
         return self._command(None, lambda fleet: self._switch(fleet, FlightMode.HOLD))
 
+    @override
     def safety_pilot(self) -> SafetyPilot:
         return _LightPilot(self)
 
+    @override
     def simulation(self) -> Simulation:
         return LightSimulation(self, self.world, self._index, self._faults)
 
-    # --- The safety pilot's commands, and ours ------------------------------------------------------------------------
+    # --- Commands of the safety pilot and of the daemon ---------------------------------------------------------------
 
     def pilot(self, action: Callable[[Vehicles], str | None]) -> None:
-        """Something the safety pilot does, by his own radio: neither a lost link nor its faults concern him.
+        """Does what the safety pilot commands. The pilot's radio is not affected by a lost link or by its faults.
 
-        It shows in the data once this returns.
+        The snapshot shows the effect once this has returned.
+
+        Raises:
+            RejectedByAutopilotError: The autopilot refused.
         """
-        with self.world.standing(), self.world.lock:
+        with self.world.paused(), self.world.lock:
             refusal = action(self.world.fleet)
             if refusal is not None:
                 self._status_text = refusal
-            self._look()
+            self._update_snapshot()
         if refusal is not None:
             raise RejectedByAutopilotError(f"the autopilot refused the safety pilot: {refusal}")
 
@@ -177,11 +198,11 @@ class LightBackend(Backend):
         self.pilot(self._guide if mode is FlightMode.GUIDED else lambda fleet: self._switch(fleet, mode))
 
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
-        """Standard deviations of the estimates from now on."""
+        """Sets the standard deviations of the estimates."""
         self._noise_sigmas = (position_m, velocity_m_s)
 
     def _command(self, command: Command | None, action: Callable[[Vehicles], str | None]) -> Future[None]:
-        """Does what a command asks, unless a fault is in the way; the acknowledgement."""
+        """Does what a command asks, unless a fault prevents it. Returns the acknowledgement."""
         ack: Future[None] = Future()
         if self._faults.is_link_lost:
             return ack
@@ -212,7 +233,7 @@ class LightBackend(Backend):
             return "Arm: not landed"
         fleet.is_armed[i] = True
         fleet.has_flown[i] = False
-        fleet.set_mode(i, FlightMode(int(fleet.mode[i])))  # what it was told before it stood disarmed is over
+        fleet.set_mode(i, FlightMode(int(fleet.mode[i])))  # forgets the setpoints from before
         return None
 
     def _disarm(self, fleet: Vehicles) -> str | None:
@@ -240,7 +261,7 @@ class LightBackend(Backend):
     # --- Data ---------------------------------------------------------------------------------------------------------
 
     def _is_step_needed(self) -> bool:
-        """Whether the next step must be looked at, although the conditions have not changed."""
+        """Whether the next step needs an update although the conditions have not changed."""
         return self.is_update_needed() or self._is_faulty or self._faults.any_active or bool(self._late_acks)
 
     def _after_step(self) -> None:
@@ -248,9 +269,9 @@ class LightBackend(Backend):
         self._faults.step(now_s)
         with self.world.lock:
             if self._is_faulty or self._faults.any_active:
-                self._is_faulty = self._faults.any_active  # the last time is when they have ended
+                self._is_faulty = self._faults.any_active  # applies once more after the last fault has ended
                 self._faults.apply(self.world.fleet, self._index, now_s)
-            snapshot = self._look()
+            snapshot = self._update_snapshot()
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))
@@ -260,21 +281,23 @@ class LightBackend(Backend):
             self._on_update(snapshot)
 
     def _noise(self) -> tuple[Vector3, Vector3]:
-        """The errors of position and velocity at this step: the same ones, whoever looks and however often."""
-        self._random.seed(self._settings.seed * _SEEDS_APART + self.world.steps)
+        """Returns the errors of position and velocity at this step. They depend only on the seed and the step."""
+        self._random.seed(self._settings.seed * _SEED_DISTANCE + self.world.steps)
         position, velocity = (
             Vector3(*(self._random.gauss(0.0, sigma) for _ in range(3))) for sigma in self._noise_sigmas
         )
         return position, velocity
 
-    def _look(self) -> Snapshot:
-        """What the autopilot says now. While the link is lost: what it said last. The world's lock is held."""
+    def _update_snapshot(self) -> Snapshot:
+        """Sets and returns the snapshot of this step. While the link is lost, only its time changes. The caller holds
+        the world's lock.
+        """
         now_s = self.world.now_s()
-        self._looked_step = self.world.steps
+        self._snapshot_step = self.world.steps
         if self._faults.is_link_lost:
-            self._snapshot = self._snapshot._replace(time_s=now_s, sequence=self._looked_step)
+            self._snapshot = self._snapshot._replace(time_s=now_s, sequence=self._snapshot_step)
             return self._snapshot
-        seen = self.world.fleet.seen(self._index)
+        seen = self.world.fleet.report(self._index)
         position, velocity = Vector3(*seen.position), Vector3(*seen.velocity)
         if any(self._noise_sigmas):
             position_noise, velocity_noise = self._noise()
@@ -293,7 +316,7 @@ class LightBackend(Backend):
             estimator=Sample(_GOOD if seen.has_position else _LOST, now_s),
             pose=Sample(Pose(position, Quaternion.from_yaw(seen.yaw)), now_s),
             velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, seen.yaw_rate)), now_s),
-            projection=self._projection,  # and the geographic position follows, for whoever asks
+            projection=self._projection,  # from which the geographic position is computed when it is needed
             home_altitude_amsl_m=self._projection.altitude_amsl_m,
             geoid_separation_m=self._settings.geoid_separation_m,
             battery=Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5),

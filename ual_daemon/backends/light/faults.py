@@ -1,4 +1,4 @@
-"""What goes wrong with one simulated vehicle."""
+"""The simulated faults of one vehicle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ual_daemon.backends.light.world import Vehicles
 
 
 class Faults:
-    """The faults under way, each with the time at which it ends. Every member may be called from any thread."""
+    """The active faults, each with the time at which it ends. All members may be called from any thread."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -35,7 +35,11 @@ class Faults:
         self._active: Mapping[str, tuple[Fault, float, float]] = MappingProxyType({})  # fault, begin, end
 
     def begin(self, fault: Fault, duration_s: float) -> str:
-        """Begins a fault, for a duration or (0) until it is ended. Its id."""
+        """Begins a fault, for a duration or (0) until `end`. Returns the fault's id.
+
+        Raises:
+            InvalidArgumentError: A value of the fault or the duration is not valid.
+        """
         _check(fault)
         duration_s = validation.not_negative(duration_s, "duration_s", at_most=1e9)
         now_s = self._clock.now_s()
@@ -46,7 +50,11 @@ class Faults:
         return fault_id
 
     def end(self, fault_id: str) -> None:
-        """Ends a fault, or all (empty)."""
+        """Ends a fault, or (empty) all faults.
+
+        Raises:
+            InvalidArgumentError: There is no fault with this id.
+        """
         with self._lock:
             if fault_id and fault_id not in self._active:
                 raise InvalidArgumentError(f"fault_id: there is no fault {fault_id[:100]!r}", {"field": "fault_id"})
@@ -54,23 +62,23 @@ class Faults:
             self._active = MappingProxyType(kept)
 
     def active(self) -> dict[str, Fault]:
-        """The faults under way by their ids."""
+        """Returns the active faults by their ids."""
         return {fault_id: fault for fault_id, (fault, _, _) in self._active.items()}
 
     @property
     def any_active(self) -> bool:
-        """Whether there are any."""
+        """Whether any fault is active."""
         return bool(self._active)
 
     def step(self, now_s: float) -> None:
-        """Ends those whose time is over."""
+        """Ends the faults whose time has passed."""
         over = [fault_id for fault_id, (_, _, ends_s) in self._active.items() if now_s >= ends_s]
         if over:
             with self._lock:
                 self._active = MappingProxyType({k: v for k, v in self._active.items() if k not in over})
 
     def apply(self, fleet: Vehicles, index: int, now_s: float) -> None:
-        """Puts what they do to the vehicle into its row (the world's lock is held)."""
+        """Applies the faults to the vehicle's row. The caller holds the world's lock."""
         fleet.power[index] = 1.0
         fleet.has_position[index] = True
         fleet.estimate_offset[index] = (0.0, 0.0, 0.0)
@@ -87,29 +95,29 @@ class Faults:
                 case BatteryLow(remaining_percent):
                     fleet.battery_percent[index] = min(fleet.battery_percent[index], remaining_percent)
                 case _:
-                    pass  # concerns the link, not the vehicle
+                    pass  # a fault of the link, not of the vehicle
 
     @property
     def is_link_lost(self) -> bool:
-        """Whether nothing comes or goes."""
+        """Whether the link carries no messages in either direction."""
         return any(isinstance(fault, LinkLost) for fault, _, _ in self._active.values())
 
     def refusal(self, command: Command) -> str | None:
-        """The words in which a command is refused."""
+        """Returns the text with which the autopilot refuses a command; None if it does not refuse."""
         for fault, _, _ in self._active.values():
             if isinstance(fault, CommandRefused) and fault.command in (command, Command.ANY):
                 return fault.text or "refused"
         return None
 
     def is_ack_lost(self, command: Command) -> bool:
-        """Whether the acknowledgement of a command never arrives."""
+        """Whether the acknowledgement of a command is lost."""
         return any(
             isinstance(fault, AckLost) and fault.command in (command, Command.ANY)
             for fault, _, _ in self._active.values()
         )
 
     def ack_delay_s(self, command: Command) -> float:
-        """How late the acknowledgement of a command is."""
+        """Returns how much later the acknowledgement of a command comes."""
         return max(
             (
                 fault.delay_s
@@ -134,4 +142,4 @@ def _check(fault: Fault) -> None:
         case LinkLost() | PositionLost() | CommandRefused() | AckLost():
             pass
         case _:
-            raise validation.refuse("fault", f"{fault!r} is no fault of the light simulation")
+            raise validation.refuse("fault", f"{fault!r} is not a fault of the light simulation")

@@ -1,8 +1,9 @@
-"""The motion of many vehicles, stepped together in vectors. One alone is moved, by the same laws, by `single.Single`.
+"""The motion of many vehicles, stepped together as vectors. `single.Single` moves a single vehicle by the same
+equations.
 
-A vehicle answers a velocity command with first order (`response_s`), within its limits of speed and acceleration; its
-autopilot turns position setpoints into velocity commands by their feed-forward and a proportional gain. The ground is
-level, at the height at which the vehicle starts.
+A vehicle responds to a velocity command as a first-order system (`response_s`), within its limits of speed and
+acceleration. Its autopilot converts position setpoints to velocity commands by their feed-forward and a proportional
+gain. The ground is level, at the height at which the vehicle starts.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from ual_daemon.backends.light.physics import (
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
-    Seen,
-    beginning,
+    Report,
+    initial_row,
 )
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
@@ -41,10 +42,10 @@ Ints: TypeAlias = "NDArray[np.int64]"
 
 
 class Fleet:
-    """The state of all vehicles of a world, one row each. Changed only with the world's lock held."""
+    """The state of all vehicles of a world, one row for each. Whoever changes it must hold the world's lock."""
 
     def __init__(self, single: Single) -> None:
-        """Goes on with the first vehicle where it is."""
+        """Takes over the first vehicle with its present state."""
         self.count = 0
         self.position: Floats = np.zeros((0, 3))
         self.velocity: Floats = np.zeros((0, 3))
@@ -56,7 +57,7 @@ class Fleet:
         self.has_flown: Bools = np.zeros(0, dtype=np.bool_)
         self.on_ground_s: Floats = np.zeros(0)
         self.battery_percent: Floats = np.zeros(0)
-        # What the autopilot was told last.
+        # The setpoint of the autopilot, and the pilot's sticks.
         self.by_position: Bools = np.zeros(0, dtype=np.bool_)
         self.setpoint_s: Floats = np.zeros(0)
         self.goal: Floats = np.zeros((0, 3))
@@ -66,14 +67,14 @@ class Fleet:
         self.goal_yaw_rate: Floats = np.zeros(0)
         self.hold: Floats = np.zeros((0, 3))
         self.sticks: Floats = np.zeros((0, 4))
-        # What its world does to it.
+        # The vehicle's surroundings and its faults.
         self.ground: Floats = np.zeros(0)
         self.wind: Floats = np.zeros((0, 3))
         self.power: Floats = np.zeros(0)
         self.estimate_offset: Floats = np.zeros((0, 3))
         self.has_position: Bools = np.zeros(0, dtype=np.bool_)
-        self.told: Ints = np.zeros(0, dtype=np.int64)
-        # What it can.
+        self.reported_conditions: Ints = np.zeros(0, dtype=np.int64)
+        # The vehicle's limits and properties.
         self.horizontal_speed: Floats = np.zeros(0)
         self.vertical_speed: Floats = np.zeros(0)
         self.horizontal_acceleration: Floats = np.zeros(0)
@@ -87,8 +88,8 @@ class Fleet:
         self._append(single.row())
 
     def add(self, settings: LightSettings) -> int:
-        """Adds a vehicle, standing on the ground, disarmed. Its row."""
-        self._append(beginning(settings))
+        """Adds a vehicle that stands on the ground, disarmed. Returns its row."""
+        self._append(initial_row(settings))
         return self.count - 1
 
     def _append(self, row: Mapping[str, Any]) -> None:
@@ -101,17 +102,17 @@ class Fleet:
         self.count += 1
 
     def changed(self) -> set[int]:
-        """The vehicles of which anything that their state follows from has changed since this was asked last."""
+        """Returns the vehicles whose mode, armed, landed or has-position has changed since the last call."""
         conditions = self.mode * 8 + self.is_armed * 4 + self.is_landed * 2 + self.has_position
-        changed = set(np.flatnonzero(conditions != self.told).tolist())
-        self.told = conditions
+        changed = set(np.flatnonzero(conditions != self.reported_conditions).tolist())
+        self.reported_conditions = conditions
         return changed
 
-    def seen(self, index: int) -> Seen:
-        """What one autopilot says of itself."""
+    def report(self, index: int) -> Report:
+        """Returns what one autopilot reports."""
         x, y, z = (self.position[index] + self.estimate_offset[index]).tolist()
         vx, vy, vz = self.velocity[index].tolist()
-        return Seen(
+        return Report(
             (x, y, z),
             (vx, vy, vz),
             self.yaw.item(index),
@@ -123,16 +124,16 @@ class Fleet:
             self.battery_percent.item(index),
         )
 
-    def tell(self, index: int, setpoint: Setpoint, now_s: float) -> None:
-        """Gives a setpoint to one autopilot."""
+    def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
+        """Sets the setpoint of one autopilot."""
         is_next = bool(self.by_position[index]) and now_s - self.setpoint_s[index] < 1.5 * STEP_S
         self.setpoint_s[index] = now_s
         self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
         if isinstance(setpoint, PositionSetpoint):
             self.by_position[index] = True
             self.goal[index] = tuple(setpoint.position)
-            # The first-order response to a velocity command lags by response_s: ask for what it shall be then. A
-            # command holds for a step, in which the acceleration goes on to change as it just did.
+            # The first-order response lags by response_s: so command the velocity that is wanted after that time. A
+            # command lasts one step, in which the acceleration is taken to change as it did in the step before.
             acceleration = np.array(tuple(setpoint.acceleration))
             changed = acceleration - self.goal_acceleration[index] if is_next else 0.0
             self.goal_acceleration[index] = acceleration
@@ -144,7 +145,7 @@ class Fleet:
             self.goal_velocity[index] = tuple(setpoint.velocity)
 
     def set_mode(self, index: int, mode: FlightMode) -> None:
-        """Switches one autopilot; it holds its place until it is told otherwise."""
+        """Switches the mode of one autopilot. It holds its position until it gets a setpoint."""
         self.mode[index] = mode
         self.hold[index] = self.position[index] + self.estimate_offset[index]
         self.sticks[index] = 0.0
@@ -157,7 +158,7 @@ class Fleet:
             self.goal_yaw_rate[index] = 0.0
 
     def step(self, now_s: float) -> None:
-        """Moves all vehicles on by `STEP_S`."""
+        """Moves all vehicles by one step of `STEP_S`."""
         lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
         for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
             self.set_mode(int(index), FlightMode.HOLD)
@@ -174,7 +175,7 @@ class Fleet:
         self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
 
     def _commands(self) -> tuple[Floats, Floats]:
-        """Velocity (N, 3) and yaw rate (N,) that the autopilots ask for."""
+        """Returns the velocities (N, 3) and yaw rates (N,) that the autopilots command."""
         guided, by_position = self.mode == FlightMode.GUIDED, self.by_position
         estimated = self.position + self.estimate_offset
         target = np.where((guided & by_position)[:, None], self.goal, self.hold)
@@ -182,8 +183,8 @@ class Fleet:
         command = np.where(keeps_place[:, None], POSITION_GAIN * (target - estimated), 0.0)
         command += np.where(guided[:, None], self.goal_velocity, 0.0)
         command[:, 2] = np.where(self.mode == FlightMode.LAND, -self.landing_speed, command[:, 2])
-        wanted_turn = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
-        yaw_rate = np.where(guided, self.goal_yaw_rate + np.where(by_position, YAW_GAIN * wanted_turn, 0.0), 0.0)
+        yaw_error = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
+        yaw_rate = np.where(guided, self.goal_yaw_rate + np.where(by_position, YAW_GAIN * yaw_error, 0.0), 0.0)
         manual = self.mode == FlightMode.MANUAL
         if manual.any():
             forward, left, up, turn = self.sticks.T
@@ -201,11 +202,13 @@ class Fleet:
         return command, yaw_rate
 
     def _accelerate(self, command: Floats) -> None:
-        """First-order response to the velocity commands, within the limits; then half-way integration."""
+        """Applies the first-order response to the velocity commands, within the limits; integrates by the trapezoidal
+        rule.
+        """
         limit = COMMAND_HEADROOM
         command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
         acceleration = (command - self.velocity) / self.response_s[:, None]
-        # The limits are those of what it does by itself: against the wind it has as much more as that takes.
+        # The limits apply without wind. Against the wind the vehicle can accelerate by as much more as the wind needs.
         push = WIND_DRAG * self.wind
         acceleration = _limited(
             acceleration,
@@ -214,7 +217,8 @@ class Fleet:
         )
         acceleration += push
         before = self.velocity
-        # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
+        # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
+        # which needs no more acceleration.
         after = before + acceleration * STEP_S
         fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
         after[:, :2] /= np.maximum(1.0, fast)[:, None]
@@ -224,8 +228,8 @@ class Fleet:
         self.position = self.position + (before + after) * (STEP_S / 2)
 
     def _touch_ground(self, command: Floats, place: Floats) -> None:
-        """The ground carries, and what sits on it stays at its `place`; landing is noticed after a while, lift-off at a
-        small height; then motors stop.
+        """Keeps vehicles above the ground, and those that stand on it at their `place`. Reports a landing after a
+        while, and a lift-off at a small height. Stops the motors after a landing.
         """
         stays = (self.position[:, 2] <= self.ground) & ((command[:, 2] <= 0.0) | ~self.is_armed)
         sits = stays | (self.is_landed & ~self.is_armed)
@@ -245,8 +249,8 @@ class Fleet:
 
 
 def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
-    """The vectors (N, 3), shortened where needed, their directions kept."""
-    excess = np.maximum(  # a limit of 0 (motors without power) is a very small one
+    """Scales vectors (N, 3) down to the limits, and keeps their directions."""
+    excess = np.maximum(  # TINY: a limit of 0 (motors without power) would divide by zero
         np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, TINY),
         np.abs(vectors[:, 2]) / np.maximum(vertical, TINY),
     )

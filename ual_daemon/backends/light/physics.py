@@ -1,4 +1,4 @@
-"""What both ways to move vehicles (`fleet.Fleet` many, `single.Single` one) share: modes, and the laws' numbers."""
+"""Modes and constants that both simulations share: `fleet.Fleet` for many vehicles, `single.Single` for one."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from typing import Any, NamedTuple
 from ual_daemon.backends.light.settings import LightSettings
 
 STEP_S = 0.02
-"""The step of simulated time: 50 Hz, as fast as setpoints are useful."""
+"""The step of simulated time: 50 Hz. Faster setpoints would not help."""
 
 SETPOINT_TIMEOUT_S = 1.0
-"""An autopilot that gets no setpoint for so long while it follows ours holds its position by itself (PX4: 1.2 s)."""
+"""An autopilot in GUIDED that gets no setpoint for this long holds its position by itself (PX4: 1.2 s)."""
 
 POSITION_GAIN = 1.5
 YAW_GAIN = 2.0
 WIND_DRAG = 0.1
-"""Acceleration by wind, 1/s times its speed; a small multirotor's drag against what its controller must make up."""
+"""Acceleration by wind in 1/s, times the wind's speed: the drag of a small multirotor, for which its controller has to
+compensate.
+"""
 COMMAND_HEADROOM = 1.25
-"""How far velocity commands may go beyond the speed limits, so that the limits can be held exactly."""
+"""Velocity commands may exceed the speed limits by this factor, so that the vehicle can reach the limits exactly."""
 LIFT_OFF_M = 0.05
 LANDED_AFTER_S = 0.5
 LANDED_DRAIN = 0.05
-"""What a motor takes on the ground of what it takes in flight."""
+"""The battery drain on the ground with motors running, as a part of the drain in flight."""
 TINY = 1e-9
-NEVER_TOLD = -1
+NEVER_REPORTED = -1
 
 
 class FlightMode(IntEnum):
@@ -36,11 +38,11 @@ class FlightMode(IntEnum):
     HOLD = 2
     LAND = 3
     ALTITUDE = 4
-    """Holds the height only: what is left of guided flight and hold without a position."""
+    """Holds only the height. GUIDED and HOLD change to this when the position is lost."""
 
 
-class Seen(NamedTuple):
-    """What one autopilot says of itself."""
+class Report(NamedTuple):
+    """The values that one autopilot reports."""
 
     position: tuple[float, float, float]
     velocity: tuple[float, float, float]
@@ -53,8 +55,8 @@ class Seen(NamedTuple):
     battery_percent: float
 
 
-def beginning(settings: LightSettings) -> dict[str, Any]:
-    """The row of a vehicle that stands on the ground, disarmed; what is not in it is zero."""
+def initial_row(settings: LightSettings) -> dict[str, Any]:
+    """Returns the row of a vehicle that stands on the ground, disarmed. Columns that are missing are zero."""
     return {
         "position": settings.start,
         "yaw": settings.start_yaw_rad,
@@ -67,7 +69,7 @@ def beginning(settings: LightSettings) -> dict[str, Any]:
         "wind": settings.wind_m_s,
         "power": 1.0,
         "has_position": True,
-        "told": NEVER_TOLD,
+        "reported_conditions": NEVER_REPORTED,
         "horizontal_speed": settings.horizontal_speed_m_s,
         "vertical_speed": settings.vertical_speed_m_s,
         "horizontal_acceleration": settings.horizontal_acceleration_m_s2,

@@ -14,10 +14,10 @@ Percent = Annotated[float, Meta(ge=0.0, le=100.0)]
 class LightSettings(Settings, frozen=True, kw_only=True):
     """One simulated multirotor and its world.
 
-    `speed_factor` is how fast simulated time runs against the wall: 1 is real time, 0 stands still until stepped,
-    "max" is as fast as the machine can. `origin_geo` is where the local frame begins on Earth (latitude, longitude,
-    metres above mean sea level). The ground is level, at the height of `start`. `takes` is which setpoints its
-    autopilot is said to take (see `ual_daemon.backends.values.Takes`).
+    `speed_factor` is how fast simulated time runs: 1 is real time, with 0 the time stands still until it is stepped,
+    "max" is as fast as the computer can. `origin_geo` is the origin of the local frame on Earth (latitude, longitude,
+    metres above mean sea level). The ground is level, at the height of `start`. `takes` says which setpoints the
+    simulated autopilot takes (see `ual_daemon.backends.values.Takes`).
     """
 
     speed_factor: Annotated[float, Meta(ge=0.0, le=100.0)] | Literal["max"] = 1.0

@@ -1,4 +1,4 @@
-"""The motion of one vehicle alone, in plain numbers: ten times as fast as vectors of one row, and without numpy."""
+"""The motion of a single vehicle, in plain numbers: ten times as fast as vectors with one row, and without numpy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ual_daemon.backends.light.physics import (
     LANDED_AFTER_S,
     LANDED_DRAIN,
     LIFT_OFF_M,
-    NEVER_TOLD,
+    NEVER_REPORTED,
     POSITION_GAIN,
     SETPOINT_TIMEOUT_S,
     STEP_S,
@@ -18,8 +18,8 @@ from ual_daemon.backends.light.physics import (
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
-    Seen,
-    beginning,
+    Report,
+    initial_row,
 )
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
@@ -30,9 +30,10 @@ _ZERO: Row = (0.0, 0.0, 0.0)
 
 
 class Single:
-    """The state of the only vehicle of a world, in columns of one row: the same as `fleet.Fleet`, and the same laws.
+    """The state of the only vehicle of a world, in columns with one row. The columns and the equations are the same as
+    in `fleet.Fleet`.
 
-    Changed only with the world's lock held.
+    Whoever changes it must hold the world's lock.
     """
 
     def __init__(self) -> None:
@@ -47,7 +48,7 @@ class Single:
         self.has_flown = [False]
         self.on_ground_s = [0.0]
         self.battery_percent = [0.0]
-        # What the autopilot was told last.
+        # The setpoint of the autopilot, and the pilot's sticks.
         self.by_position = [False]
         self.setpoint_s = [0.0]
         self.goal = [_ZERO]
@@ -57,14 +58,14 @@ class Single:
         self.goal_yaw_rate = [0.0]
         self.hold = [_ZERO]
         self.sticks = [(0.0, 0.0, 0.0, 0.0)]
-        # What its world does to it.
+        # The vehicle's surroundings and its faults.
         self.ground = [0.0]
         self.wind = [_ZERO]
         self.power = [0.0]
         self.estimate_offset = [_ZERO]
         self.has_position = [False]
-        self.told = [NEVER_TOLD]
-        # What it can.
+        self.reported_conditions = [NEVER_REPORTED]
+        # The vehicle's limits and properties.
         self.horizontal_speed = [0.0]
         self.vertical_speed = [0.0]
         self.horizontal_acceleration = [0.0]
@@ -76,27 +77,27 @@ class Single:
         self.endurance_s = [0.0]
 
     def add(self, settings: LightSettings) -> int:
-        """Adds the vehicle, standing on the ground, disarmed. Its row."""
-        for name, value in beginning(settings).items():
+        """Adds the vehicle, which stands on the ground, disarmed. Returns its row."""
+        for name, value in initial_row(settings).items():
             setattr(self, name, [value])
         self.count = 1
         return 0
 
     def row(self) -> dict[str, Any]:
-        """All of the vehicle by the names of the columns."""
+        """Returns the whole state of the vehicle by the names of the columns."""
         return {name: column[0] for name, column in vars(self).items() if isinstance(column, list)}
 
     def changed(self) -> set[int]:
-        """The vehicles of which anything that their state follows from has changed since this was asked last."""
+        """Returns the vehicles whose mode, armed, landed or has-position has changed since the last call."""
         conditions = self.mode[0] * 8 + self.is_armed[0] * 4 + self.is_landed[0] * 2 + self.has_position[0]
-        if conditions == self.told[0]:
+        if conditions == self.reported_conditions[0]:
             return set()
-        self.told[0] = conditions
+        self.reported_conditions[0] = conditions
         return {0}
 
-    def seen(self, index: int) -> Seen:
-        """What the autopilot says of itself."""
-        return Seen(
+    def report(self, index: int) -> Report:
+        """Returns what the autopilot reports."""
+        return Report(
             _sum(self.position[0], self.estimate_offset[0]),
             self.velocity[0],
             self.yaw[0],
@@ -108,8 +109,8 @@ class Single:
             self.battery_percent[0],
         )
 
-    def tell(self, index: int, setpoint: Setpoint, now_s: float) -> None:
-        """Gives a setpoint to the autopilot."""
+    def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
+        """Sets the setpoint of the autopilot."""
         is_next = self.by_position[0] and now_s - self.setpoint_s[0] < 1.5 * STEP_S
         self.setpoint_s[0] = now_s
         self.goal_yaw_rate[0] = setpoint.yaw_rate_rad_s
@@ -118,7 +119,7 @@ class Single:
             self.by_position[0] = True
             x, y, z = setpoint.position
             self.goal[0] = (x, y, z)
-            # See `fleet.Fleet.tell`.
+            # See `fleet.Fleet.set_setpoint`.
             ax, ay, az = setpoint.acceleration
             bx, by, bz = self.goal_acceleration[0] if is_next else (ax, ay, az)
             self.goal_acceleration[0] = (ax, ay, az)
@@ -134,7 +135,7 @@ class Single:
             self.goal_velocity[0] = (vx, vy, vz)
 
     def set_mode(self, index: int, mode: FlightMode) -> None:
-        """Switches the autopilot; it holds its place until it is told otherwise."""
+        """Switches the mode of the autopilot. It holds its position until it gets a setpoint."""
         self.mode[0] = int(mode)
         self.hold[0] = _sum(self.position[0], self.estimate_offset[0])
         self.sticks[0] = (0.0, 0.0, 0.0, 0.0)
@@ -147,7 +148,7 @@ class Single:
             self.goal_yaw_rate[0] = 0.0
 
     def step(self, now_s: float) -> None:
-        """Moves the vehicle on by `STEP_S`."""
+        """Moves the vehicle by one step of `STEP_S`."""
         lost_setpoints = self.mode[0] == FlightMode.GUIDED and now_s - self.setpoint_s[0] > SETPOINT_TIMEOUT_S
         if lost_setpoints and not self.is_landed[0]:
             self.set_mode(0, FlightMode.HOLD)
@@ -166,7 +167,7 @@ class Single:
             self.battery_percent[0] = max(0.0, self.battery_percent[0] - drain)
 
     def _command(self) -> tuple[Row, float]:
-        """Velocity and yaw rate that the autopilot asks for."""
+        """Returns the velocity and the yaw rate that the autopilot commands."""
         mode = self.mode[0]
         if mode == FlightMode.MANUAL:
             forward, left, up, turn = self.sticks[0]
@@ -195,18 +196,21 @@ class Single:
         return _sum((x, y, z), self.goal_velocity[0]), yaw_rate
 
     def _accelerate(self, command: Row) -> None:
-        """First-order response to the velocity command, within the limits; then half-way integration."""
+        """Applies the first-order response to the velocity command, within the limits; integrates by the trapezoidal
+        rule.
+        """
         top, climb, response_s = self.horizontal_speed[0], self.vertical_speed[0], self.response_s[0]
         bx, by, bz = self.velocity[0]
         cx, cy, cz = _limited(command, COMMAND_HEADROOM * top, COMMAND_HEADROOM * climb)
-        # The limits are those of what it does by itself: against the wind it has as much more as that takes.
+        # The limits apply without wind. Against the wind the vehicle can accelerate by as much more as the wind needs.
         wx, wy, wz = (WIND_DRAG * each for each in self.wind[0])
         ax, ay, az = _limited(
             ((cx - bx) / response_s, (cy - by) / response_s, (cz - bz) / response_s),
             self.power[0] * (self.horizontal_acceleration[0] + math.hypot(wx, wy)),
             self.power[0] * (self.vertical_acceleration[0] + abs(wz)),
         )
-        # Each part by itself: the nearest velocity within the limits, which costs no more acceleration.
+        # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
+        # which needs no more acceleration.
         vx, vy, vz = bx + (ax + wx) * STEP_S, by + (ay + wy) * STEP_S, bz + (az + wz) * STEP_S
         slower = max(1.0, math.hypot(vx, vy) / top)
         vx, vy, vz = vx / slower, vy / slower, max(-climb, min(climb, vz))
@@ -217,8 +221,8 @@ class Single:
         self.position[0] = _sum(self.position[0], ((bx + vx) * half, (by + vy) * half, (bz + vz) * half))
 
     def _touch_ground(self, command: Row, place: Row) -> None:
-        """The ground carries, and what sits on it stays at its `place`; landing is noticed after a while, lift-off at a
-        small height; then motors stop.
+        """Keeps the vehicle above the ground, and at its `place` while it stands there. Reports a landing after a
+        while, and a lift-off at a small height. Stops the motors after a landing.
         """
         x, y, z = self.position[0]
         ground, is_armed = self.ground[0], self.is_armed[0]
@@ -243,8 +247,8 @@ def _sum(a: Row, b: Row) -> Row:
 
 
 def _limited(vector: Row, horizontal: float, vertical: float) -> Row:
-    """The vector, shortened where needed, its direction kept."""
+    """Scales a vector down to the limits, and keeps its direction."""
     x, y, z = vector
-    # A limit of 0 (motors without power) is a very small one.
+    # TINY: a limit of 0 (motors without power) would divide by zero.
     excess = max(1.0, math.hypot(x, y) / max(horizontal, TINY), abs(z) / max(vertical, TINY))
     return (x / excess, y / excess, z / excess)

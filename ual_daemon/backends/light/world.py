@@ -1,6 +1,6 @@
-"""The world of the light simulation: time, and the vehicles that live in it.
+"""The world of the light simulation: its time and its vehicles.
 
-One thread runs all vehicles of a world; with a speed factor of 0 it rests, and `step` runs the time.
+One thread steps all vehicles of a world. With a speed factor of 0 that thread pauses, and `step` advances the time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
-from ual_daemon.backends.light.physics import NEVER_TOLD, STEP_S
+from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
 
@@ -27,17 +27,19 @@ _log = logging.getLogger(__name__)
 Vehicles: TypeAlias = "Single | Fleet"
 """All vehicles of a world; each has its row in every column."""
 
-_LATEST_STEPS = 10
+_MAX_STEPS_BEHIND = 10
 _MAX_STEP_S = 3600.0
-_MOST_STEPS = 5
-"""10 updates a second: fewer are no flying."""
-_TOO_MUCH = 0.7
-"""The part of its time that a step may take: Python's lock is for the server, too."""
-_PLENTY = 0.5
-"""Less than this it must take where there are more updates again, so that they do not come and go."""
+_MAX_EVERY = 5
+"""10 updates a second: fewer are not enough to fly."""
+_MAX_SHARE = 0.7
+"""The part of its time that a step may use. The rest is for the server, which needs Python's lock, too."""
+_LOW_SHARE = 0.5
+"""Updates become more frequent only if a step would then use less than this. The distance to `_MAX_SHARE` keeps the
+rate from switching back and forth.
+"""
 _SMOOTHING_STEPS = 25.0
-_MOST_SHARE = 2.0
-"""A process that was stopped for a moment says nothing of how fast the computer is."""
+_LARGEST_SHARE = 2.0
+"""Larger values count as this: they come from a process that was stopped for a moment, not from a slow computer."""
 
 
 class _Listener(NamedTuple):
@@ -48,38 +50,41 @@ class _Listener(NamedTuple):
 
 
 class Thinning:
-    """Lets vehicles be updated after every second step only, or fewer, where a computer is too slow for more.
+    """Reduces how often vehicles are updated, if the computer is too slow to update each of them after every step.
 
-    Steps of many vehicles are cheap, updates are not. Without this, simulated time would fall behind the wall's, and
-    subscribers with it; with it the references of each vehicle become coarser instead.
+    Stepping many vehicles is cheap, updating them is not. Without this, simulated time would fall behind real time, and
+    telemetry with it. With it the references of each vehicle become coarser instead.
     """
 
     def __init__(self) -> None:
         self.every = 1
-        """After every how manieth step."""
-        self._most = 1
+        """A vehicle is updated after each step (1), after every second step (2), and so on."""
+        self._largest = 1
         self._share = 0.0
 
-    def took(self, share: float) -> bool:
-        """Takes what part of its time a step took, updates included. True when `every` is more than it ever was."""
-        self._share += (min(share, _MOST_SHARE) - self._share) / _SMOOTHING_STEPS
-        if self._share > _TOO_MUCH and self.every < _MOST_STEPS:
+    def add(self, share: float) -> bool:
+        """Adds a measurement: which part of its time a step used, including updates. Returns whether `every` has become
+        larger than ever before.
+        """
+        self._share += (min(share, _LARGEST_SHARE) - self._share) / _SMOOTHING_STEPS
+        if self._share > _MAX_SHARE and self.every < _MAX_EVERY:
             every = self.every + 1
-        elif self.every > 1 and self._share * self.every / (self.every - 1) < _PLENTY:
+        elif self.every > 1 and self._share * self.every / (self.every - 1) < _LOW_SHARE:
             every = self.every - 1
         else:
             return False
         self._share *= self.every / every
         self.every = every
-        is_most, self._most = every > self._most, max(every, self._most)
-        return is_most
+        is_largest, self._largest = every > self._largest, max(every, self._largest)
+        return is_largest
 
 
 class World:
-    """Simulated time, and the vehicles that live in it. Is the clock of their backends.
+    """Simulated time and its vehicles. This is also the clock of their backends.
 
-    Callbacks run after a step, on the thread that steps, with no lock held but the one that lets only one thread step
-    at a time. A vehicle of which nothing is told and that nobody waits for costs no more than its row in the vectors.
+    Callbacks run after a step, on the thread that steps. The only lock that is held then is the one that lets one
+    thread step at a time. A vehicle that has not changed, and for whose update nobody waits, costs only its row in the
+    vectors.
     """
 
     def __init__(self, speed_factor: float = 1.0) -> None:
@@ -95,32 +100,33 @@ class World:
         self._thread: threading.Thread | None = None
 
     def now_s(self) -> float:
-        """Simulated seconds since the world began."""
+        """Returns the simulated seconds since the world was made."""
         return self._steps * STEP_S
 
     @property
     def steps(self) -> int:
-        """How many steps were made."""
+        """The number of steps so far."""
         return self._steps
 
     def add(self, settings: LightSettings) -> int:
-        """Adds a vehicle; its row in the fleet."""
+        """Adds a vehicle. Returns its row in the fleet."""
         with self.lock:
             if isinstance(self.fleet, Single) and self.fleet.count:
-                from ual_daemon.backends.light.fleet import Fleet  # with numpy: 10 MiB, 50 ms
+                from ual_daemon.backends.light.fleet import Fleet  # imported late: numpy takes 10 MiB and 50 ms
 
                 self.fleet = Fleet(self.fleet)
             return self.fleet.add(settings)
 
-    def wind_to(self, index: int, velocity_m_s: Vector3) -> None:
-        """Lets wind blow on one vehicle."""
+    def set_wind(self, index: int, velocity_m_s: Vector3) -> None:
+        """Sets the wind at one vehicle."""
         with self.lock:
             x, y, z = velocity_m_s
             self.fleet.wind[index] = (x, y, z)
 
     def listen(self, index: int, on_step: Callable[[], None], is_needed: Callable[[], bool] = lambda: True) -> None:
-        """From now on calls back after the first step, after each in which the conditions of the vehicle have changed,
-        and after each for which `is_needed` says so (but see `Thinning`); the world runs while anyone listens.
+        """From now on calls back after the next step, after each step that has changed the vehicle's conditions (mode,
+        armed, landed, has a position), and after each step for which `is_needed` returns True (but see `Thinning`).
+        Time runs while there is any listener.
         """
         with self._changed:
             self._listeners = {**self._listeners, index: _Listener(on_step, is_needed)}
@@ -128,12 +134,12 @@ class World:
                 self._thread = threading.Thread(target=self._run, name="light-world", daemon=True)
                 self._thread.start()
             self._changed.notify_all()
-        # After that: a step in between would take it as told, and tell nobody.
+        # Reset after the listener was added: before that, a step could mark the conditions as reported without a call.
         with self.lock:
-            self.fleet.told[index] = NEVER_TOLD
+            self.fleet.reported_conditions[index] = NEVER_REPORTED
 
     def unlisten(self, index: int) -> None:
-        """Ends `listen`; no call comes once this returns."""
+        """Ends `listen`. Once this has returned, no callback runs any more."""
         with self._changed:
             self._listeners = {other: each for other, each in self._listeners.items() if other != index}
             thread = self._thread
@@ -142,7 +148,7 @@ class World:
                 self._thread = None
             self._changed.notify_all()
         if threading.current_thread() is thread:
-            return  # called back from a step: it ends with it
+            return  # this is a callback of a step: the thread ends after that step
         if is_last and thread is not None:
             thread.join()
         with self._stepping:
@@ -150,14 +156,18 @@ class World:
 
     @property
     def speed_factor(self) -> float:
-        """How fast the time runs against the wall; 0 stands still."""
+        """How fast simulated time runs, relative to real time; 0: it stands still."""
         return self._speed_factor
 
     def set_speed_factor(self, speed_factor: float) -> None:
-        """Lets the time run at another speed: 0 to 100, or infinity. With 0 it stands still once this returns."""
+        """Sets how fast simulated time runs: 0 to 100, or infinity. With 0 it stands still once this has returned.
+
+        Raises:
+            InvalidArgumentError: The factor is out of range.
+        """
         if not (0.0 <= speed_factor <= 100.0 or speed_factor == math.inf):
             raise InvalidArgumentError(
-                f"speed_factor: {speed_factor:g} is not from 0 to 100, nor infinity", {"field": "speed_factor"}
+                f"speed_factor: {speed_factor:g} is neither from 0 to 100 nor infinity", {"field": "speed_factor"}
             )
         with self._changed:
             self._speed_factor = speed_factor
@@ -166,7 +176,12 @@ class World:
             pass
 
     def step(self, duration_s: float) -> None:
-        """Runs standing time on by a duration (to the nearest step), and returns when that is done."""
+        """Advances time that stands still by a duration (rounded to steps). Blocks until that is done.
+
+        Raises:
+            WrongStateError: The time runs by itself.
+            InvalidArgumentError: The duration is out of range.
+        """
         if self._speed_factor != 0.0:
             raise WrongStateError("the simulated time runs by itself; set the speed factor to 0 to step it")
         if not 0.0 < duration_s <= _MAX_STEP_S:
@@ -177,13 +192,15 @@ class World:
             self._step_once()
 
     @contextmanager
-    def standing(self) -> Iterator[None]:
-        """No step is made while the block runs."""
+    def paused(self) -> Iterator[None]:
+        """Keeps all threads from stepping while the block runs."""
         with self._stepping:
             yield
 
     def _step_once(self, every: int = 1) -> None:
-        """Updates each vehicle after every how manieth step, not all of them after the same; see `Thinning`."""
+        """Steps once, and updates every n-th vehicle (n is `every`), so that each is updated in every n-th step; see
+        `Thinning`.
+        """
         with self._stepping:
             with self.lock:
                 self._steps += 1
@@ -194,10 +211,10 @@ class World:
                     listener.on_step()
 
     def _step_in_time(self, step_s: float) -> None:
-        """A step of several vehicles that should not take longer than that."""
+        """Steps several vehicles, and thins their updates if that takes too much of `step_s`."""
         thinning, begin_s = self._thinning, time.monotonic()
         self._step_once(thinning.every)
-        if thinning.took((time.monotonic() - begin_s) / step_s):
+        if thinning.add((time.monotonic() - begin_s) / step_s):
             _log.warning(
                 "this computer is too slow for %d UAVs in one process: references and telemetry of each are updated "
                 "every %g s instead of every %g s while that lasts; fly fewer, or on a faster one",
@@ -222,8 +239,8 @@ class World:
                     if due_s > now_s:
                         self._changed.wait(due_s - now_s)
                         continue
-                    # A machine that cannot keep up lets the simulated time fall behind; it does not hurry after it.
-                    due_s = max(due_s, now_s - _LATEST_STEPS * STEP_S / factor) + STEP_S / factor
+                    # Catches up at most this many steps. On a computer that is too slow, simulated time falls behind.
+                    due_s = max(due_s, now_s - _MAX_STEPS_BEHIND * STEP_S / factor) + STEP_S / factor
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
             with self._stepping:

@@ -1,4 +1,4 @@
-"""What all commands share: which UAV is meant, how results are printed, how errors end the program."""
+"""What all commands share: the choice of the UAV, the output of results, and errors that end the program."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
+from typing_extensions import override
 
 from ual._cli.output import error_text, to_json
 from ual._cli.values import Number
@@ -28,7 +29,7 @@ INTERRUPTED = 130
 
 @dataclass
 class Session:
-    """The options that every command takes, before or after its name."""
+    """The options that all commands take, before or after the command's name."""
 
     ns: str | None = None
     address: str | None = None
@@ -37,38 +38,38 @@ class Session:
     as_json: bool = False
 
     def connect(self) -> Uav:
-        """The UAV that is meant."""
+        """Returns the chosen UAV."""
         from ual._client import Uav
 
         return Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
 
     def connect_to(self, daemon: Registration) -> Uav:
-        """The UAV of a daemon of this computer."""
+        """Returns the UAV of a daemon of this computer."""
         from ual._client import Uav
 
         return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca)
 
     def emit(self, value: object, text: str | None = None) -> None:
-        """Prints a result: one JSON object, or the text for people and pipes."""
+        """Prints a result: one JSON object with ``--json``, else the text."""
         if self.as_json:
             click.echo(json.dumps(to_json(value), allow_nan=False))
         elif text is not None:
             click.echo(text)
 
     def fail(self, error: UalError) -> None:
-        """Prints why it was refused or failed, in one line."""
+        """Prints in one line why the command was refused or failed."""
         click.echo(f"ual: {error_text(error)}", err=True)
         if self.as_json:
             click.echo(json.dumps({"error": to_json(error)}, allow_nan=False))
 
 
 def session(context: click.Context) -> Session:
-    """The session of a running command."""
+    """Returns the session of the running command."""
     return context.find_root().ensure_object(Session)
 
 
 def pass_session(function: Callable[..., None]) -> Callable[..., None]:
-    """Hands the session to a command as its first argument."""
+    """Passes the session to a command as its first argument."""
 
     @functools.wraps(function)
     def run(*args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (the command's own)
@@ -78,7 +79,7 @@ def pass_session(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def note(text: str) -> None:
-    """Tells people something that is no result."""
+    """Prints a message that is not a result, on stderr."""
     click.echo(text, err=True)
 
 
@@ -88,6 +89,7 @@ class _SharedOptions:
     params: list[click.Parameter]
 
     def add_shared_options(self) -> None:
+        """Adds them."""
         self.params.extend(
             [
                 click.Option(
@@ -139,13 +141,13 @@ class UalCommand(_SharedOptions, click.Command):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
         super().__init__(*args, **kwargs)
-        # `-1` is no option of any command; so it is an argument.
+        # No command has an option like `-1`: so it is an argument.
         self.ignore_unknown_options = True
         self.add_shared_options()
 
 
 class UalGroup(_SharedOptions, click.Group):
-    """The outermost group: ends the program as errors of the interface and interruptions say."""
+    """A group of commands. Ends the program with the exit status that fits an error or an interruption."""
 
     command_class = UalCommand
 
@@ -153,7 +155,8 @@ class UalGroup(_SharedOptions, click.Group):
         super().__init__(*args, **kwargs)
         self.add_shared_options()
 
-    def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 (click's)
+    @override
+    def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except UalError as error:
@@ -162,7 +165,7 @@ class UalGroup(_SharedOptions, click.Group):
         except KeyboardInterrupt:
             ctx.exit(INTERRUPTED)
         except BrokenPipeError:
-            # Whoever read our output has enough. Nothing may be flushed into the pipe at exit.
+            # The reader of the output has closed the pipe. Python must not flush into it at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             ctx.exit(0)
 
@@ -174,7 +177,7 @@ def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
 
 def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
     def store(context: click.Context, _: click.Parameter, value: object) -> None:
-        # What is not given after the command's name must not hide what was given before it.
+        # An option that is missing after the command's name must not overwrite one that was given before it.
         if value is not None and value is not False:
             source = context.get_parameter_source(field)
             held = session(context)

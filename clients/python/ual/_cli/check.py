@@ -1,4 +1,4 @@
-"""``ual check``: the conformance checks, run over one UAV."""
+"""``ual check`` runs the conformance checks with one UAV."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--list", "only_list", is_flag=True, help="List the checks, and end.")
 @pass_session
 def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], only_list: bool) -> None:
-    """Check that the UAV does what every UAV must do. It flies within 6 m of where it stands, up to 5 m high."""
+    """Check that the UAV does what all UAVs must do. It flies within 6 m of where it stands, up to 5 m high."""
     from ual import conformance
 
     checks = _chosen(conformance.CHECKS, only)
@@ -39,10 +39,10 @@ def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], o
                 results.append(result)
                 _emit(session, result)
         except conformance.CheckFailedError as error:
-            note(f"ual: it did not land in the end: {error}")
+            note(f"ual: the UAV did not land after the checks: {error}")
             raise click.exceptions.Exit(REFUSED) from error
         except KeyboardInterrupt:
-            note("ual: interrupted: the UAV holds its position if it flies; `ual land` lands it")
+            note("ual: interrupted: a UAV in flight holds its position; `ual land` lands it")
             raise
     _print_results(session, results)
     if any(result.outcome is conformance.Outcome.FAILED for result in results):
@@ -72,7 +72,7 @@ def _confirm(flight: Flight, checks: Sequence[Check]) -> None:
     for each in moving:
         note(f"  {each.name.replace('_', ' ')}: {each.moves}")
     if not flight.has_pilot and not flight.info.is_arming_allowed:
-        note("You will be asked to arm it. Keep the transmitter at hand: taking over ends whatever runs.")
+        note("You will be asked to arm it. Keep the transmitter at hand: taking over ends the running check.")
     if not click.confirm("Is the space free, and may it fly?", default=False, err=True):
         raise click.exceptions.Exit(REFUSED)
 

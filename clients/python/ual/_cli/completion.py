@@ -1,4 +1,4 @@
-"""``ual completion``: the script that completes commands in a shell."""
+"""``ual completion`` prints the script that completes commands in a shell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All UAVs of this computer, asked at the same time."""
+"""Gets telemetry from all UAVs of this computer at the same time."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ _PARALLEL = 16
 
 
 def ask_all(session: Session, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:
-    """A sample of each, in their order, or why there is none."""
-    from concurrent.futures import ThreadPoolExecutor  # with logging: a tenth of what any other command imports
+    """Yields one telemetry sample of each UAV in the order of `daemons`, or the error by which there is none."""
+    # Imported late: with logging, it would add a tenth to the imports of all other commands.
+    from concurrent.futures import ThreadPoolExecutor
 
     def ask(daemon: Registration) -> Telemetry | UalError:
         try:

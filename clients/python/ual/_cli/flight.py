@@ -45,7 +45,7 @@ def takeoff(session: Session, height_m: float, dry_run: bool) -> None:
     """Take off to HEIGHT metres above the ground it stands on."""
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.take_off(height_m))
+            manoeuvre.print_plan(session, uav.dry_run.take_off(height_m))
             return
         manoeuvre.wait_for(
             session,
@@ -62,7 +62,7 @@ def land(session: Session, dry_run: bool) -> None:
     """Land where it is."""
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.land())
+            manoeuvre.print_plan(session, uav.dry_run.land())
             return
         manoeuvre.wait_for(
             session, uav, lambda: uav.land(timeout_s=session.timeout_s), interrupted=f"the landing {_GOES_ON}"
@@ -94,7 +94,7 @@ def goto(
     goal = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.go_to_waypoint(goal, max_speed_m_s=max_speed_m_s))
+            manoeuvre.print_plan(session, uav.dry_run.go_to_waypoint(goal, max_speed_m_s=max_speed_m_s))
             return
         manoeuvre.wait_for(
             session,
@@ -134,7 +134,7 @@ def goto_geo(
     with session.connect() as uav:
         if dry_run:
             plan = uav.dry_run.go_to_waypoint_geo(*where, yaw_rad=yaw, max_speed_m_s=max_speed_m_s)
-            manoeuvre.say(session, plan)
+            manoeuvre.print_plan(session, plan)
             return
         manoeuvre.wait_for(
             session,
@@ -149,7 +149,9 @@ def goto_geo(
 @click.argument("vx", type=float)
 @click.argument("vy", type=float)
 @click.argument("vz", type=float)
-@click.option("--yaw-rate", "yaw_rate", type=values.angle, default="0", help="Turn to the left, per second.")
+@click.option(
+    "--yaw-rate", "yaw_rate", type=values.angle, default="0", help="Yaw rate: the angle to the left per second."
+)
 @click.option("--for", "duration_s", type=values.Number(min=0.0), required=True, help="For how many seconds.")
 @options.frame
 @options.dry_run
@@ -168,7 +170,7 @@ def velocity(
     wanted = TwistStamped(Twist(Vector3(vx, vy, vz), Vector3(0.0, 0.0, yaw_rate)), frame_id)
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.set_velocity(wanted))
+            manoeuvre.print_plan(session, uav.dry_run.set_velocity(wanted))
             return
         try:
             _repeat(uav, wanted, duration_s)
@@ -188,11 +190,11 @@ def _repeat(uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
 
 
 def _stop(uav: Uav) -> None:
-    """Stops by a call that is answered: nobody hears whether the last velocity of a stream has come."""
+    """Stops by `abort`, which the daemon answers. It would not answer a last velocity, which is sent by a stream."""
     try:
         uav.abort()
     except UalError as error:
-        raise type(error)(f"the stop was not taken: {error.message}", error.metadata) from None
+        raise type(error)(f"the UAV could not be stopped: {error.message}", error.metadata) from None
 
 
 @command("pose")
@@ -208,7 +210,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
     wanted = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.set_pose(wanted))
+            manoeuvre.print_plan(session, uav.dry_run.set_pose(wanted))
             return
         uav.set_pose(wanted)
     session.emit({"done": "pose"}, "reference set")
@@ -218,17 +220,17 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
 @options.dry_run
 @pass_session
 def recover(session: Session, dry_run: bool) -> None:
-    """Take control back from the safety pilot and hold the pose it has."""
+    """Take control back from the safety pilot and hold the present pose."""
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.say(session, uav.dry_run.recover_from_manual())
+            manoeuvre.print_plan(session, uav.dry_run.recover_from_manual())
             return
         uav.recover_from_manual(timeout_s=session.timeout_s)
     session.emit({"done": "recover"}, "recovered")
 
 
 @command("home")
-@click.option("--set-z", is_flag=True, help="The height, too.")
+@click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
 def home(session: Session, set_z: bool) -> None:
     """Make the present position the origin of <ns>/odom."""
@@ -241,7 +243,7 @@ def home(session: Session, set_z: bool) -> None:
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
 def abort(session: Session, freeze: bool) -> None:
-    """Cancel what the UAV does; it stops and holds."""
+    """Cancel the running task; the UAV stops and holds its position."""
     with session.connect() as uav:
         uav.abort(freeze)
     session.emit({"done": "abort"}, "aborted")

@@ -21,7 +21,7 @@ def frames(context: click.Context) -> None:
 
 @pass_session
 def list_frames(session: Session) -> None:
-    """Prints every frame with its parent."""
+    """Prints all frames with their parents."""
     with session.connect() as uav:
         found = uav.frames()
     if session.as_json:
@@ -32,8 +32,8 @@ def list_frames(session: Session) -> None:
     for frame in found:
         transform = frame.transform
         where = "" if transform is None else vector_text(transform.translation)
-        turn = "" if transform is None else f"{transform.rotation.yaw_rad:.3f}"
-        rows.append((frame.frame_id, frame.parent_frame_id, where, turn, "fixed" if frame.is_static else "moves"))
+        yaw = "" if transform is None else f"{transform.rotation.yaw_rad:.3f}"
+        rows.append((frame.frame_id, frame.parent_frame_id, where, yaw, "fixed" if frame.is_static else "moves"))
     print_table(("frame", "parent", "x y z (m)", "yaw (rad)", ""), rows)
 
 
@@ -42,14 +42,14 @@ def list_frames(session: Session) -> None:
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
-@click.option("--yaw", type=values.angle, default="0", help="How it is turned: 90deg, 1.57rad or 1.57.")
+@click.option("--yaw", type=values.angle, default="0", help="Its rotation about z: 90deg, 1.57rad or 1.57.")
 @click.option("--parent", default="", help="Its parent; map when not given.")
 @pass_session
 def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:
     """Add the frame NAME at X Y Z in its parent, or move it there."""
     with session.connect() as uav:
         uav.add_frame(Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw), parent, name))
-    session.emit({"done": "frames add", "frame_id": name}, f"frame {name} is there")
+    session.emit({"done": "frames add", "frame_id": name}, f"frame {name} added")
 
 
 COMMANDS = (frames,)

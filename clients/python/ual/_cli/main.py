@@ -16,8 +16,8 @@ from ual._cli.app import UalGroup
 def cli() -> None:
     """Fly a UAV through its daemon.
 
-    Without --ns and --address it is the only UAV of this computer. Exit status: 0 done, 1 refused or failed (the reason
-    is on stderr), 2 wrong usage, 130 interrupted.
+    Without --ns and --address this is the only UAV of this computer. Exit status: 0 done, 1 refused or failed (the
+    reason is on stderr), 2 wrong usage, 130 interrupted.
     """
 
 
@@ -36,6 +36,6 @@ for command in (
 
 def main() -> None:
     """The entry point."""
-    # What gRPC's core would write to stderr beside our one line of why.
+    # gRPC's core would write its own messages to stderr, beside the one line with the reason.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     cli(prog_name="ual")

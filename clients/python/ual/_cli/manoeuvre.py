@@ -1,4 +1,4 @@
-"""A manoeuvre from its begin to its end: its progress, Ctrl-C, and how it ended."""
+"""Runs a manoeuvre: shows its progress, handles Ctrl-C, and prints how it ended."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CANCELLED = "cancelled: the UAV holds its position"
 def wait_for(
     session: Session, uav: Uav, fly: Callable[[], Task], plot_file: Path | None = None, *, interrupted: str = CANCELLED
 ) -> None:
-    """Shows the progress while it flies, and prints how that ended; `interrupted` is said after Ctrl-C.
+    """Calls `fly`, shows the progress, and prints how it ended. Prints `interrupted` after Ctrl-C.
 
-    With `plot_file` the flown line is drawn against the wanted one, however it ended.
+    With `plot_file` draws the flown path and the wanted one, however the manoeuvre ended.
     """
     try:
         with progress.shown(uav), plot.drawn(uav, plot_file):
@@ -37,11 +37,11 @@ def wait_for(
 
 
 def interrupt(text: str) -> NoReturn:
-    """Ends the program as interrupted."""
+    """Prints a message and ends the program with the exit status of an interruption."""
     note(f"ual: {text}")
     raise click.exceptions.Exit(INTERRUPTED)
 
 
-def say(session: Session, plan: Plan) -> None:
-    """Prints what a dry run says."""
+def print_plan(session: Session, plan: Plan) -> None:
+    """Prints the result of a dry run."""
     session.emit(plan, plan_text(plan))

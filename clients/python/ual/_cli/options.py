@@ -15,7 +15,7 @@ max_speed = click.option(
     "max_speed_m_s",
     type=float,
     metavar="M_S",
-    help="At most so fast (m/s), in any direction; only the UAV's limits when not given.",
+    help="The highest speed in any direction (m/s); the UAV's limits when not given.",
 )
 corner_radius = click.option(
     "--corner-radius",
@@ -23,19 +23,19 @@ corner_radius = click.option(
     type=float,
     default=0.0,
     show_default=True,
-    help="Round the corners within so many metres; 0 stops at each.",
+    help="Round each corner within this distance (m); 0 stops at each.",
 )
 altitude = click.option(
     "--altitude",
     "altitude_m",
     type=float,
     metavar="M",
-    help="How high above home to fly a .kml line that lies on the ground.",
+    help="The altitude above home at which to fly a .kml line that lies on the ground.",
 )
 plot = click.option(
     "--plot",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Draw the flown line against the wanted one (.png, .svg, .pdf); needs ual-client[plot].",
+    help="Draw the flown path and the wanted one (.png, .svg, .pdf); needs ual-client[plot].",
 )
-dry_run = click.option("--dry-run", is_flag=True, help="Only say what would happen; nothing moves.")
+dry_run = click.option("--dry-run", is_flag=True, help="Only print what would happen; nothing moves.")

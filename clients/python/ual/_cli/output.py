@@ -1,4 +1,4 @@
-"""How values of the interface look as JSON and as text."""
+"""Converts values of the interface to JSON and to text."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ual.types import Plan, TaskInfo
 
 
 def error_text(error: UalError) -> str:
-    """Why something was refused or failed, in one line."""
+    """Returns in one line why something was refused or failed."""
     return f"{error.reason}: {' '.join(error.message.split())}"
 
 
 def to_json(value: object) -> object:
-    """A value as JSON knows them: names for enums, null for what is not known."""
+    """Converts a value to what JSON can express: the names of enums, null for a number that is not finite."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, UalError):
@@ -37,17 +37,17 @@ def to_json(value: object) -> object:
 
 
 def vector_text(vector: Vector3) -> str:
-    """Three components, to the centimetre."""
+    """Returns the three components with two decimals."""
     return " ".join(f"{component:.2f}" for component in vector)
 
 
 def pose_text(pose: Pose) -> str:
-    """Position and heading."""
+    """Returns position and heading."""
     return f"{vector_text(pose.position)}  {math.degrees(pose.yaw_rad):.1f}°"
 
 
 def pose_json(pose: PoseStamped) -> dict[str, object]:
-    """A pose as a waypoint file has it."""
+    """Converts a pose to the form of a waypoint file."""
     position = pose.pose.position
     return {
         "frame_id": pose.frame_id,
@@ -59,12 +59,12 @@ def pose_json(pose: PoseStamped) -> dict[str, object]:
 
 
 def plan_text(plan: Plan) -> str:
-    """What would happen, in one line."""
+    """Returns the result of a dry run in one line."""
     length = "" if plan.length_m is None else f", {plan.length_m:.2f} m"
     duration = "" if plan.duration_s is None else f", {plan.duration_s:.1f} s"
     return f"would be accepted{length}{duration}"
 
 
 def task_text(task: TaskInfo) -> str:
-    """How a task ended, in one line."""
+    """Returns in one line how a task ended."""
     return f"{task.kind.name} {task.status.name} after {task.elapsed_s:.1f} s"

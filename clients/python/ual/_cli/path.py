@@ -1,4 +1,4 @@
-"""``ual path``, and flying through waypoints wherever they come from."""
+"""``ual path`` flies through waypoints; ``ual waypoints fly`` uses the same functions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PathOptions:
     type=values.numbers,
     default="",
     metavar="M_S,M_S,...",
-    help="At most so fast (m/s) on the leg to each waypoint; 0: as --max-speed says.",
+    help="The highest speed (m/s) on the leg to each waypoint; 0: as --max-speed says.",
 )
 @click.option(
     "--heading",
@@ -52,7 +52,7 @@ class PathOptions:
     default="waypoints",
     show_default=True,
     metavar="waypoints|fixed|along-path|X,Y,Z",
-    help="Where the nose points: as the waypoints say, as it does now, along the path, or at X,Y,Z.",
+    help="Where the nose points: as the waypoints say, as now, along the path, or at X,Y,Z.",
 )
 @options.frame
 @options.dry_run
@@ -73,7 +73,7 @@ def path(
 ) -> None:
     """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW, or those of a file. Ctrl-C cancels: the UAV holds."""
     if bool(waypoints) is (file is not None):
-        raise click.UsageError("give waypoints, or --file with some")
+        raise click.UsageError("give either waypoints or --file")
     route = Route([PoseStamped(each, frame_id) for each in waypoints])
     if file is not None:
         route = values.read_route(file, frame_id, altitude_m)
@@ -86,7 +86,7 @@ def path(
 
 
 def fly_path(session: Session, route: Route, how: PathOptions) -> None:
-    """Flies through the waypoints of a route and prints how that ended."""
+    """Flies through the waypoints of a route and prints how it ended."""
     for each in route.left_out:
         note(f"ual: not flown: {each}")
     waypoints, speeds_m_s = route.waypoints, how.leg_speeds_m_s or route.leg_speeds_m_s
@@ -100,7 +100,7 @@ def fly_path(session: Session, route: Route, how: PathOptions) -> None:
                 heading=how.heading,
                 point_of_interest=how.point_of_interest,
             )
-            manoeuvre.say(session, plan)
+            manoeuvre.print_plan(session, plan)
             return
         manoeuvre.wait_for(
             session,

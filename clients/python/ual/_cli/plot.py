@@ -1,4 +1,4 @@
-"""The flown line against the wanted one, as a picture by matplotlib (the extra ``plot``), loaded only for that."""
+"""Draws the flown path and the wanted one. Needs matplotlib (the extra ``plot``), which is imported only for this."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 _ENDINGS = (".pdf", ".png", ".svg")
 _WINDOW = 100
-"""Two seconds at 50 Hz: a UAV is hardly further behind its reference (the reference waits)."""
+"""Two seconds at 50 Hz. A UAV is rarely further behind its reference, because the reference waits for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the UAV was, and where it was told to be, at one time; metres, in the frame of the telemetry."""
+    """Where the UAV was and where its reference was, at one time; metres, in the frame of the telemetry."""
 
     time_s: float
     flown: Vector3
@@ -36,7 +36,7 @@ class Place:
 
 @contextmanager
 def drawn(uav: Uav, file: Path | None) -> Iterator[None]:
-    """Draws what is flown meanwhile into a file, however it ends; nothing without one."""
+    """Draws the flight during the block into a file, however the block ends. Does nothing without a file."""
     if file is None:
         yield
         return
@@ -56,7 +56,7 @@ def drawn(uav: Uav, file: Path | None) -> Iterator[None]:
 
 
 def _require_drawing(file: Path) -> None:
-    """Refuses before anything moves what could not be drawn after it."""
+    """Refuses before the flight if the drawing could not be made after it."""
     if file.suffix.lower() not in _ENDINGS:
         raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
     if not (os.access(file, os.W_OK) or (os.access(file.parent, os.W_OK | os.X_OK) and not file.exists())):
@@ -68,7 +68,7 @@ def _require_drawing(file: Path) -> None:
 
 
 def draw(places: Sequence[Place], file: Path, title: str) -> None:
-    """Draws the line from above, its height, and how far it is from where it was wanted."""
+    """Draws the path from above, its height, and its distance from the wanted path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -96,9 +96,9 @@ def draw(places: Sequence[Place], file: Path, title: str) -> None:
 
 
 def off_line_m(places: Sequence[Place]) -> list[float]:
-    """How far each flown place is from the nearest part of the wanted line, whenever that was wanted.
+    """Returns how far each flown place is from the nearest part of the wanted line, at whatever time that was wanted.
 
-    The nearest part moves on along the line with the time: it is looked for around the last one.
+    The nearest part moves along the line with time, so it is searched near the one before.
     """
     wanted = [place.wanted for place in places]
     result, near = [], 0
@@ -116,8 +116,8 @@ def off_line_m(places: Sequence[Place]) -> list[float]:
 
 
 def _distance(p: Vector3, a: Vector3, b: Vector3) -> float:
-    """From a point to a segment."""
-    way = b - a
-    length2 = way.dot(way)
-    share = 0.0 if length2 == 0.0 else min(1.0, max(0.0, (p - a).dot(way) / length2))
-    return (p - (a + way * share)).norm()
+    """Returns the distance from a point to a segment."""
+    segment = b - a
+    length2 = segment.dot(segment)
+    share = 0.0 if length2 == 0.0 else min(1.0, max(0.0, (p - a).dot(segment) / length2))
+    return (p - (a + segment * share)).norm()

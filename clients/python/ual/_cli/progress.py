@@ -1,4 +1,4 @@
-"""Progress of a manoeuvre on a terminal: state, distance left, time. Nothing where there is none."""
+"""Shows the progress of a manoeuvre on a terminal: state, distance left, time. Shows nothing without a terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RATE_HZ = 5.0
 
 @contextmanager
 def shown(uav: Uav) -> Iterator[None]:
-    """Shows the progress of what is done meanwhile, on stderr if that is a terminal."""
+    """Shows the progress during the block, on stderr if that is a terminal."""
     if not sys.stderr.isatty():
         yield
         return

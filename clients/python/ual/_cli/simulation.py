@@ -1,4 +1,4 @@
-"""``ual sim``: the safety pilot, faults, time, noise and wind of a simulated UAV."""
+"""``ual sim`` controls the safety pilot, faults, time, noise and wind of a simulated UAV."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ual.simulation import (
 
 @click.group("sim", cls=UalGroup)
 def sim() -> None:
-    """The world around a simulated UAV: its safety pilot, faults, time, noise and wind."""
+    """Control the world around a simulated UAV: its safety pilot, faults, time, noise and wind."""
 
 
 def _pilot(name: str, help_text: str, done: str, act: str) -> None:
@@ -52,7 +52,7 @@ _pilot("give-back", "The safety pilot switches back to the daemon.", "given back
 @click.option("--turn", type=float, default=0.0, help="To the left.")
 @pass_session
 def sticks(session: Session, forward: float, left: float, up: float, turn: float) -> None:
-    """The safety pilot holds the sticks so: -1 to 1 each; 0 lets go."""
+    """The safety pilot holds the sticks, each from -1 to 1; 0 releases it."""
     with session.connect() as uav:
         uav.simulation.pilot_move_sticks(forward=forward, left=left, up=up, turn=turn)
     session.emit({"done": "sim sticks"}, "sticks moved")
@@ -62,7 +62,7 @@ def sticks(session: Session, forward: float, left: float, up: float, turn: float
 @click.argument("factor", type=float)
 @pass_session
 def speed(session: Session, factor: float) -> None:
-    """Let time run FACTOR times as fast: 1 is real time, 0 stands still, inf is as fast as it can."""
+    """Let time run FACTOR times as fast: 1 is real time, 0 stands still, inf is as fast as possible."""
     with session.connect() as uav:
         uav.simulation.set_speed_factor(factor)
     session.emit({"done": "sim speed", "speed_factor": factor if math.isfinite(factor) else "inf"}, "speed set")
@@ -72,7 +72,7 @@ def speed(session: Session, factor: float) -> None:
 @click.argument("duration_s", type=float, metavar="SECONDS")
 @pass_session
 def step(session: Session, duration_s: float) -> None:
-    """Run standing time on by SECONDS."""
+    """Advance time that stands still by SECONDS."""
     with session.connect() as uav:
         uav.simulation.step(duration_s)
     session.emit({"done": "sim step"}, f"{duration_s:g} s passed")
@@ -83,7 +83,7 @@ def step(session: Session, duration_s: float) -> None:
 @click.argument("velocity_m_s", type=float, metavar="VELOCITY")
 @pass_session
 def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
-    """Noise of the estimates: one standard deviation of POSITION (m) and VELOCITY (m/s)."""
+    """Set the noise of the estimates: the standard deviations of POSITION (m) and VELOCITY (m/s)."""
     with session.connect() as uav:
         uav.simulation.set_noise(position_m=position_m, velocity_m_s=velocity_m_s)
     session.emit({"done": "sim noise"}, "noise set")
@@ -95,7 +95,7 @@ def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
 @click.argument("z", type=float, default=0.0)
 @pass_session
 def wind(session: Session, x: float, y: float, z: float) -> None:
-    """Steady wind that blows to X Y Z (m/s, map axes)."""
+    """Set a steady wind. X Y Z is the velocity of the air (m/s, map axes)."""
     with session.connect() as uav:
         uav.simulation.set_wind(Vector3(x, y, z))
     session.emit({"done": "sim wind"}, "wind set")
@@ -103,7 +103,7 @@ def wind(session: Session, x: float, y: float, z: float) -> None:
 
 @sim.group("fault", cls=UalGroup)
 def fault() -> None:
-    """Faults below the interface: begin, end and list them."""
+    """Begin, end and list simulated faults."""
 
 
 @fault.group("begin", cls=UalGroup)
@@ -112,7 +112,7 @@ def begin() -> None:
 
 
 _duration = click.option(
-    "--for", "duration_s", type=float, default=0.0, help="End by itself after so many (simulated) seconds."
+    "--for", "duration_s", type=float, default=0.0, help="End by itself after this many (simulated) seconds."
 )
 _command = click.option(
     "--command",
@@ -136,7 +136,7 @@ def _simple(name: str, help_text: str, make: Callable[[], Fault]) -> None:
     begin.command(name, cls=UalCommand, help=help_text)(_duration(pass_session(run)))
 
 
-_simple("link-lost", "Nothing comes from the autopilot and nothing reaches it.", LinkLost)
+_simple("link-lost", "The link to the autopilot carries nothing in either direction.", LinkLost)
 _simple("position-lost", "The autopilot loses its position.", PositionLost)
 
 
@@ -146,7 +146,7 @@ _simple("position-lost", "The autopilot loses its position.", PositionLost)
 @_duration
 @pass_session
 def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration_s: float) -> None:
-    """The position estimate jumps, there and back."""
+    """The position estimate jumps by an offset and back again."""
     _begin(session, EstimatorJumps(offset, period_s), duration_s)
 
 
@@ -155,7 +155,7 @@ def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration
 @_duration
 @pass_session
 def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None:
-    """The motors give a part of their power."""
+    """The motors give only a part of their power."""
     _begin(session, MotorsWeak(power_ratio), duration_s)
 
 
@@ -164,7 +164,7 @@ def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None
 @_duration
 @pass_session
 def battery_low(session: Session, percent: float, duration_s: float) -> None:
-    """The battery falls to a charge."""
+    """The battery falls to a low charge."""
     _begin(session, BatteryLow(percent), duration_s)
 
 
@@ -174,7 +174,7 @@ def battery_low(session: Session, percent: float, duration_s: float) -> None:
 @_duration
 @pass_session
 def command_refused(session: Session, command: str, text: str, duration_s: float) -> None:
-    """The autopilot refuses a command, in these words."""
+    """The autopilot refuses a command with a text."""
     _begin(session, CommandRefused(Command[command.upper()], text), duration_s)
 
 
@@ -183,7 +183,7 @@ def command_refused(session: Session, command: str, text: str, duration_s: float
 @_duration
 @pass_session
 def ack_lost(session: Session, command: str, duration_s: float) -> None:
-    """The autopilot obeys, but its acknowledgement never arrives."""
+    """The autopilot does what a command says, but its acknowledgement is lost."""
     _begin(session, AckLost(Command[command.upper()]), duration_s)
 
 
@@ -210,7 +210,7 @@ def end(session: Session, fault_id: str) -> None:
 @fault.command("list", cls=UalCommand)
 @pass_session
 def list_faults(session: Session) -> None:
-    """List the faults that are under way."""
+    """List the active faults."""
     with session.connect() as uav:
         found = uav.simulation.faults()
     if session.as_json:

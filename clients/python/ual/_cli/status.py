@@ -1,4 +1,4 @@
-"""Commands that look: which UAVs there are, and how they are."""
+"""Commands that only read: which UAVs there are, and their state."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def list_uavs(session: Session) -> None:
 @command("info")
 @pass_session
 def info(session: Session) -> None:
-    """Say who the UAV is and what it can do."""
+    """Print the UAV's name, its autopilot, and what it can do."""
     with session.connect() as uav:
         found = uav.info()
     if session.as_json:
@@ -68,7 +68,7 @@ def info(session: Session) -> None:
             f"{limits.climb_speed_m_s:g} m/s up, {limits.descent_speed_m_s:g} m/s down",
         ),
         ("vertical acceleration", f"{limits.vertical_acceleration_m_s2:g} m/s²"),
-        ("turn rate", f"{math.degrees(limits.yaw_rate_rad_s):.0f} °/s"),
+        ("yaw rate", f"{math.degrees(limits.yaw_rate_rad_s):.0f} °/s"),
     )
     print_table(("", ""), rows)
 
@@ -89,7 +89,7 @@ def state(session: Session) -> None:
 
 
 def _state_text(telemetry: Telemetry) -> str:
-    # A pipe gets the name alone, for scripts to compare.
+    # A pipe gets only the name, so that scripts can compare it.
     return f"{telemetry.state.name}: {telemetry.state_reason}" if sys.stdout.isatty() else telemetry.state.name
 
 

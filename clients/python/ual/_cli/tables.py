@@ -1,4 +1,4 @@
-"""Tables: drawn on a terminal, plain columns in a pipe."""
+"""Prints tables: with lines on a terminal, as plain columns into a pipe."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Prints rows under a header; in a pipe separated by tabs and without the header."""
+    """Prints rows under a header. Into a pipe it prints columns separated by tabs, without the header."""
     if not sys.stdout.isatty():
         for row in rows:
             click.echo("\t".join(row))

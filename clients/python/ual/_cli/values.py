@@ -1,4 +1,4 @@
-"""Values as they are typed: angles, waypoints, vectors."""
+"""Parses values of the command line: angles, waypoints, vectors."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from typing_extensions import override
 
 from ual import routes
 from ual.errors import InvalidArgumentError
@@ -17,9 +18,10 @@ from ual.types import PathHeading
 
 
 class Number(click.FloatRange):
-    """A number within a range; not "nan", which click takes for one within any."""
+    """A number within a range. Refuses "nan", which click accepts for any range."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 (click's)
+    @override
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a number.", param, ctx)
@@ -27,56 +29,56 @@ class Number(click.FloatRange):
 
 
 def angle(text: str) -> float:
-    """``90deg``, ``1.57rad`` or ``1.57``, in radians."""
+    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians."""
     try:
         return routes.parse_angle(text)
     except ValueError:
-        raise click.BadParameter(f"{text!r} is no angle: write 90deg, 1.57rad or 1.57") from None
+        raise click.BadParameter(f"{text!r} is not an angle: write 90deg, 1.57rad or 1.57") from None
 
 
 def waypoint(text: str) -> Pose:
-    """``X,Y,Z`` or ``X,Y,Z,YAW``."""
+    """Parses ``X,Y,Z`` or ``X,Y,Z,YAW``."""
     try:
         return routes.parse_waypoint(text)
     except ValueError:
-        raise click.BadParameter(f"{text!r} is no waypoint: write X,Y,Z or X,Y,Z,YAW") from None
+        raise click.BadParameter(f"{text!r} is not a waypoint: write X,Y,Z or X,Y,Z,YAW") from None
 
 
 def vector(text: str) -> Vector3:
-    """``X,Y,Z``."""
+    """Parses ``X,Y,Z``."""
     try:
         x, y, z = map(float, text.split(","))
     except ValueError:
-        raise click.BadParameter(f"{text!r} is no vector: write X,Y,Z") from None
+        raise click.BadParameter(f"{text!r} is not a vector: write X,Y,Z") from None
     return Vector3(x, y, z)
 
 
 def numbers(text: str) -> list[float]:
-    """``A,B,...``, or nothing."""
+    """Parses ``A,B,...``; the text may be empty."""
     try:
         return [float(each) for each in text.split(",")] if text else []
     except ValueError:
-        raise click.BadParameter(f"{text!r} are no numbers: write A,B,...") from None
+        raise click.BadParameter(f"{text!r} is not a list of numbers: write A,B,...") from None
 
 
 def path_heading(text: str) -> PathHeading | Vector3:
-    """``waypoints``, ``fixed``, ``along-path``, or the point to look at as ``X,Y,Z``."""
+    """Parses ``waypoints``, ``fixed``, ``along-path``, or the point to point at as ``X,Y,Z``."""
     known = {"waypoints": PathHeading.WAYPOINTS, "fixed": PathHeading.FIXED, "along-path": PathHeading.ALONG_PATH}
     if text in known:
         return known[text]
     try:
         return vector(text)
     except click.BadParameter:
-        raise click.BadParameter(f"{text!r} is none of {', '.join(known)} and X,Y,Z") from None
+        raise click.BadParameter(f"{text!r} is neither {', '.join(known)} nor X,Y,Z") from None
 
 
 def read_route(file: Path, frame_id: str = "", altitude_m: float | None = None) -> Route:
-    """The route of a file (``-``: waypoints a line on standard input); see `ual.routes.read`."""
+    """Reads the route of a file (``-``: one waypoint a line on standard input); see `ual.routes.read`."""
     try:
         if str(file) == "-":
             return Route(routes.parse_lines(sys.stdin.read(), "standard input", frame_id))
         return routes.read(file, frame_id=frame_id, altitude_m=altitude_m)
     except UnicodeDecodeError:
-        raise InvalidArgumentError("standard input is no text", {"field": "file"}) from None
+        raise InvalidArgumentError("standard input is not text", {"field": "file"}) from None
     except RouteError as error:
         raise InvalidArgumentError(str(error), {"field": "file"}) from None

@@ -1,4 +1,4 @@
-"""``ual watch``: how one or all UAVs are, live on one screen, or as lines."""
+"""``ual watch`` shows the telemetry of one or all UAVs, live on one screen or as lines."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _RETRY_S = 1.0
 _CLOSE_S = 2.0
 _REFRESH_S = 1.0
 _LOST_S = 2.0
-"""What is older than this (at low rates, than two samples take) is not shown as how the UAV is."""
+"""Telemetry that is older than this is shown as lost; at low rates, telemetry that is older than two periods."""
 _STATE_STYLES = {
     State.UNINITIALIZED: "red",
     State.FLYING_MANUAL: "yellow",
@@ -50,13 +50,13 @@ _STATE_STYLES = {
     type=Number(min=0.0),
     default=5.0,
     show_default=True,
-    help="Samples a second; 0 is each.",
+    help="Samples a second; 0 for every sample.",
 )
 @pass_session
 def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
-    """Show how the UAV is, until Ctrl-C."""
+    """Show the UAV's telemetry until Ctrl-C."""
     if math.isinf(rate_hz):
-        raise click.BadParameter("inf is no rate; 0 is each sample", param_hint="--rate")
+        raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
     if everyone:
         daemons = _discovery.list_daemons()
         if not daemons:
@@ -78,7 +78,7 @@ def watch(session: Session, everyone: bool, once: bool, rate_hz: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """What is known of one UAV: its newest sample, since when that is so; or why there is none, where that was told."""
+    """What is known of one UAV: its newest sample, when it came, and why no newer one comes, if that is known."""
 
     since_s: float
     telemetry: Telemetry | None = None
@@ -86,7 +86,7 @@ class _Column:
 
 
 class _Board:
-    """The newest sample of each UAV; a change wakes whoever waits."""
+    """The newest sample of each UAV. Sets `changed` at every change."""
 
     def __init__(self, names: Iterable[str], rate_hz: float) -> None:
         self.changed = threading.Event()
@@ -96,50 +96,52 @@ class _Board:
         self._new: dict[str, Telemetry] = {}
 
     def put(self, ns: str, telemetry: Telemetry) -> None:
-        """Takes a sample."""
+        """Stores a sample."""
         with self._lock:
             self._columns[ns] = _Column(time.monotonic(), telemetry)
             unseen = self._new.get(ns)
-            if unseen is not None:  # it is lost, and so is what was lost before it
+            if unseen is not None:  # the unseen sample counts as missed, in addition to those that it had missed
                 telemetry = replace(telemetry, missed_count=telemetry.missed_count + unseen.missed_count + 1)
             self._new[ns] = telemetry
         self.changed.set()
 
     def put_error(self, ns: str, error: UalError) -> None:
-        """Takes why there are no samples."""
+        """Stores why no samples come."""
         with self._lock:
             self._columns[ns] = replace(self._columns[ns], why=f"{error.reason}: {error.message}")
         self.changed.set()
 
     def take(self) -> Mapping[str, Telemetry]:
-        """The samples that were not taken yet, the newest of each UAV; those between are counted in it as missed."""
+        """Returns the newest sample of each UAV that has a new one since the last call. Its `missed_count` includes the
+        samples that were replaced.
+        """
         with self._lock:
             new, self._new = self._new, {}
         return new
 
     def columns(self) -> Mapping[str, _Column]:
-        """What is known of each UAV."""
+        """Returns what is known of each UAV."""
         with self._lock:
             return dict(self._columns)
 
 
 @contextmanager
 def _all_subscribed(session: Session, daemons: Sequence[Registration], rate_hz: float) -> Iterator[_Board]:
-    """All of them, each by a thread of its own until it answers: one that does not holds up none of the others."""
+    """Subscribes to all UAVs, each on a thread of its own: one that does not answer does not delay the others."""
     board = _Board([daemon.ns for daemon in daemons], rate_hz)
     is_closing = threading.Event()
 
     def subscribe(daemon: Registration) -> None:
-        is_told = False
+        is_noted = False
         while not is_closing.is_set():
             try:
                 with session.connect_to(daemon) as uav, uav.subscribe(partial(board.put, daemon.ns), rate_hz):
                     is_closing.wait()
             except UalError as error:
                 board.put_error(daemon.ns, error)
-                if not (is_told or _is_screen(session)):
+                if not (is_noted or _is_screen(session)):
                     note(f"ual: {daemon.ns}: {error_text(error)}")
-                is_told = True
+                is_noted = True
                 is_closing.wait(_RETRY_S)
 
     threads = [threading.Thread(target=subscribe, args=(daemon,), daemon=True) for daemon in daemons]
@@ -150,12 +152,12 @@ def _all_subscribed(session: Session, daemons: Sequence[Registration], rate_hz: 
     finally:
         is_closing.set()
         end_s = time.monotonic() + _CLOSE_S
-        for thread in threads:  # but for those that still wait for an answer, which end with the process
+        for thread in threads:  # a thread that still waits for an answer ends with the process
             thread.join(max(0.0, end_s - time.monotonic()))
 
 
 def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
-    """One sample of each, or why there is none."""
+    """Prints one sample of each UAV, or why there is none."""
     has_failed = False
     for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
         if isinstance(found, Telemetry):
@@ -210,7 +212,7 @@ def _show(board: _Board) -> None:
     with Live(screen=True, auto_refresh=False) as live:
         while True:
             live.update(_screen(board.columns(), board.lost_after_s), refresh=True)
-            board.changed.wait(_REFRESH_S)  # the age of what is shown changes, too
+            board.changed.wait(_REFRESH_S)  # refreshes also without a change, because the age is shown
             board.changed.clear()
 
 
@@ -232,7 +234,7 @@ def _screen(found: Mapping[str, _Column], lost_after_s: float) -> Table:
 
 
 def _aged_rows(column: _Column, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
-    """The lines of a column, which say how old they are once that matters."""
+    """Returns the lines of a column, with the age of the sample if it is old."""
     telemetry = column.telemetry
     (name, state, style), because, *others = _rows(telemetry or Telemetry(State.UNINITIALIZED))
     if telemetry is None:
@@ -249,7 +251,7 @@ def _aged_rows(column: _Column, age_s: float, lost_after_s: float) -> list[tuple
 
 
 def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
-    """Name, text and style of each line of one UAV's column."""
+    """Returns name, text and style of each line of one UAV's column."""
     geo, battery, gps, task = t.position_geo, t.battery, t.gps, t.task
     percent = None if battery is None else battery.remaining_percent
     voltage = None if battery is None else battery.voltage_v

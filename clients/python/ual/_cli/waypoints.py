@@ -1,4 +1,4 @@
-"""``ual waypoints``: save where the UAV is, and fly there again."""
+"""``ual waypoints`` saves poses of the UAV, and flies through them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def waypoints() -> None:
 
 @waypoints.command("save", cls=UalCommand)
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--frame", "frame_id", default="", help="Save it in this frame; in that of the telemetry when not given.")
+@click.option("--frame", "frame_id", default="", help="The frame to save it in; that of the telemetry when not given.")
 @pass_session
 def save(session: Session, file: Path, frame_id: str) -> None:
     """Append the present pose to FILE."""

@@ -12,7 +12,7 @@ import grpc.aio
 
 from ual import _calls, _rpc_errors
 from ual._calls import Call
-from ual._target import CHANNEL_OPTIONS, Route, Stubs, Target
+from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
@@ -32,11 +32,17 @@ class Connection:
 
     @property
     def is_closed(self) -> bool:
-        """Whether it makes no calls any more."""
+        """Whether it was closed."""
         return self._is_closed
 
     async def run(self, call: Call[T], timeout_s: float | None = None) -> T:
-        """Makes a call and waits for its answer; cancelled with the task that waits."""
+        """Makes a call and waits for its answer. Cancelling the waiting task cancels the call.
+
+        Raises:
+            DaemonUnreachableError: No daemon answers.
+            UalTimeoutError: The daemon did not answer in time.
+            UalError: The daemon refused the call, or it failed.
+        """
         limit_s = _calls.deadline(call, timeout_s)
         try:
             return await self._run_once(call, limit_s)
@@ -48,7 +54,7 @@ class Connection:
         return await self._run_once(call, limit_s)
 
     async def stream_telemetry(self, rate_hz: float) -> AsyncIterator[pb.StreamTelemetryResponse]:
-        """The stream of telemetry."""
+        """Yields telemetry until the stream ends. Raises the `UalError` by which it ended."""
         request = pb.StreamTelemetryRequest(rate_hz=rate_hz)
         with self.calling() as route:
             call = route.stubs.ual.StreamTelemetry(request, metadata=self.target.metadata)
@@ -62,12 +68,12 @@ class Connection:
 
     @contextmanager
     def calling(self) -> Iterator[Route]:
-        """Where the daemon is now, for one call: its channel stays open until the block is left."""
+        """Returns the route to where the daemon is now. Its channel stays open until the block is left."""
         route = self._enter()
         try:
             yield route
         except asyncio.CancelledError as error:
-            # gRPC raises it, too, in every call of a channel that is closed.
+            # gRPC also raises this in every call of a channel that is being closed.
             if self._is_cancelled():
                 raise
             raise _calls.closed() if self._is_closed else UalError("the call was cancelled before it ended") from error
@@ -78,12 +84,12 @@ class Connection:
                 self._close_soon(route)
 
     def error(self, error: grpc.RpcError) -> UalError:
-        """What a call of this connection ended with."""
+        """Converts the error that a call of this connection ended with."""
         address = "" if self._route is None else self._route.address
         return _rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
     async def close(self) -> None:
-        """Ends every call that runs, and refuses new ones."""
+        """Ends all running calls and refuses new ones."""
         self._is_closed = True
         routes, self._retired = self._retired, []
         if self._route is not None:
@@ -99,12 +105,12 @@ class Connection:
         address = self.target.address()
         route = self._route
         if route is None or address != route.address:
-            channel = self._make_channel(address)
-            self._route, moved = Route(address, channel, Stubs(channel)), route
-            if moved is not None and moved.call_count:
-                self._retired.append(moved)
-            elif moved is not None:
-                self._close_soon(moved)
+            channel = self.target.open_channel(grpc.aio, address)
+            self._route, old = Route(address, channel, Stubs(channel)), route
+            if old is not None and old.call_count:
+                self._retired.append(old)
+            elif old is not None:
+                self._close_soon(old)
             route = self._route
         route.call_count += 1
         return route
@@ -115,9 +121,9 @@ class Connection:
         closing.add_done_callback(self._closing.discard)
 
     def _is_cancelled(self) -> bool:
-        """Whether it is the task that makes a call which was cancelled, not the call only."""
+        """Whether the task that makes the call was cancelled, and not only the call."""
         cancelling = getattr(asyncio.current_task(), "cancelling", None)
-        return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 cannot tell
+        return cancelling() > 0 if cancelling is not None else not self._is_closed  # Python 3.10 has no `cancelling`
 
     async def _run_once(self, call: Call[T], limit_s: float | None) -> T:
         with self.calling() as route:
@@ -128,13 +134,8 @@ class Connection:
         self._was_reached = True
         return call.read(response)
 
-    def _make_channel(self, address: str) -> grpc.aio.Channel:
-        if self.target.credentials is None:
-            return grpc.aio.insecure_channel(address, CHANNEL_OPTIONS)
-        return grpc.aio.secure_channel(address, self.target.credentials, CHANNEL_OPTIONS)
-
     async def _wait_until_back(self, unreachable: DaemonUnreachableError) -> None:
-        """Waits for a daemon that was there before: it may be starting again, here or elsewhere."""
+        """Waits for a daemon that answered before: it may be restarting, here or at another address."""
         with self.calling() as route:
             try:
                 await route.stubs.ual.GetInfo(

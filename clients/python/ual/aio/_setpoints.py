@@ -9,14 +9,14 @@ from typing import Any
 import grpc.aio
 
 from ual import _calls
-from ual._setpoints import CLOSE_S, CONTINUES_S, STALE_S, tell
+from ual._setpoints import CLOSE_S, CONTINUES_S, STALE_S, log_settled
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 
 
 class Setpoints:
-    """Sends setpoints, the newest only."""
+    """Sends setpoints; skips those that a newer one has replaced."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -25,7 +25,7 @@ class Setpoints:
         self._stream: _Stream | None = None
 
     async def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
-        """Sends a setpoint; raises the refusal of this one, or of one before."""
+        """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
         failure, self._failure = self._failure, None
         if failure is not None:
             self._accepted_s = None
@@ -39,15 +39,15 @@ class Setpoints:
         if self._stream is None or self._stream.is_ending:
             self._stream = _Stream(self._connection, self._on_end)
         self._stream.put(setpoint)
-        # Lets the writer run, in a program that never waits for anything else.
+        # Lets the writing task run even in a program that awaits nothing else.
         await asyncio.sleep(0)
 
     async def settle(self) -> bool:
-        """Sends what waits and ends the stream; as `ual._setpoints.Setpoints.settle`."""
+        """Sends the setpoint that waits and ends the stream; as `ual._setpoints.Setpoints.settle`."""
         self._accepted_s = None
         is_taken = self._stream is None or await self._stream.close(CLOSE_S)
         failure, self._failure = self._failure, None
-        return tell(is_taken, failure)
+        return log_settled(is_taken, failure)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         if self._stream is stream:
@@ -56,7 +56,7 @@ class Setpoints:
 
 
 class _Stream:
-    """One stream of setpoints, written by a task of its own: the newest waits, those between are never sent."""
+    """One stream of setpoints, written by a task of its own: the newest waits, those between are dropped."""
 
     def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None]) -> None:
         self.is_ending = False
@@ -67,12 +67,12 @@ class _Stream:
         self._writing = asyncio.create_task(self._write())
 
     def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
-        """Sends it, or lets it wait in place of the one that waits."""
+        """Sends a setpoint, or lets it wait in place of the one that waits."""
         self._newest = (setpoint, asyncio.get_running_loop().time())
         self._changed.set()
 
     async def close(self, timeout_s: float) -> bool:
-        """As `ual._setpoints`' does. Cancelled, it leaves a stream that ends by itself."""
+        """Ends the stream, as `close` in `ual._setpoints` does. If this call is cancelled, the stream still ends."""
         self.is_ending = True
         self._changed.set()
         _, unfinished = await asyncio.wait((self._writing,), timeout=timeout_s)
@@ -91,7 +91,7 @@ class _Stream:
                     await call.done_writing()
                     await call
                 except asyncio.InvalidStateError:
-                    await call  # it has ended; this says how
+                    await call  # the call has ended: this raises its error
                 finally:
                     call.cancel()
             if not self.is_ending:

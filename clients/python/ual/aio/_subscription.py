@@ -1,4 +1,4 @@
-"""Subscriptions of the asyncio client: a task of the loop drains the stream, the iteration takes the newest sample."""
+"""Subscriptions of the asyncio client: a task reads the stream, and the iteration takes the newest sample."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing_extensions import Self
 
 from ual import _convert
+from ual._interruption_log import InterruptionLog
 from ual._subscription import RETRY_S
 from ual.aio._connection import Connection
 from ual.errors import UalError
@@ -19,10 +20,11 @@ _log = logging.getLogger(__name__)
 
 
 class Subscription:
-    """New samples, newest first served; goes on by itself when the daemon comes back.
+    """An asynchronous iterator over new samples. It skips samples that it is too slow for, and reconnects when the
+    daemon comes back.
 
-    Ends by `close`, on leaving its ``async with`` block, or with its `Uav`. An iteration raises what the daemon refuses
-    at its beginning.
+    Ends by `close`, on leaving its ``async with`` block, or with its `Uav`. The iteration raises a `UalError` if the
+    daemon refuses the subscription at its beginning.
     """
 
     def __init__(self, connection: Connection, rate_hz: float, on_close: Callable[[Subscription], None]) -> None:
@@ -34,14 +36,14 @@ class Subscription:
         self._missed_count = 0
         self._refusal: Exception | None = None
         self._is_closed = False
-        self._draining: asyncio.Task[None] | None = None
+        self._reading: asyncio.Task[None] | None = None
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Telemetry:
-        if self._draining is None and not self._is_closed:
-            self._draining = asyncio.create_task(self._drain())
+        if self._reading is None and not self._is_closed:
+            self._reading = asyncio.create_task(self._read())
         while self._newest is None:
             if self._refusal is not None:
                 raise self._refusal
@@ -54,13 +56,14 @@ class Subscription:
         return _convert.telemetry_from_proto(response.telemetry, missed_count)
 
     async def close(self) -> None:
+        """Ends it, and with it the iteration."""
         self._is_closed = True
         self._newest = None
         self._changed.set()
         self._on_close(self)
-        if self._draining is not None:
-            self._draining.cancel()
-            await asyncio.wait((self._draining,))
+        if self._reading is not None:
+            self._reading.cancel()
+            await asyncio.wait((self._reading,))
 
     async def __aenter__(self) -> Self:
         return self
@@ -68,36 +71,32 @@ class Subscription:
     async def __aexit__(self, *exc: object) -> None:
         await self.close()
 
-    async def _drain(self) -> None:
-        """Takes what comes until it is closed. However that ends, the iteration learns of it."""
+    async def _read(self) -> None:
+        """Reads samples until it is closed. If reading ends by an error, the iteration raises that error."""
         try:
             await self._take()
         except asyncio.CancelledError:
             if not self._is_closed:
                 self._refusal = UalError("the task that reads this subscription was cancelled")
             raise
-        except Exception as error:  # noqa: BLE001 (whatever it is, the iteration raises it)
+        except Exception as error:  # noqa: BLE001 (the iteration raises it)
             self._refusal = error
         finally:
             self._changed.set()
 
     async def _take(self) -> None:
-        reported = ""
+        interruptions = InterruptionLog(_log)
         has_begun = False
         while True:
             try:
                 async for response in self._connection.stream_telemetry(self._rate_hz):
                     has_begun = True
-                    if reported:
-                        reported = ""
-                        _log.info("telemetry is back")
+                    interruptions.resumed()
                     self._missed_count += response.missed_count + (self._newest is not None)
                     self._newest = response
                     self._changed.set()
             except UalError as error:
                 if not has_begun or self._connection.is_closed:
                     raise
-                if error.reason != reported:
-                    reported = error.reason
-                    _log.warning("telemetry is interrupted: %s: %s", error.reason, error.message)
+                interruptions.interrupted(error)
             await asyncio.sleep(RETRY_S)

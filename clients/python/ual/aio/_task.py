@@ -8,40 +8,34 @@ import grpc
 import grpc.aio
 
 from ual import _calls, _convert
-from ual._task import WAIT_RATE_HZ, has_not_ended
+from ual._task import WAIT_RATE_HZ, KnownTask, not_ended
 from ual._time_limit import time_limit
 from ual.aio._connection import Connection
 from ual.errors import InvalidArgumentError, WrongStateError
-from ual.types import TaskInfo, TaskKind
+from ual.types import TaskInfo
 from ual.v1 import ual_pb2 as pb
 
 
-class Task:
-    """A manoeuvre under way, or ended; the members of `ual.interface.Task` as coroutines."""
-
-    def __init__(self, connection: Connection, info: TaskInfo) -> None:
-        self._connection = connection
-        self._info = info
-
-    @property
-    def id(self) -> str:
-        """By which `Uav.task` finds it."""
-        return self._info.id
-
-    @property
-    def kind(self) -> TaskKind:
-        """Which manoeuvre it is."""
-        return self._info.kind
+class Task(KnownTask[Connection]):
+    """A manoeuvre that is running or has ended; the members of `ual.interface.Task` as coroutines."""
 
     async def info(self) -> TaskInfo:
+        """Returns how it stands now."""
         if not _calls.has_ended(self._info):
             self._info = await self._connection.run(_calls.get_task(self.id))
         return self._info
 
     async def done(self) -> bool:
+        """Returns whether it has ended, however it ended."""
         return _calls.has_ended(await self.info())
 
     async def wait(self, timeout_s: float | None = None) -> TaskInfo:
+        """Blocks until it has ended.
+
+        Raises:
+            UalTimeoutError: It has not ended after `timeout_s`; it goes on.
+            UalError: The error by which it was aborted or failed.
+        """
         async for info in self._watch(WAIT_RATE_HZ, time_limit(timeout_s)):
             self._info = info
         if self._info.error is not None:
@@ -49,6 +43,11 @@ class Task:
         return self._info
 
     async def cancel(self) -> None:
+        """Ends it: the UAV stops and holds its position. Does nothing if it has ended.
+
+        Raises:
+            WrongStateError: It is a take-off or a landing, which cannot be cancelled.
+        """
         if await self.done():
             return
         try:
@@ -58,12 +57,10 @@ class Task:
                 raise
 
     async def watch(self, rate_hz: float = 10.0) -> AsyncIterator[TaskInfo]:
+        """Yields how it stands, `rate_hz` times a second, until it has ended; the last value says how it ended."""
         async for info in self._watch(rate_hz, None):
             self._info = info
             yield info
-
-    def __repr__(self) -> str:
-        return f"<Task {self.id} {self.kind.name} {self._info.status.name}>"
 
     async def _watch(self, rate_hz: float, timeout_s: float | None) -> AsyncIterator[TaskInfo]:
         if _calls.has_ended(self._info):
@@ -77,7 +74,7 @@ class Task:
                     yield _convert.task_from_proto(response.task)
             except grpc.aio.AioRpcError as error:
                 if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
-                    raise has_not_ended(self.kind, timeout_s) from error
+                    raise not_ended(self.kind, timeout_s) from error
                 raise self._connection.error(error) from error
             finally:
                 call.cancel()

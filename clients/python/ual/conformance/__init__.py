@@ -1,6 +1,6 @@
-"""What every UAV must do, whatever its autopilot: one list of checks over `ual.interface.Uav`.
+"""Checks of what every UAV must do, whatever its autopilot. They use only `ual.interface.Uav`.
 
-``ual check`` and the tests run the same list, over the class in the process and over the client.
+``ual check`` and the tests run the same list of checks, with the class interface and with the client.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CHECKS: tuple[Check, ...] = (
     *refusals.CHECKS,
     *piloted.CHECKS,
 )
-"""In the order in which they disturb the UAV least: on the ground first."""
+"""In an order that changes the UAV's state as rarely as possible: checks on the ground come first."""
 
 __all__ = [
     "CHECKS",

@@ -1,4 +1,4 @@
-"""What a check is."""
+"""The definition of a check and of its result."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ class Need(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One check. `starts` are the states that it can start in, the first of them brought about if it is in none."""
+    """One check. It can start in each of the states `starts`; if the UAV is in none of them, it is brought to the
+    first.
+
+    `moves` describes how the UAV moves in it; empty if it does not move.
+    """
 
     name: str
     description: str
@@ -42,7 +46,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Result:
-    """How a check ended, why if it did not pass, and how long it took by the wall's clock."""
+    """How a check ended, why it did not pass, and how long it took by the wall clock."""
 
     check: Check
     outcome: Outcome
@@ -61,7 +65,7 @@ def check(
     needs: tuple[Need, ...] = (),
     capabilities: tuple[Capability, ...] = (),
 ) -> Callable[[Callable[[Flight], None]], Check]:
-    """Makes a check of a function; its name and the first line of its docstring name and describe it."""
+    """Makes a check from a function: its name is the function's, its description the docstring's first paragraph."""
 
     def make(run: Callable[[Flight], None]) -> Check:
         needed = set(needs)

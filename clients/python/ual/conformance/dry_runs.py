@@ -1,4 +1,4 @@
-"""Checks of dry runs: they say what would happen, and nothing does."""
+"""Checks of dry runs: they return what would happen, and nothing happens."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Ask = Callable[[], Plan]
 
 @check(State.LANDED_ARMED, capabilities=(Capability.TAKE_OFF,), moves="the propellers")
 def a_dry_take_off_stays_on_the_ground(flight: Flight) -> None:
-    """A dry run of a take-off tells its height, and the UAV stays on the ground."""
+    """A dry run of a take-off returns its height, and the UAV stays on the ground."""
     plan = flight.uav.dry_run.take_off(HEIGHT_M)
     require(plan.length_m is not None and abs(plan.length_m - HEIGHT_M) <= 0.01, f"it would climb {plan.length_m} m")
     samples = flight.let_pass(1.0)
@@ -28,15 +28,15 @@ def a_dry_take_off_stays_on_the_ground(flight: Flight) -> None:
 
 @check(State.FLYING_AUTO)
 def a_dry_run_moves_nothing(flight: Flight) -> None:
-    """Dry runs of every motion that it can fly are accepted, tell how far it would be, and nothing moves."""
+    """Dry runs of all commands that it can fly are accepted and return the distance, and nothing moves."""
     goal = flight.goal(3.0, -4.0)
     away_m = (goal.position - flight.position()).norm()
-    for capability, ask, is_way in _motions(flight.uav.dry_run, goal):
+    for capability, ask, has_length in _commands(flight.uav.dry_run, goal):
         if capability not in flight.info.capabilities:
             continue
         plan = ask()
-        if is_way:
-            require(plan.length_m is not None and plan.duration_s is not None, "a waypoint's way is not told")
+        if has_length:
+            require(plan.length_m is not None and plan.duration_s is not None, "the plan has no length or no duration")
             assert plan.length_m is not None
             off_m = abs(plan.length_m - away_m)
             require(off_m <= 2 * flight.tolerances.position_m, f"{plan.length_m:.2f} m to a goal {away_m:.2f} m away")
@@ -45,7 +45,8 @@ def a_dry_run_moves_nothing(flight: Flight) -> None:
     flight.require_holds(flight.start.position, "after the dry runs")
 
 
-def _motions(dry: DryRun[Plan], goal: Pose) -> tuple[tuple[Capability, Ask, bool], ...]:
+def _commands(dry: DryRun[Plan], goal: Pose) -> tuple[tuple[Capability, Ask, bool], ...]:
+    """Returns for each command the capability that it needs, its dry run, and whether its plan has a length."""
     return (
         (Capability.POSITION, lambda: dry.go_to_waypoint(goal), True),
         (Capability.POSITION, lambda: dry.follow_path([goal]), True),
@@ -57,11 +58,13 @@ def _motions(dry: DryRun[Plan], goal: Pose) -> tuple[tuple[Capability, Ask, bool
 
 @check(State.FLYING_AUTO)
 def a_dry_run_refuses_what_is_refused(flight: Flight) -> None:
-    """What cannot be done now, or cannot be meant, is refused by a dry run with the error of the motion itself."""
-    for really, dry, what in _refused(flight.uav):
-        expected = _refusal(really, what)
+    """A dry run refuses what is not possible or not valid, with the same error as the command itself."""
+    for command, dry, what in _refused(flight.uav):
+        expected = _refusal(command, what)
         found = _refusal(dry, f"a dry run of {what}")
-        require(type(found) is type(expected), f"{what}: {found.reason} dry, {expected.reason} else")
+        require(
+            type(found) is type(expected), f"{what}: {found.reason} by the dry run, {expected.reason} by the command"
+        )
         require(found.metadata == expected.metadata, f"{what}: the dry run's error has other metadata")
     require(flight.uav.state() is State.FLYING_AUTO, "the state changed")
     flight.require_holds(flight.start.position, "after the refusals")
@@ -75,15 +78,15 @@ def _refused(uav: Uav) -> list[tuple[Callable[[], object], Ask, str]]:
     return [
         (partial(uav.take_off, HEIGHT_M), partial(dry.take_off, HEIGHT_M), "a take-off"),
         (uav.recover_from_manual, dry.recover_from_manual, "recovering"),
-        (partial(uav.go_to_waypoint, nan), partial(dry.go_to_waypoint, nan), "a waypoint that is no number"),
-        (partial(uav.go_to_waypoint, nowhere), partial(dry.go_to_waypoint, nowhere), "a waypoint nowhere"),
+        (partial(uav.go_to_waypoint, nan), partial(dry.go_to_waypoint, nan), "a waypoint that is not a number"),
+        (partial(uav.go_to_waypoint, nowhere), partial(dry.go_to_waypoint, nowhere), "a waypoint in an unknown frame"),
         (partial(uav.follow_path, []), partial(dry.follow_path, []), "an empty path"),
-        (partial(uav.set_pose, nan), partial(dry.set_pose, nan), "a pose that is no number"),
+        (partial(uav.set_pose, nan), partial(dry.set_pose, nan), "a pose that is not a number"),
         (partial(uav.set_velocity, fast), partial(dry.set_velocity, fast), "an infinite velocity"),
         (
             partial(uav.go_to_waypoint_geo, 91.0, 0.0, HEIGHT_M),
             partial(dry.go_to_waypoint_geo, 91.0, 0.0, HEIGHT_M),
-            "a place beyond the pole",
+            "a latitude beyond the pole",
         ),
     ]
 

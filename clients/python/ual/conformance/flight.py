@@ -1,6 +1,6 @@
-"""What the checks fly with: waiting in the vehicle's time, bringing it to a state, and judging what it did.
+"""The tools of the checks: wait in the vehicle's time, bring the vehicle to a state, and judge what it did.
 
-Positions are in ``<ns>/odom``, as the odometry has them. Flights stay within a few metres of where the UAV took off
+Positions are in ``<ns>/odom``, as in the odometry. Flights stay within a few metres of where the UAV took off
 (`Flight.place`), at most `CEILING_M` above it.
 """
 
@@ -25,7 +25,7 @@ CEILING_M = 5.0
 _NO_SAMPLE_S = 30.0
 _OPERATOR_S = 120.0
 _DISARM_S = 4.0
-# Autopilots disarm by themselves when they are armed and idle, PX4 and ArduPilot after 10 s.
+# Autopilots disarm by themselves when they are armed and idle; PX4 and ArduPilot after 10 s.
 _FRESHLY_ARMED_S = 5.0
 _HOLDS_S = 2.0
 _FLYING = (State.FLYING_AUTO, State.FLYING_MANUAL)
@@ -36,7 +36,7 @@ class CheckFailedError(AssertionError):
 
 
 class RunEndedError(CheckFailedError):
-    """Nothing more may be flown."""
+    """The UAV must not be flown any more."""
 
 
 class CannotRunError(Exception):
@@ -51,12 +51,13 @@ def require(condition: bool, otherwise: str) -> None:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How exact a UAV must be. The defaults suit a real one outside, whose estimate wanders by up to a metre and by
-    0.8 m/s as it hovers (PX4 in its simulator: docs/backends/mavlink.md); `of_simulation` is for the light one.
+    """How exact a UAV must be. The defaults are for a real UAV outdoors, whose estimate wanders by up to a metre and by
+    0.8 m/s while it hovers (PX4 in its simulator: docs/backends/mavlink.md); `of_simulation` is for the light
+    simulation.
 
-    `wander_m` is how far its estimate may move within some seconds by itself, in which nothing brings it back: it is
-    allowed besides where a way is judged. Ratios are of the length of a leg. `patience` is how many times longer than
-    expected something may take.
+    `wander_m` is how far the estimate may drift within some seconds in which nothing corrects it; it is added when a
+    path is judged. Ratios are relative to the length of a leg. `patience` is how many times longer than expected
+    something may take.
     """
 
     position_m: float = 1.2
@@ -69,18 +70,18 @@ class Tolerances:
 
     @property
     def way_m(self) -> float:
-        """How far beside or beyond a way it may end, if nothing held its position meanwhile."""
+        """How far beside or beyond a path it may end if nothing held its position meanwhile."""
         return self.position_m + self.wander_m
 
     @classmethod
     def of_simulation(cls) -> Tolerances:
-        """For a simulated UAV without noise and wind."""
+        """Returns the tolerances for a simulated UAV without noise and wind."""
         return cls(position_m=0.3, wander_m=0.0, heading_rad=0.12, speed_m_s=0.3, line_ratio=0.02, overshoot_ratio=0.02)
 
 
 @dataclass
 class Observer:
-    """Keeps every sample that a UAV sends, in order, while it is open."""
+    """Keeps all samples that a UAV sends while it is open, in order."""
 
     uav: Uav
     samples: list[Telemetry] = field(default_factory=list)
@@ -93,7 +94,7 @@ class Observer:
             yield self
 
     def following(self, first: int) -> Iterator[Telemetry]:
-        """The samples from number `first` on, as they come."""
+        """Yields the samples from number `first` on, as they come."""
         for number in range(first, first + 10**9):
             with self._changed:
                 there = self._changed.wait_for(lambda n=number: len(self.samples) > n, _NO_SAMPLE_S)  # type: ignore[misc]
@@ -107,7 +108,7 @@ class Observer:
 
 
 class Flight:
-    """One UAV under test. Made once for a run; `observing` wraps each check."""
+    """One UAV under test. Made once for each run; `observing` wraps each check."""
 
     def __init__(
         self,
@@ -127,7 +128,7 @@ class Flight:
 
     @contextmanager
     def observing(self) -> Iterator[None]:
-        """Keeps every sample while the block runs."""
+        """Keeps all samples while the block runs."""
         with Observer(self.uav).open() as observer:
             self._observer = observer
             try:
@@ -138,7 +139,9 @@ class Flight:
     # What the UAV does
 
     def wait(self, condition: Callable[[Telemetry], bool], what: str, limit_s: float = 30.0) -> Telemetry:
-        """The first sample from now on that fulfils a condition. Fails after `limit_s` of the vehicle's time."""
+        """Returns the first sample from now on that fulfils a condition. Fails the check after `limit_s` of the
+        vehicle's time, times `Tolerances.patience`.
+        """
         assert self._observer is not None
         limit_s *= self.tolerances.patience
         start_s: float | None = None
@@ -151,7 +154,7 @@ class Flight:
         raise AssertionError("samples never end")
 
     def wait_until_rests_at(self, where: Vector3, what: str) -> None:
-        """Until it has been at a position, slow, for 1 s of the vehicle's time."""
+        """Blocks until it has been slow and at a position for 1 s of the vehicle's time."""
         since_s: float | None = None
 
         def rests(sample: Telemetry) -> bool:
@@ -165,35 +168,35 @@ class Flight:
         self.wait(rests, what)
 
     def wait_for_state(self, *states: State, limit_s: float = 30.0) -> Telemetry:
-        """The first sample from now on in one of the states."""
+        """Returns the first sample from now on in one of the states."""
         names = " or ".join(state.name for state in states)
         return self.wait(lambda sample: sample.state in states, f"state {names}", limit_s)
 
     def let_pass(self, duration_s: float) -> list[Telemetry]:
-        """The samples of the next `duration_s` of the vehicle's time."""
+        """Returns the samples of the next `duration_s` of the vehicle's time."""
         now_s = self.now_s()
         with self.recording() as samples:
             self.wait(lambda sample: sample.stamp_s >= now_s + duration_s, "time passing", duration_s + 10.0)
         return samples()
 
     def now_s(self) -> float:
-        """The vehicle's time."""
+        """Returns the vehicle's time."""
         return self.uav.telemetry().stamp_s
 
     @contextmanager
     def recording(self) -> Iterator[Callable[[], list[Telemetry]]]:
-        """Gives what returns the samples that came since the block began."""
+        """Provides a function that returns the samples since the block began."""
         assert self._observer is not None
         samples = self._observer.samples
         first = len(samples)
         yield lambda: samples[first:]
 
     def position(self) -> Vector3:
-        """Where it is."""
+        """Returns where it is."""
         return position(self.uav.telemetry())
 
     def is_slow(self, sample: Telemetry) -> bool:
-        """Whether it hardly moves."""
+        """Whether it moves slower than `Tolerances.speed_m_s`."""
         return speed(sample) < self.tolerances.speed_m_s
 
     # Bringing it to where a check starts
@@ -209,12 +212,12 @@ class Flight:
         return self.goal(0.0, 0.0)
 
     def goal(self, dx: float, dy: float, dz: float = 0.0, turn_rad: float = 0.0) -> Pose:
-        """A pose beside `start`, in ``<ns>/odom``."""
+        """Returns a pose relative to `start`, in ``<ns>/odom``."""
         p = self._place
         return Pose.at(p.x + dx, p.y + dy, p.z + HEIGHT_M + dz, self._yaw_rad + turn_rad)
 
     def bring_to(self, states: Sequence[State]) -> None:
-        """Brings the UAV to one of these states, if it is in none of them, and in the air to `start`, at rest."""
+        """Brings the UAV to the first of these states if it is in none of them. In the air, also flies to `start`."""
         if not states:
             return
         try:
@@ -239,14 +242,16 @@ class Flight:
         self.wait_until_rests_at(self.start.position, "rest at the start")
 
     def land(self) -> None:
-        """Lands, from whatever state in the air."""
+        """Lands, from any state in the air."""
         if self.uav.state() in _FLYING:
             self._take_control()
             self.uav.land()
         self.wait_for_state(State.LANDED_ARMED, State.LANDED_DISARMED, limit_s=60.0)
 
     def _come_down(self) -> None:
-        """Lands, and waits a little: an autopilot disarms by itself after a landing, but not in the next check."""
+        """Lands, and waits a little: if the autopilot disarms by itself after a landing, it must not do so in the next
+        check.
+        """
         has_flown = self.uav.state() in _FLYING
         self.land()
         if has_flown:
@@ -257,7 +262,7 @@ class Flight:
         if self.uav.state() is not State.FLYING_MANUAL:
             return
         if not self.has_pilot:
-            raise RunEndedError("the safety pilot, or another mode of the autopilot, flies: the checks end")
+            raise RunEndedError("the safety pilot or another mode of the autopilot controls the UAV: the checks end")
         self.uav.recover_from_manual()
 
     def _be_disarmed(self) -> None:
@@ -295,24 +300,24 @@ class Flight:
         self.wait_for_state(State.FLYING_AUTO)
 
     def take_off(self) -> None:
-        """Takes off to where checks in the air start, and remembers the place."""
+        """Takes off to `start`, and remembers the place."""
         self.remember_place()
         self.uav.take_off(HEIGHT_M)
 
     def remember_place(self) -> None:
-        """Takes the present position as the place that flights stay close to."""
+        """Makes the present position the place that flights stay close to."""
         odometry = self.uav.odometry()
         self._place, self._yaw_rad = odometry.pose.position, odometry.pose.yaw_rad
 
     def _ask(self, what: str) -> None:
         if self._ask_operator is None:
-            raise CannotRunError(f"nobody is there to {what}")
+            raise CannotRunError(f"there is no operator to {what}")
         self._ask_operator(what)
 
     # What must hold
 
     def refuses(self, kind: type[E], action: Callable[[], object], what: str) -> E:
-        """The error that an action must raise."""
+        """Requires an action to raise an error, and returns the error."""
         try:
             action()
         except UalError as error:
@@ -323,7 +328,7 @@ class Flight:
         raise CheckFailedError(f"{what}: expected {kind.__name__}, but it was accepted")
 
     def require_at(self, goal: Pose, what: str) -> None:
-        """It must be at a pose, in position and heading."""
+        """Requires it to be at a pose, in position and heading."""
         sample = self.uav.telemetry()
         off_m = (position(sample) - goal.position).norm()
         require(off_m <= self.tolerances.position_m, f"{what}: {off_m:.2f} m from the goal")
@@ -331,21 +336,21 @@ class Flight:
             self.require_heading(goal, what)
 
     def require_heading(self, goal: Pose, what: str) -> None:
-        """Its nose must point as the pose says."""
+        """Requires its heading to be that of the pose."""
         off_rad = abs(wrap_angle(yaw_rad(self.uav.telemetry()) - goal.yaw_rad))
         require(off_rad <= self.tolerances.heading_rad, f"{what}: {math.degrees(off_rad):.0f}° off the heading")
 
     def require_holds(self, where: Vector3, what: str) -> None:
-        """It must stay at a position for a while, in the mean: an estimate wanders."""
+        """Requires it to stay at a position for a while; uses the mean, because an estimate wanders."""
         off_m = (mean(map(position, self.let_pass(_HOLDS_S))) - where).norm()
         require(off_m <= self.tolerances.position_m, f"{what}: it is {off_m:.2f} m from its position")
 
     def require_stays(self, what: str) -> None:
-        """It must stay wherever it is."""
+        """Requires it to stay where it is."""
         self.require_holds(mean(map(position, self.let_pass(_HOLDS_S))), what)
 
     def require_straight(self, samples: Iterable[Telemetry], start: Vector3, goal: Vector3) -> None:
-        """It must have kept to the line from start to goal, and not gone beyond."""
+        """Requires it to have stayed on the line from start to goal, and not to have gone beyond the goal."""
         along = goal - start
         length_m = along.norm()
         direction = along / length_m
@@ -362,7 +367,7 @@ class Flight:
         require(farthest_m <= allowed_m, f"{farthest_m:.2f} m beyond the goal, more than {allowed_m:.2f} m")
 
     def fly_velocity(self, send: Callable[[], None], until: Callable[[Telemetry], bool], what: str) -> Telemetry:
-        """Repeats a velocity, as programs do, until a condition is fulfilled."""
+        """Sends a velocity again and again, as programs do, until a condition is fulfilled. Returns that sample."""
         assert self._observer is not None
         start_s: float | None = None
         limit_s = 10.0 * self.tolerances.patience
@@ -375,7 +380,7 @@ class Flight:
         raise AssertionError("samples never end")
 
     def stop(self) -> None:
-        """Ends whatever reference is flown, and waits for rest."""
+        """Stops the UAV and waits until it is slow."""
         self.uav.set_velocity(Twist())
         self.wait(self.is_slow, "rest")
 
@@ -384,39 +389,39 @@ READY_STATES = (State.LANDED_DISARMED, State.LANDED_ARMED, State.FLYING_AUTO, St
 
 
 def position(sample: Telemetry) -> Vector3:
-    """Where it is in ``<ns>/odom``."""
+    """Returns the position in ``<ns>/odom``."""
     require(sample.odometry is not None, "the telemetry has no odometry")
     assert sample.odometry is not None
     return sample.odometry.pose.position
 
 
 def mean(vectors: Iterable[Vector3]) -> Vector3:
-    """Their mean; there must be one."""
+    """Returns the mean of at least one vector."""
     every = list(vectors)
     return sum(every, Vector3()) / len(every)
 
 
 def yaw_rad(sample: Telemetry) -> float:
-    """Its heading in ``<ns>/odom``."""
+    """Returns the heading in ``<ns>/odom``."""
     require(sample.odometry is not None, "the telemetry has no odometry")
     assert sample.odometry is not None
     return sample.odometry.pose.yaw_rad
 
 
 def velocity(sample: Telemetry) -> Vector3:
-    """How it moves along the axes of ``<ns>/odom``."""
+    """Returns the velocity along the axes of ``<ns>/odom``."""
     require(sample.odometry is not None, "the telemetry has no odometry")
     assert sample.odometry is not None
     return sample.odometry.pose.orientation.rotate(sample.odometry.twist.linear)
 
 
 def speed(sample: Telemetry) -> float:
-    """How fast it is."""
+    """Returns the speed."""
     return velocity(sample).norm()
 
 
 def describe(sample: Telemetry) -> str:
-    """A sample in a few words, for people."""
+    """Describes a sample in a few words, for people."""
     if sample.odometry is None:
         return f"state {sample.state.name} ({sample.state_reason})"
     p = position(sample)

@@ -11,13 +11,13 @@ from ual.types import AltitudeReference, Capability, GeoPoint, State, TaskStatus
 
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
-# Of a degree of latitude, near enough for a few metres.
+# The length of a degree of latitude, exact enough for a few metres.
 _DEGREE_M = 111_320.0
 
 
 @check(_FLYING, capabilities=_POSITION, moves="5 m aside, 1 m up, a quarter turn")
 def goes_straight_to_a_waypoint(flight: Flight) -> None:
-    """A waypoint is reached on a straight line without overshoot, turning on the way."""
+    """It flies to a waypoint on a straight line without overshoot, and turns meanwhile."""
     goal = flight.goal(4.0, -3.0, 1.0, math.pi / 2)
     start = flight.position()
     with flight.recording() as recorded:
@@ -45,7 +45,7 @@ def keeps_the_heading(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="a turn")
 def turns_the_shortest_way(flight: Flight) -> None:
-    """From one side of the back to the other it turns over the back, not over the front."""
+    """It turns by the smaller angle: from 160° to -160° it turns over 180°, not over 0°."""
     p = flight.start.position
     to_left, to_right = math.radians(160.0), math.radians(-160.0)
     flight.uav.go_to_waypoint(Pose.at(p.x, p.y, p.z, to_left))
@@ -54,13 +54,13 @@ def turns_the_shortest_way(flight: Flight) -> None:
         samples = recorded()
     widest_rad = max(abs(wrap_angle(yaw_rad(sample) - math.pi)) for sample in samples)
     allowed_rad = math.radians(20.0) + 2 * flight.tolerances.heading_rad
-    require(widest_rad <= allowed_rad, f"it turned {math.degrees(widest_rad):.0f}° away from the back")
+    require(widest_rad <= allowed_rad, f"its heading was {math.degrees(widest_rad):.0f}° from 180°")
     flight.require_at(Pose.at(p.x, p.y, p.z, to_right), "after the turn")
 
 
 @check(_FLYING, capabilities=_POSITION, moves="2 m aside")
 def goes_to_a_waypoint_in_map(flight: Flight) -> None:
-    """A waypoint in map is the same place as its transform to odom."""
+    """A waypoint in map is the same position as its transform to odom."""
     goal = flight.goal(2.0, 0.0)
     in_map = flight.uav.transform("map", f"{flight.uav.ns}/odom").apply_pose(goal)
     flight.uav.go_to_waypoint(PoseStamped(in_map, "map"))
@@ -69,7 +69,7 @@ def goes_to_a_waypoint_in_map(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="2 m ahead, a turn")
 def goes_to_a_waypoint_ahead(flight: Flight) -> None:
-    """A waypoint in the body's own frame is taken from where the body is when it is commanded."""
+    """A waypoint in the body's frame is relative to the pose of the body at the time of the command."""
     body = f"{flight.uav.ns}/base_link"
     turned = flight.goal(0.0, 0.0, 0.0, math.pi / 2)
     flight.uav.go_to_waypoint(turned)
@@ -81,14 +81,14 @@ def goes_to_a_waypoint_ahead(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=(Capability.GEO,), moves="2 m to the north")
 def goes_to_a_geographic_waypoint(flight: Flight) -> None:
-    """A geographic waypoint is the place on Earth, whatever its altitude is measured from."""
+    """It flies to a geographic waypoint, whatever the altitude is measured from."""
     references = tuple(_altitudes(_place_on_earth(flight)))
-    require(bool(references), "no altitude is known")
+    require(bool(references), "the telemetry has no altitude")
     in_map = flight.uav.transform("map", f"{flight.uav.ns}/odom")
     north = in_map.rotation.inverse().rotate(Vector3(0.0, 2.0, 0.0))
     for reference in references:
         flight.return_to_start()
-        # Asked each time: autopilots correct their home, and where they are on Earth, while they fly.
+        # Read each time: autopilots correct their home and their geographic position in flight.
         here, start = _place_on_earth(flight), flight.position()
         north_deg, altitude_m = here.latitude_deg + 2.0 / _DEGREE_M, _altitudes(here).get(reference)
         require(altitude_m is not None, f"the altitude above {reference.name} is not known any more")
@@ -100,7 +100,7 @@ def goes_to_a_geographic_waypoint(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="along a square of 2 m")
 def stops_at_each_waypoint_of_a_path(flight: Flight) -> None:
-    """Without a corner radius it flies straight from waypoint to waypoint and stops at each."""
+    """Without a corner radius it flies straight from each waypoint to the next and stops at each."""
     corners = [flight.goal(*offset) for offset in ((2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0))]
     with flight.recording() as recorded:
         task = flight.uav.follow_path(corners)
@@ -109,8 +109,8 @@ def stops_at_each_waypoint_of_a_path(flight: Flight) -> None:
     t = flight.tolerances
     for corner in corners[:-1]:
         near = [sample for sample in samples if (position(sample) - corner.position).norm() <= t.position_m]
-        require(bool(near), "it left out a waypoint")
-        # A stop is short: where samples were lost (a busy computer), one that is not seen is no finding.
+        require(bool(near), "it did not reach a waypoint")
+        # A stop is short. If samples were missed (on a busy computer), the stop may be missing from them.
         if not any(sample.missed_count for sample in near):
             require(min(map(speed, near)) <= t.speed_m_s, "it did not stop at a waypoint")
     flight.require_at(corners[-1], "at the end of the path")
@@ -118,7 +118,7 @@ def stops_at_each_waypoint_of_a_path(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="around a corner of 2.5 m")
 def rounds_the_corners_of_a_path(flight: Flight) -> None:
-    """With a corner radius it passes near the corner without stopping, and not beyond it."""
+    """With a corner radius it passes near the corner without a stop, and not beyond it."""
     corner, end = flight.goal(2.5, 0.0), flight.goal(2.5, 2.5)
     radius_m = 1.0
     with flight.recording() as recorded:
@@ -135,7 +135,7 @@ def rounds_the_corners_of_a_path(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="1 m aside")
 def holds_a_pose_reference(flight: Flight) -> None:
-    """A pose reference returns at once, is what reference_pose says, and is flown and held."""
+    """A pose reference returns at once, is what reference_pose returns, and is flown to and held."""
     goal = flight.goal(1.0, 0.0)
     flight.uav.set_pose(goal)
     flight.wait_until_rests_at(goal.position, "rest at the reference")
@@ -145,7 +145,7 @@ def holds_a_pose_reference(flight: Flight) -> None:
     assert reference is not None
     if reference.frame_id == f"{flight.uav.ns}/odom":
         off_m = (reference.pose.position - goal.position).norm()
-        require(off_m <= 0.01, f"reference_pose() is {off_m:.2f} m from what was given")
+        require(off_m <= 0.01, f"reference_pose() is {off_m:.2f} m from the reference that was set")
     flight.require_holds(goal.position, "at the reference")
 
 

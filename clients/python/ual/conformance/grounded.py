@@ -1,4 +1,4 @@
-"""Checks on the ground: arming, home, what is refused there, and the way up."""
+"""Checks on the ground: arming, home, refusals, and the take-off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def arming_belongs_to_the_pilot(flight: Flight) -> None:
 
 @check(State.LANDED_DISARMED, needs=(Need.ARMING, Need.MOTION), capabilities=(Capability.ARM,), moves="the propellers")
 def arms_and_disarms(flight: Flight) -> None:
-    """Arming and disarming end when the autopilot says so; each is refused where it is done already."""
+    """Arming and disarming end when the autopilot has done them; each is refused if it is done already."""
     uav = flight.uav
     _require_names_state(flight.refuses(WrongStateError, uav.disarm, "disarming again"), State.LANDED_DISARMED)
     uav.arm()
@@ -42,7 +42,7 @@ def takes_off_only_when_armed(flight: Flight) -> None:
 
 @check(*LANDED)
 def flies_nothing_on_the_ground(flight: Flight) -> None:
-    """Every flying command that it knows is refused on the ground, and the refusal names the state."""
+    """Each flying command that it can fly is refused on the ground, and the refusal names the state."""
     uav = flight.uav
     state = uav.state()
     goal = Pose.at(0.0, 0.0, HEIGHT_M)
@@ -63,7 +63,7 @@ def flies_nothing_on_the_ground(flight: Flight) -> None:
 
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves="the propellers")
 def bad_heights_are_refused(flight: Flight) -> None:
-    """Take-off heights that cannot be meant, and it stays on the ground."""
+    """Take-off heights that are not valid are refused, and it stays on the ground."""
     before = flight.position()
     for height_m in (math.nan, math.inf, -math.inf, -1.0, 0.0, 1e9):
         take_off = functools.partial(flight.uav.take_off, height_m)
@@ -88,7 +88,7 @@ def home_becomes_the_origin(flight: Flight) -> None:
 
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves=f"straight up to {HEIGHT_M:g} m")
 def takes_off(flight: Flight) -> None:
-    """A take-off shows as TAKING_OFF, climbs straight to its height and ends there in FLYING_AUTO."""
+    """A take-off has the state TAKING_OFF, climbs straight to its height and ends there in FLYING_AUTO."""
     flight.remember_place()
     with flight.recording() as recorded:
         task = flight.uav.take_off(HEIGHT_M)
@@ -108,7 +108,7 @@ def takes_off(flight: Flight) -> None:
 
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves=f"straight up to {HEIGHT_M:g} m")
 def a_take_off_is_not_aborted(flight: Flight) -> None:
-    """While it takes off every other command is refused, and it goes on."""
+    """During a take-off all other commands are refused, and the take-off goes on."""
     uav = flight.uav
     flight.remember_place()
     task = uav.take_off(HEIGHT_M, blocking=False)

@@ -21,29 +21,29 @@ _SAMPLE_S = 0.5
 
 @check(_FLYING, capabilities=_POSITION, moves="2.5 m aside, slowly, and back")
 def keeps_below_a_speed(flight: Flight) -> None:
-    """A waypoint, a path and a leg are flown no faster than they ask for."""
+    """A waypoint, a path and a leg are flown no faster than their speed limits."""
     uav, away, back = flight.uav, flight.goal(_LEG_M, 0.0), flight.start
     plan = uav.dry_run.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
-    require(plan.duration_s is not None and plan.length_m is not None, "how long it would take is not told")
+    require(plan.duration_s is not None and plan.length_m is not None, "the plan has no length or no duration")
     assert plan.duration_s is not None
     assert plan.length_m is not None
     least_s = plan.length_m / _SLOW_M_S
-    require(plan.duration_s >= least_s, f"{plan.duration_s:.1f} s planned for what takes {least_s:.1f} s at least")
+    require(plan.duration_s >= least_s, f"{plan.duration_s:.1f} s planned, but it takes at least {least_s:.1f} s")
     with flight.recording() as recorded:
         uav.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
         uav.follow_path([back], max_speed_m_s=_SLOW_M_S)
         uav.follow_path([away, back], leg_speeds_m_s=[_SLOW_M_S, _SLOW_M_S])
         samples = recorded()
     fastest_m_s, allowed_m_s = max(map(speed, samples)), _SLOW_M_S + flight.tolerances.speed_m_s
-    require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s where {_SLOW_M_S:g} was the most")
+    require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, the limit was {_SLOW_M_S:g}")
     took_s, least_s = samples[-1].stamp_s - samples[0].stamp_s, _LEGS * _LEG_M / _SLOW_M_S
-    require(took_s >= least_s - _SAMPLE_S, f"what takes {least_s:.1f} s at least took {took_s:.1f} s")
-    flight.require_at(back, "in the end")
+    require(took_s >= least_s - _SAMPLE_S, f"it took {took_s:.1f} s, but must take at least {least_s:.1f} s")
+    flight.require_at(back, "at the end")
 
 
 @check(_FLYING, capabilities=_POSITION, moves="along two sides of a square of 2.5 m, turning")
 def points_along_a_path(flight: Flight) -> None:
-    """The nose points along each leg, whatever the waypoints say."""
+    """The nose points along each leg, whatever the headings of the waypoints are."""
     start, corner, end = flight.start, flight.goal(_LEG_M, 0.0), flight.goal(_LEG_M, _LEG_M)
     with flight.recording() as recorded:
         flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH)
@@ -57,11 +57,11 @@ def points_along_a_path(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="2.5 m aside, turning")
 def points_at_a_point_of_interest(flight: Flight) -> None:
-    """The nose points at a point beside the path, all along."""
+    """The nose points at a point beside the path all the time."""
     start, goal = flight.start, flight.goal(0.0, _LEG_M)
     interest = flight.goal(4.0, _LEG_M / 2).position
     p, s = goal.position, start.position
-    flight.uav.go_to_waypoint(Pose.at(s.x, s.y, s.z, _towards(s, interest)))  # a turn may take longer than the way
+    flight.uav.go_to_waypoint(Pose.at(s.x, s.y, s.z, _towards(s, interest)))  # a turn may take longer than the leg
     with flight.recording() as recorded:
         flight.uav.follow_path(
             [Pose.at(p.x, p.y, p.z)], heading=PathHeading.POINT_OF_INTEREST, point_of_interest=interest
@@ -73,7 +73,7 @@ def points_at_a_point_of_interest(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="2.5 m aside")
 def keeps_a_fixed_heading(flight: Flight) -> None:
-    """A path with a fixed heading keeps the one that it has, whatever the waypoints say."""
+    """A path with a fixed heading keeps the present heading, whatever the headings of the waypoints are."""
     goal = flight.goal(0.0, -_LEG_M, 0.0, math.pi / 2)
     before_rad = yaw_rad(flight.uav.telemetry())
     with flight.recording() as recorded:
@@ -83,21 +83,21 @@ def keeps_a_fixed_heading(flight: Flight) -> None:
 
 
 def _between(samples: Iterable[Telemetry], begin: Pose, goal: Pose) -> list[Telemetry]:
-    """The samples far along a leg: by then it has turned, and not yet for the next one."""
-    way = goal.position - begin.position
-    length_m = way.norm()
+    """Returns the samples from 0.5 to 0.8 of a leg: by then it has turned, but not yet for the next leg."""
+    leg = goal.position - begin.position
+    length_m = leg.norm()
     found = []
     for sample in samples:
         offset = position(sample) - begin.position
-        along_m = offset.dot(way) / length_m
-        aside_m = (offset - way * (along_m / length_m)).norm()
+        along_m = offset.dot(leg) / length_m
+        aside_m = (offset - leg * (along_m / length_m)).norm()
         if 0.5 * length_m <= along_m <= 0.8 * length_m and aside_m <= 0.3 * length_m:
             found.append(sample)
     return found
 
 
 def _require_heading(flight: Flight, samples: list[Telemetry], wanted: Callable[[Vector3], float], what: str) -> None:
-    require(bool(samples), "it was not seen on its way")
+    require(bool(samples), "there is no sample on the leg")
     off_rad = max(abs(wrap_angle(yaw_rad(sample) - wanted(position(sample)))) for sample in samples)
     allowed_rad = 2 * flight.tolerances.heading_rad
     require(off_rad <= allowed_rad, f"the nose was {math.degrees(off_rad):.0f}° from pointing {what}")
@@ -108,8 +108,8 @@ def _same(heading_rad: float, _: Vector3) -> float:
 
 
 def _towards(place: Vector3, target: Vector3) -> float:
-    way = target - place
-    return math.atan2(way.y, way.x)
+    offset = target - place
+    return math.atan2(offset.y, offset.x)
 
 
 CHECKS = (keeps_below_a_speed, points_along_a_path, points_at_a_point_of_interest, keeps_a_fixed_heading)

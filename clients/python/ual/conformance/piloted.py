@@ -1,4 +1,4 @@
-"""Checks of the safety pilot, and of the way down."""
+"""Checks of the safety pilot, and of the landing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
     moves="2 m ahead",
 )
 def the_pilot_takes_over(flight: Flight) -> None:
-    """The pilot ends a task at once; commands are refused until control is recovered, which holds the pose."""
+    """The pilot ends a task at once. Commands are refused until control is recovered, which holds the present pose."""
     uav = flight.uav
     goal = flight.goal(3.0, 0.0)
     task = uav.go_to_waypoint(goal, blocking=False)
@@ -45,7 +45,7 @@ def the_pilot_takes_over(flight: Flight) -> None:
 
 @check(State.FLYING_AUTO, needs=(Need.PILOT,), moves="1 m aside, by the pilot's sticks")
 def the_pilot_flies_and_gives_back(flight: Flight) -> None:
-    """What the pilot flies is seen, and when he gives back the UAV holds."""
+    """The telemetry shows how the pilot flies, and the UAV holds its position when the pilot gives back control."""
     pilot = flight.uav.simulation
     start = flight.position()
     pilot.pilot_take_over()
@@ -61,7 +61,7 @@ def the_pilot_flies_and_gives_back(flight: Flight) -> None:
 
 @check(State.FLYING_AUTO, capabilities=(Capability.LAND,), moves="straight down")
 def lands(flight: Flight) -> None:
-    """A landing shows as LANDING, is not aborted by other commands, and ends on the ground."""
+    """A landing has the state LANDING, is not aborted by other commands, and ends on the ground."""
     uav = flight.uav
     with flight.recording() as recorded:
         task = uav.land(blocking=False)
@@ -81,7 +81,7 @@ def lands(flight: Flight) -> None:
     aside_m = (flight.position() - flight.place).horizontal_norm()
     require(aside_m <= 3 * flight.tolerances.position_m, f"it landed {aside_m:.2f} m aside")
     height_m = abs(flight.position().z - flight.place.z)
-    require(height_m <= 2 * flight.tolerances.position_m, f"it stands at {height_m:.2f} m")
+    require(height_m <= 2 * flight.tolerances.position_m, f"it landed at a height of {height_m:.2f} m")
 
 
 CHECKS = (the_pilot_takes_over, the_pilot_flies_and_gives_back, lands)

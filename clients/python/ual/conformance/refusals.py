@@ -1,4 +1,4 @@
-"""Checks of what is refused in flight. It only hovers."""
+"""Checks of what is refused in flight. The UAV only hovers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Refused = tuple[Callable[[], object], str]
 
 @check(_FLYING, capabilities=(Capability.POSITION,))
 def bad_poses_are_refused(flight: Flight) -> None:
-    """Goals, and times to wait, that cannot be meant never move it, in a waypoint, a path or a reference."""
+    """Goals and timeouts that are not valid are refused in a waypoint, a path and a reference, and nothing moves."""
     for pose, what in _bad_poses():
         path: list[PoseStamped | Pose] = [flight.start, pose]
         for action, where in (
@@ -40,7 +40,7 @@ def bad_poses_are_refused(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=(Capability.VELOCITY,))
 def bad_velocities_are_refused(flight: Flight) -> None:
-    """Velocities that cannot be meant never move it."""
+    """Velocities that are not valid are refused, and nothing moves."""
     for value in (*_NOT_FINITE, _FAST_M_S):
         for twist in (Twist(Vector3(value, 0.0, 0.0)), Twist(angular=Vector3(0.0, 0.0, value))):
             flight.refuses(InvalidArgumentError, partial(flight.uav.set_velocity, twist), f"{twist}")
@@ -51,7 +51,7 @@ def bad_velocities_are_refused(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=(Capability.GEO,))
 def bad_geographic_waypoints_are_refused(flight: Flight) -> None:
-    """Places that are not on Earth never move it."""
+    """Geographic positions that are not valid are refused, and nothing moves."""
     uav = flight.uav
     for latitude_deg, longitude_deg, altitude_m, yaw_rad in (
         (math.nan, 0.0, 2.0, None),
@@ -68,7 +68,7 @@ def bad_geographic_waypoints_are_refused(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=(Capability.POSITION,))
 def bad_paths_are_refused(flight: Flight) -> None:
-    """A path without waypoints, and corner radii that cannot be meant."""
+    """A path without waypoints, and corner radii that are not valid, are refused."""
     uav = flight.uav
     flight.refuses(InvalidArgumentError, lambda: uav.follow_path([]), "a path without waypoints")
     for radius_m in (*_NOT_FINITE, -1.0):

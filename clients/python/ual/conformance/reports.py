@@ -1,4 +1,4 @@
-"""Checks of what a UAV says of itself. Nothing moves."""
+"""Checks of what a UAV reports. Nothing moves."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ _SAMPLES = 10
 
 @check()
 def says_who_it_is(flight: Flight) -> None:
-    """Info names the namespace, the backend, what it can do and its limits."""
+    """Info contains the namespace, the backend, the capabilities and the limits."""
     info = flight.info
-    require(info.namespace == flight.uav.ns, f"info says {info.namespace}, ns says {flight.uav.ns}")
-    require(bool(info.backend), "no backend is named")
-    require(bool(info.ual_version), "no version is named")
-    require(bool(info.capabilities), "it can do nothing")
+    require(info.namespace == flight.uav.ns, f"info has the namespace {info.namespace}, ns is {flight.uav.ns}")
+    require(bool(info.backend), "info has no backend")
+    require(bool(info.ual_version), "info has no version")
+    require(bool(info.capabilities), "info has no capabilities")
     for limit in astuple(info.limits):
         require(math.isfinite(limit) and limit > 0.0, f"a limit is {limit}")
 
 
 @check()
 def becomes_ready(flight: Flight) -> None:
-    """The state becomes something else than UNINITIALIZED, and says why it is what it is."""
+    """The state becomes other than UNINITIALIZED, and has a reason."""
     sample = flight.wait(lambda each: each.state is not State.UNINITIALIZED, "ready", 60.0)
     require(bool(sample.state_reason), "the state has no reason")
-    require(flight.uav.is_ready(), "is_ready() says no")
+    require(flight.uav.is_ready(), "is_ready() is False")
     require(bool(sample.flight_mode), "the flight mode has no name")
 
 
 @check(*READY)
 def telemetry_agrees_with_itself(flight: Flight) -> None:
-    """Pose, velocity, odometry and transform of one sample say the same."""
+    """Pose, velocity, odometry and transform of one sample agree."""
     for sample in flight.let_pass(0.5):
         _require_consistent(flight, sample)
 
 
 @check(*READY)
 def telemetry_flows(flight: Flight) -> None:
-    """Samples come by themselves, numbered and timed in order, and those of an ended subscription do not."""
+    """A subscription gets samples with rising numbers and times, and none after it has ended."""
     received: list[Telemetry] = []
     with flight.uav.subscribe(received.append):
         first = flight.wait(lambda _: True, "telemetry")
@@ -63,7 +63,7 @@ def telemetry_flows(flight: Flight) -> None:
 
 @check(*READY)
 def a_slow_rate_leaves_out_samples(flight: Flight) -> None:
-    """A subscription with a low rate gets fewer samples than there are."""
+    """A subscription with a low rate gets only some of the samples."""
     received: list[Telemetry] = []
     with flight.uav.subscribe(received.append, rate_hz=1.0), flight.recording() as recorded:
         flight.wait(lambda _: len(received) >= 2, "two samples", 600.0)
@@ -73,7 +73,7 @@ def a_slow_rate_leaves_out_samples(flight: Flight) -> None:
 
 @check(*READY)
 def members_agree_with_telemetry(flight: Flight) -> None:
-    """State, pose, velocity and odometry are those of the telemetry."""
+    """State, pose, velocity and odometry are the same as in the telemetry."""
     uav, t = flight.uav, flight.tolerances
     sample = uav.telemetry()
     require(uav.state() is sample.state, "state() differs")
@@ -119,7 +119,7 @@ def a_new_frame_can_be_used(flight: Flight) -> None:
 
 @check(*READY)
 def bad_frames_are_refused(flight: Flight) -> None:
-    """Unknown frames, taken names, loops and values that cannot be meant."""
+    """Unknown frames, reserved names, loops and values that are not valid are refused."""
     uav, name = flight.uav, f"{flight.uav.ns}/check"
     nan = math.nan
     flight.refuses(UnknownFrameError, lambda: uav.transform("no_such_frame"), "an unknown target")
@@ -130,15 +130,15 @@ def bad_frames_are_refused(flight: Flight) -> None:
         (Transform(child_frame_id=f"{uav.ns}/base_link"), "the name of the body"),
         (Transform(child_frame_id=""), "no name"),
         (Transform(frame_id=name, child_frame_id=name), "a frame in itself"),
-        (Transform(Vector3(nan, 0.0, 0.0), IDENTITY, "map", name), "a translation that is no number"),
-        (Transform(Vector3(), Quaternion(0.0, 0.0, 0.0, 3.0), "map", name), "a rotation that is none"),
+        (Transform(Vector3(nan, 0.0, 0.0), IDENTITY, "map", name), "a translation that is not a number"),
+        (Transform(Vector3(), Quaternion(0.0, 0.0, 0.0, 3.0), "map", name), "a quaternion that is not a rotation"),
     ):
         flight.refuses(InvalidArgumentError, partial(uav.add_frame, bad), what)
 
 
 @check(*READY)
 def an_unknown_task_is_refused(flight: Flight) -> None:
-    """A task that never was."""
+    """The identifier of a task that never existed is refused."""
     flight.refuses(InvalidArgumentError, lambda: flight.uav.task("no-such-task"), "an unknown task")
 
 
@@ -153,11 +153,11 @@ def _require_consistent(flight: Flight, sample: Telemetry) -> None:
     require((odometry.frame_id, odometry.child_frame_id) == (f"{ns}/odom", f"{ns}/base_link"), "odometry's frames")
     require((transform.frame_id, transform.child_frame_id) == ("map", f"{ns}/base_link"), "transform's frames")
     require(odometry.stamp_s == transform.stamp_s == sample.stamp_s, "the stamps differ")
-    require(abs(odometry.pose.orientation.norm() - 1.0) <= _EXACT_M, "the orientation is no rotation")
+    require(abs(odometry.pose.orientation.norm() - 1.0) <= _EXACT_M, "the orientation is not a rotation")
     if sample.frame_id == odometry.frame_id:
         require((sample.pose.position - odometry.pose.position).norm() <= _EXACT_M, "pose and odometry differ")
-        turned = odometry.pose.orientation.rotate(odometry.twist.linear)
-        require((turned - sample.velocity.linear).norm() <= _EXACT_M, "velocity and odometry differ")
+        rotated = odometry.pose.orientation.rotate(odometry.twist.linear)
+        require((rotated - sample.velocity.linear).norm() <= _EXACT_M, "velocity and odometry differ")
     to_map = flight.uav.transform("map", odometry.frame_id)
     off_m = (to_map.apply(odometry.pose.position) - transform.translation).norm()
     require(off_m <= _EXACT_M, f"transform and odometry differ by {off_m:.3g} m")

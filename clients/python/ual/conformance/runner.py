@@ -1,4 +1,4 @@
-"""Runs checks one after the other."""
+"""Runs checks one after another."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual.types import State
 
 
 def why_not(flight: Flight, check: Check, may_move: bool = True) -> str:
-    """Why a check cannot run over this UAV; empty if it can."""
+    """Returns why a check cannot run with this UAV; empty if it can."""
     has = {
         Need.MOTION: may_move,
         Need.PILOT: flight.has_pilot,
@@ -27,9 +27,12 @@ def why_not(flight: Flight, check: Check, may_move: bool = True) -> str:
 
 
 def run_check(flight: Flight, check: Check, may_move: bool = True) -> None:
-    """Brings the UAV to where a check starts, and runs it.
+    """Brings the UAV to the state in which a check starts, and runs the check.
 
-    Raises `CheckFailedError`, a `UalError` that the UAV raised, or `CannotRunError`.
+    Raises:
+        CheckFailedError: The UAV did not do what it must.
+        CannotRunError: The check cannot run with this UAV, or not now.
+        UalError: A command of the check failed.
     """
     why = why_not(flight, check, may_move)
     if why:
@@ -48,10 +51,13 @@ def run(
     may_move: bool = True,
     on_start: Callable[[Check], None] = lambda _: None,
 ) -> Iterator[Result]:
-    """Runs checks and yields how each ended; in the end the UAV lands if it flies. Raises `CheckFailedError` or a
-    `UalError` if it cannot.
+    """Runs checks and yields how each ended. Lands the UAV at the end if it flies.
 
-    Once the safety pilot of a real UAV has taken over, or the UAV is not ready any more, nothing more is flown.
+    Flies nothing more once the safety pilot of a real UAV has taken over, or the UAV is not ready any more.
+
+    Raises:
+        CheckFailedError: The UAV did not land at the end.
+        UalError: The landing was refused or failed.
     """
     over = ""
     for check in checks:
@@ -77,7 +83,7 @@ def run(
 
 def _land(flight: Flight) -> None:
     state = flight.uav.state()
-    # A real safety pilot who flies lands it himself.
+    # If a real safety pilot flies, the pilot lands.
     if state in (State.TAKING_OFF, State.FLYING_AUTO, State.LANDING) or (
         state is State.FLYING_MANUAL and flight.has_pilot
     ):

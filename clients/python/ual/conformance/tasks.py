@@ -10,25 +10,25 @@ from ual.interface import Task
 from ual.types import Capability, State, TaskStatus
 
 _AHEAD_M = 4.0
-_FAR_M = 8.0  # a UAV at speed takes 3 m to stop, and must not be near its goal by then
+_FAR_M = 8.0  # a UAV at full speed needs 3 m to stop, and must still be far from its goal then
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
 
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead")
-def a_handle_tells_how_a_task_stands(flight: Flight) -> None:
-    """A task that is not waited for can be watched, found by its id and waited for."""
+def a_handle_reports_its_task(flight: Flight) -> None:
+    """The handle of a task can be watched, found by the task's id, and waited for."""
     uav = flight.uav
     goal = flight.goal(_AHEAD_M, 0.0)
     task = uav.go_to_waypoint(goal, blocking=False)
-    require(task.id == uav.task(task.id).id, "task() finds another")
+    require(task.id == uav.task(task.id).id, "task() returns another task")
     flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
     seen = list(task.watch(rate_hz=20.0))
-    require(seen[-1].status is TaskStatus.SUCCEEDED, f"the last one seen is {seen[-1].status.name}")
+    require(seen[-1].status is TaskStatus.SUCCEEDED, f"the last status is {seen[-1].status.name}")
     progress = [info.progress for info in seen if info.progress is not None]
     require(progress == sorted(progress), f"the progress goes back: {progress}")
     require(task.done() and task.wait().status is TaskStatus.SUCCEEDED, "it has not ended")
-    require(task.wait().id == task.id, "waiting again is not the same")
+    require(task.wait().id == task.id, "a second wait returns another task")
     task.cancel()
     require(task.info().status is TaskStatus.SUCCEEDED, "an ended task was cancelled")
     flight.require_at(goal, "at the waypoint")
@@ -36,12 +36,12 @@ def a_handle_tells_how_a_task_stands(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead, and back")
 def a_new_command_replaces_a_task(flight: Flight) -> None:
-    """The replaced task ends as ABORTED and says by what; the new one goes on."""
+    """The replaced task ends as ABORTED and says what replaced it; the new one goes on."""
     first = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     second = flight.uav.go_to_waypoint(flight.start, blocking=False)
     error = flight.refuses(TaskAbortedError, first.wait, "waiting for the replaced task")
-    require(error.metadata.get("by") == "go_to_waypoint", f"by is {error.metadata.get('by')}")
+    require(error.metadata.get("by") == "go_to_waypoint", f"metadata by is {error.metadata.get('by')}")
     require(first.info().status is TaskStatus.ABORTED, f"the replaced task is {first.info().status.name}")
     require(second.wait().status is TaskStatus.SUCCEEDED, "the new task did not succeed")
     flight.require_at(flight.start, "back at the start")
@@ -54,7 +54,7 @@ def a_velocity_replaces_a_task(flight: Flight) -> None:
     _wait_until_moving(flight)
     flight.uav.set_velocity(Twist())
     error = flight.refuses(TaskAbortedError, task.wait, "waiting for the replaced task")
-    require(error.metadata.get("by") == "set_velocity", f"by is {error.metadata.get('by')}")
+    require(error.metadata.get("by") == "set_velocity", f"metadata by is {error.metadata.get('by')}")
     flight.wait(flight.is_slow, "rest")
 
 
@@ -90,7 +90,7 @@ def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead at most")
 def a_deadline_cancels_what_was_waited_for(flight: Flight) -> None:
-    """When the caller's time is over the go-to is cancelled, and the UAV holds."""
+    """When the caller's timeout has passed, the go-to is cancelled and the UAV holds its position."""
     try:
         flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), timeout_s=0.01)
     except UalTimeoutError:
@@ -114,7 +114,7 @@ def _require_stopped(flight: Flight, task: Task) -> None:
 
 
 CHECKS = (
-    a_handle_tells_how_a_task_stands,
+    a_handle_reports_its_task,
     a_new_command_replaces_a_task,
     a_velocity_replaces_a_task,
     a_cancelled_task_holds,

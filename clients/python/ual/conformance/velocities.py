@@ -14,7 +14,7 @@ _WATCHDOG_S = 0.5
 _FLYING = State.FLYING_AUTO
 _SPEED_M_S = 1.5
 _STEADY_S = 1.0
-# In this time an estimate wanders at most by `Tolerances.wander_m`.
+# In this time an estimate drifts by at most `Tolerances.wander_m`.
 _WANDERS_S = 1.0
 # A faster UAV would leave the few metres that checks may use.
 _FASTEST_M_S = 3.0
@@ -22,7 +22,7 @@ _FASTEST_M_S = 3.0
 
 @check(_FLYING, capabilities=_VELOCITY, moves="5 m ahead")
 def flies_a_velocity_and_stops_without(flight: Flight) -> None:
-    """A repeated velocity is flown; without a new one within 0.5 s it stops and holds."""
+    """It flies a velocity that is sent repeatedly; without a new one within 0.5 s it stops and holds its position."""
     uav, t = flight.uav, flight.tolerances
     start = flight.position()
     wanted = Vector3(_SPEED_M_S, 0.0, 0.0)
@@ -44,7 +44,7 @@ def flies_a_velocity_and_stops_without(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_VELOCITY, moves="4 m aside, a quarter turn")
 def a_velocity_of_the_body_turns_with_it(flight: Flight) -> None:
-    """A velocity in base_link goes where the nose points."""
+    """A velocity in base_link points where the nose points."""
     uav, body = flight.uav, f"{flight.uav.ns}/base_link"
     turned = flight.goal(0.0, 0.0, 0.0, math.pi / 2)
     uav.go_to_waypoint(turned)
@@ -62,7 +62,7 @@ def a_velocity_of_the_body_turns_with_it(flight: Flight) -> None:
 
 @check(_FLYING, capabilities=_VELOCITY, moves="a turn to the left")
 def turns_with_a_rate(flight: Flight) -> None:
-    """A positive rate turns to the left, in place."""
+    """A positive yaw rate turns it to the left, in place."""
     uav = flight.uav
     start, before_rad = flight.position(), yaw_rad(uav.telemetry())
     turn = Twist(angular=Vector3(0.0, 0.0, 0.4))

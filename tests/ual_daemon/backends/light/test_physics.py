@@ -343,7 +343,7 @@ def test_the_sticks_move_it_along_its_own_axes() -> None:
 
 def test_the_sticks_do_nothing_unless_the_pilot_flies() -> None:
     drone = Drone()
-    with pytest.raises(WrongStateError, match="let him take over first"):
+    with pytest.raises(WrongStateError, match="the pilot must take over first"):
         drone.sim.pilot_move_sticks(forward=1.0)
 
 

@@ -36,7 +36,7 @@ SETPOINTS: st.SearchStrategy[Setpoint] = st.builds(
 STICKS = st.tuples(*[st.floats(-1.0, 1.0)] * 4)
 CHANGES = (
     st.tuples(st.just("mode"), st.sampled_from(FlightMode))
-    | st.tuples(st.just("tell"), SETPOINTS)
+    | st.tuples(st.just("set_setpoint"), SETPOINTS)
     | st.tuples(st.just("sticks"), STICKS)
     | st.tuples(st.just("has_position"), st.booleans())
     | st.tuples(st.just("power"), st.floats(0.0, 1.0))
@@ -55,13 +55,13 @@ def test_one_alone_moves_as_in_a_fleet(limits: LightSettings, course: list[tuple
     both: tuple[Vehicles, ...] = (single, fleet)
     now_s = 0.0
     take_off = [(("is_armed", True), 1), (("mode", FlightMode.GUIDED), 1)]
-    up: tuple[str, object] = ("tell", VelocitySetpoint(Vector3(0.0, 0.0, 1.0)))
+    up: tuple[str, object] = ("set_setpoint", VelocitySetpoint(Vector3(0.0, 0.0, 1.0)))
     for (what, value), steps in [*take_off, *[(up, 10)] * 10, *course]:
         for each in both:
             if isinstance(value, FlightMode):
                 each.set_mode(0, value)
             elif isinstance(value, PositionSetpoint | VelocitySetpoint):
-                each.tell(0, value, now_s)
+                each.set_setpoint(0, value, now_s)
             else:
                 getattr(each, what)[0] = value
         for _ in range(steps):
@@ -71,7 +71,7 @@ def test_one_alone_moves_as_in_a_fleet(limits: LightSettings, course: list[tuple
             assert single.changed() == fleet.changed()
             for name, alone in single.row().items():
                 assert np.asarray(alone) == pytest.approx(getattr(fleet, name)[0], abs=1e-6), name
-    for one, other in zip(single.seen(0), fleet.seen(0), strict=True):
+    for one, other in zip(single.report(0), fleet.report(0), strict=True):
         assert one == pytest.approx(other, abs=1e-6)
         assert type(one) is type(other)
 
@@ -79,13 +79,13 @@ def test_one_alone_moves_as_in_a_fleet(limits: LightSettings, course: list[tuple
 def test_a_second_vehicle_leaves_the_first_where_it_is() -> None:
     world = World(speed_factor=0.0)
     world.add(LightSettings(start=(1.0, 2.0, 3.0)))
-    world.wind_to(0, Vector3(1.0, 0.0, 0.0))
+    world.set_wind(0, Vector3(1.0, 0.0, 0.0))
     world.step(1.0)
-    before = world.fleet.seen(0)
+    before = world.fleet.report(0)
     assert world.add(LightSettings(start=(4.0, 5.0, 6.0))) == 1
-    assert world.fleet.seen(0) == before
+    assert world.fleet.report(0) == before
     assert tuple(world.fleet.wind[0]) == (1.0, 0.0, 0.0)
-    assert world.fleet.seen(1).position == (4.0, 5.0, 6.0)
+    assert world.fleet.report(1).position == (4.0, 5.0, 6.0)
 
 
 def test_one_alone_needs_no_numpy() -> None:

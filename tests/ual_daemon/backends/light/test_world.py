@@ -272,7 +272,7 @@ def test_updates_are_thinned_where_steps_take_too_long_and_come_back_when_they_d
     def run(update_share: float) -> int:
         """Steps for which all updates together take such a part of a step's time."""
         for _ in range(1000):
-            thinning.took(0.02 + update_share / thinning.every)
+            thinning.add(0.02 + update_share / thinning.every)
         return thinning.every
 
     assert run(0.4) == 1
@@ -287,8 +287,8 @@ def test_updates_are_thinned_where_steps_take_too_long_and_come_back_when_they_d
 def test_one_long_pause_thins_nothing() -> None:
     thinning = Thinning()
     for _ in range(100):
-        thinning.took(0.5)
-    assert not thinning.took(1000.0)
+        thinning.add(0.5)
+    assert not thinning.add(1000.0)
     assert thinning.every == 1
 
 
@@ -297,17 +297,17 @@ def test_thinning_does_not_swing() -> None:
         thinning = Thinning()
         found = []
         for _ in range(5000):
-            thinning.took(0.02 + 0.1 * tenths / thinning.every)
+            thinning.add(0.02 + 0.1 * tenths / thinning.every)
             found.append(thinning.every)
         assert found == sorted(found)
 
 
-def test_thinned_updates_take_turns_and_what_changes_is_told_at_once() -> None:
+def test_thinned_updates_alternate_and_changes_are_reported_at_once() -> None:
     world = World(0.0)
-    told: dict[int, list[int]] = {0: [], 1: [], 2: []}
+    updates: dict[int, list[int]] = {0: [], 1: [], 2: []}
 
     def note(number: int, snapshot: Snapshot) -> None:
-        told[number].append(snapshot.sequence)
+        updates[number].append(snapshot.sequence)
 
     backends = [LightBackend(BackendOptions(f"uav_{i}"), world) for i in range(3)]
     with ExitStack() as stack:
@@ -315,14 +315,14 @@ def test_thinned_updates_take_turns_and_what_changes_is_told_at_once() -> None:
             backend.open(partial(note, number))
             stack.callback(backend.close)
         world.step(STEP_S)
-        for steps in told.values():
+        for steps in updates.values():
             steps.clear()
         for _ in range(9):
             world._step_once(every=3)
-        assert sorted(told[0] + told[1] + told[2]) == list(range(2, 11))
-        assert all(len(steps) == 3 for steps in told.values())
+        assert sorted(updates[0] + updates[1] + updates[2]) == list(range(2, 11))
+        assert all(len(steps) == 3 for steps in updates.values())
         backends[1].pilot_arm()
-        for steps in told.values():
+        for steps in updates.values():
             steps.clear()
         world._step_once(every=1000)
-        assert told == {0: [], 1: [11], 2: []}
+        assert updates == {0: [], 1: [11], 2: []}

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from ual_daemon import logs
+from ual_daemon.program import log_output
 
 LOG = logging.getLogger("ual_daemon.vehicle")
 
@@ -21,8 +22,8 @@ class Log:
     def __init__(self) -> None:
         self.stream = io.StringIO()
 
-    def begin(self, format: logs.Format, level: str = "info") -> None:  # noqa: A002
-        logs.setup(level, format, self.stream)
+    def begin(self, format: log_output.Format, level: str = "info") -> None:  # noqa: A002
+        log_output.setup(level, format, self.stream)
 
     def lines(self) -> list[str]:
         for handler in logging.getLogger().handlers:
@@ -74,7 +75,7 @@ def test_json_is_one_object_a_line(log: Log) -> None:
 
 
 @pytest.mark.parametrize("format_", ["text", "json"])
-def test_an_exception_keeps_its_traceback(log: Log, format_: logs.Format) -> None:
+def test_an_exception_keeps_its_traceback(log: Log, format_: log_output.Format) -> None:
     log.begin(format_)
     try:
         int("boom")
@@ -121,9 +122,9 @@ class _Stuck(io.StringIO):
         return super().write(text)
 
 
-def test_a_stuck_reader_holds_up_nobody_and_the_loss_is_told() -> None:
+def test_a_blocked_stream_delays_nobody_and_the_loss_is_logged() -> None:
     stream = _Stuck()
-    handler = logs.BackgroundHandler(stream, queue_size=3)
+    handler = log_output.BackgroundHandler(stream, queue_size=3)
     handler.setFormatter(logging.Formatter())
 
     def emit(text: str) -> None:
@@ -178,7 +179,7 @@ def test_the_log_goes_on_after_it_could_not_be_written_for_a_while(log: Log, err
 
 @pytest.mark.parametrize("error", [errno.EPIPE, errno.EBADF])
 def test_the_log_ends_when_nobody_can_read_it(error: int) -> None:
-    handler = logs.BackgroundHandler(_Failing(error))
+    handler = log_output.BackgroundHandler(_Failing(error))
     handler.emit(logging.LogRecord("x", logging.INFO, __file__, 1, "unheard", None, None))
     handler._thread.join(10)
     assert not handler._thread.is_alive()

@@ -1,0 +1,54 @@
+"""The daemon does not load modules that it does not need: they cost memory and start-up time."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import closing
+from pathlib import Path
+
+from tests.conftest import DaemonProcess
+from ual import Uav, _discovery
+from ual.types import State
+
+NEVER = {
+    "email",
+    "importlib.metadata",
+    "numpy",
+    "secrets",
+    "shapely",
+    "tempfile",
+    "unittest",
+    "zipfile",
+}
+
+
+def loaded(daemon: DaemonProcess) -> set[str]:
+    """The modules that it has loaded."""
+    return set(re.findall(r"^import time:.*\| +(\S+)$", daemon.stderr, re.MULTILINE))
+
+
+def start(runtime_dir: Path, *flags: str) -> DaemonProcess:
+    variables = {_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "PYTHONPROFILEIMPORTTIME": "1"}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
+    return DaemonProcess(("--listen", "127.0.0.1:0", *flags), "uav_1", environment | variables)
+
+
+def test_a_light_uav_flies_without_what_it_does_not_need(runtime_dir: Path) -> None:
+    with closing(start(runtime_dir, "--auto-arm", "--set", "light.speed_factor=10")) as daemon:
+        with Uav(address=daemon.address) as uav:
+            daemon.wait_for("state", new="LANDED_ARMED")
+            uav.take_off(2.0)
+            assert uav.state() is State.FLYING_AUTO
+        found = loaded(daemon)
+    assert {"ual_daemon.program.daemon", "grpc.aio", "ual_daemon.flight.manoeuvre"} <= found
+    assert not found & (NEVER | {"pymavlink"})
+
+
+def test_a_mavlink_uav_waits_without_what_it_does_not_need(runtime_dir: Path) -> None:
+    with closing(start(runtime_dir, "--backend", "mavlink", "--url", "udpout://127.0.0.1:9")) as daemon:
+        with Uav(address=daemon.address) as uav:
+            assert uav.state() is State.UNINITIALIZED
+        found = loaded(daemon)
+    assert {"pymavlink", "asyncio"} <= found
+    assert not found & (NEVER | {"yaml"})

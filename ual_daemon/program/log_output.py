@@ -1,0 +1,159 @@
+"""Writes the daemon's logs to a stream, as text for people or as one JSON object a line.
+
+A thread of its own writes the lines, so that a blocked stream (a full pipe, a slow disk) never delays flying. Lines
+that do not fit into the queue, or that cannot be written, are counted, and their number is logged.
+"""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import json
+import logging
+import math
+import queue
+import re
+import sys
+import threading
+import time
+from typing import Literal, TextIO
+
+from typing_extensions import override
+
+Format = Literal["text", "json"]
+
+_VERBOSE_LIBRARIES = ("asyncio", "grpc")
+"""Their debug and info messages are left out, because they would hide the daemon's."""
+_QUEUE_SIZE = 10_000
+_FLUSH_LIMIT_S = 1.0
+_RETRY_S = 0.1
+"""The pause after a line that could not be written."""
+_CLOSED_ERRORS = (errno.EPIPE, errno.EBADF)
+"""Errors after which nobody can read the stream any more."""
+_PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
+
+
+class TextFormatter(logging.Formatter):
+    """``2026-11-21 09:15:02.123 INFO    vehicle: state_changed old=LANDED_ARMED new=TAKING_OFF``, in local time."""
+
+    @override
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        fields: dict[str, object] = getattr(record, "ual_fields", {})
+        when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
+        head = f"{when}.{int(record.msecs):03d} {record.levelname:<7} {record.name.removeprefix('ual_daemon.')}: "
+        return " ".join([head + record.message, *(f"{name}={_text(value)}" for name, value in fields.items())])
+
+
+class JsonFormatter(logging.Formatter):
+    """One JSON object a line: ``time`` (UTC), ``level``, ``logger``, ``event`` (or ``message``), then the fields."""
+
+    @override
+    def format(self, record: logging.LogRecord) -> str:
+        when = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        name: str | None = getattr(record, "ual_event", None)
+        fields: dict[str, object] = {
+            "time": f"{when}.{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            **({"message": record.getMessage()} if name is None else {"event": name}),
+            **getattr(record, "ual_fields", {}),
+        }
+        if record.exc_info:
+            fields["exception"] = self.formatException(record.exc_info)
+        return json.dumps({name: _json(value) for name, value in fields.items()}, default=str, ensure_ascii=False)
+
+
+def _json(value: object) -> object:
+    """Returns the value, or its text if JSON cannot express it."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = str(value)
+    # Quotes whatever is not one plain word, so that a value cannot look like another field or another line.
+    return text if _PLAIN_VALUE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+
+
+class BackgroundHandler(logging.Handler):
+    """Writes lines to a stream from a thread of its own. Drops and counts lines that do not fit into the queue."""
+
+    def __init__(self, stream: TextIO, queue_size: int = _QUEUE_SIZE) -> None:
+        super().__init__()
+        self._stream = stream
+        self._lines: queue.Queue[str | None] = queue.Queue(queue_size)
+        self._lost_count = 0
+        self._thread = threading.Thread(target=self._write, name="logs", daemon=True)
+        self._thread.start()
+
+    @override
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            line = self.format(record)
+        except Exception:  # noqa: BLE001  as all logging handlers do: a bad message must not raise in its caller
+            self.handleError(record)
+            return
+        try:
+            if self._lost_count:
+                self._lines.put_nowait(self._loss())
+                self._lost_count = 0
+            self._lines.put_nowait(line)
+        except queue.Full:
+            self._lost_count += 1
+
+    def _loss(self) -> str:
+        return f"{self._lost_count} log lines lost: the log is not read fast enough"
+
+    @override
+    def close(self) -> None:
+        """Writes the lines that are left, but does not wait for a stream that is blocked."""
+        if not self._thread.is_alive():
+            return
+        try:
+            if self._lost_count:
+                self._lines.put(self._loss(), timeout=_FLUSH_LIMIT_S)
+            self._lines.put(None, timeout=_FLUSH_LIMIT_S)
+        except queue.Full:
+            pass
+        else:
+            self._thread.join(_FLUSH_LIMIT_S)
+        super().close()
+
+    def _write(self) -> None:
+        failed_count, why = 0, ""  # since the last line that was written
+        while True:
+            line = self._lines.get()
+            try:
+                if failed_count:
+                    self._stream.flush()  # empties the stream's own buffer first; raises as long as that fails
+                    self._stream.write(f"up to {failed_count} log lines lost: {why}\n")
+                    failed_count = 0
+                if line is None:
+                    return
+                self._stream.write(line + "\n")
+                if self._lines.empty():
+                    self._stream.flush()
+            except ValueError:
+                return  # the stream is closed
+            except OSError as error:
+                if line is None or error.errno in _CLOSED_ERRORS:
+                    return
+                # The disk is full, or a pipe that does not block is full: logging goes on once there is space.
+                failed_count, why = failed_count + 1, error.strerror or str(error)
+                time.sleep(_RETRY_S)
+
+
+def setup(level: str, format: Format = "text", stream: TextIO | None = None) -> None:  # noqa: A002  as in logging
+    """Sends all logs from `level` up (``debug``, ``info``, ``warning``, ``error``) to a stream, by default stderr."""
+    handler = BackgroundHandler(stream or sys.stderr)
+    handler.setFormatter(JsonFormatter() if format == "json" else TextFormatter())
+    root = logging.getLogger()
+    for old in root.handlers[:]:
+        root.removeHandler(old)
+        old.close()
+    root.addHandler(handler)
+    root.setLevel(level.upper())
+    for library in _VERBOSE_LIBRARIES:
+        logging.getLogger(library).setLevel(logging.WARNING)
+    atexit.register(handler.close)
