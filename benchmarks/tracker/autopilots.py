@@ -169,7 +169,7 @@ class _Uav:
         return Flown(start.position, goal.position, list(self._places))
 
     def _is_near(self, goal: Vector3) -> bool:
-        return bool(self._places) and (self._resolver[-1].position - goal).norm() <= NEAR_M
+        return bool(self._places) and (self._places[-1].position - goal).norm() <= NEAR_M
 
     def _keep(self, telemetry: Telemetry) -> None:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
