@@ -20,7 +20,10 @@ def make_telemetry(
     pose_frame_id: str | None,
     sequence: int,
 ) -> Telemetry:
-    """A sample; poses in `pose_frame_id` (None: ``<ns>/odom``, which also stands in until that one is known)."""
+    """Returns a sample, with its poses in `pose_frame_id`.
+
+    They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is.
+    """
     odom = resolver.tree.odom
     body = resolver.body(snapshot)
     twist = None if snapshot.velocity is None else snapshot.velocity.value
@@ -59,14 +62,15 @@ def _in_map(resolver: FrameResolver, body: Pose | None, stamp_s: float) -> Trans
     if home is None or body is None:
         return None
     position, orientation = body.position + home.translation, body.orientation
-    if home.rotation is not IDENTITY:  # seldom
+    if home.rotation is not IDENTITY:  # rarely
         position, orientation = home.apply(body.position), home.rotation * body.orientation
     return Transform(position, orientation, MAP, resolver.tree.body, stamp_s)
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
-    """Where it is on Earth, by the autopilot's word or else its projection; None while it does not trust its position:
-    ArduPilot then goes on telling where it was.
+    """Returns the position on Earth: as the autopilot reports it, or by its projection.
+
+    None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one.
     """
     if snapshot.estimator is None or not snapshot.estimator.value.is_good:
         return None
@@ -91,7 +95,7 @@ def _lookup(resolver: FrameResolver, target: str | None, source: str, body: Pose
         return None
     try:
         return resolver.tree.lookup(target, source, body)
-    except WrongStateError:  # not known yet where it is
+    except WrongStateError:  # it is not known yet where the frame is
         return None
 
 

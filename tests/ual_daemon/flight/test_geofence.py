@@ -49,7 +49,7 @@ def test_inside_is_over_the_polygon_and_in_the_band(x: float, y: float, z: float
 def test_the_edge_belongs_to_the_fence() -> None:
     fence = Fence(L_SHAPE, *BAND)
     assert all(fence.is_inside(at(x, y, 1.0)) for x, y in L_SHAPE)
-    assert fence.place_of_leaving([at(0, 0), at(10, 0), at(10, 5)]) is None
+    assert fence.exit_point([at(0, 0), at(10, 0), at(10, 5)]) is None
 
 
 @given(coordinates, coordinates, coordinates, coordinates)
@@ -58,7 +58,7 @@ def test_a_straight_way_stays_inside_when_each_place_on_it_does(x0: float, y0: f
     steps = [i / 400 for i in range(401)]
     places = [(x0 + (x1 - x0) * s, y0 + (y1 - y0) * s) for s in steps]
     are_in = [is_in_l(x, y) for x, y in places]
-    left = Fence(L_SHAPE).place_of_leaving([at(x0, y0), at(x1, y1)])
+    left = Fence(L_SHAPE).exit_point([at(x0, y0), at(x1, y1)])
     if left is None:
         assert all(is_in or distance_from_edges(x, y) < 0.01 for (x, y), is_in in zip(places, are_in, strict=True))
     elif all(are_in):  # it can leave between two places, by less than their distance
@@ -68,26 +68,26 @@ def test_a_straight_way_stays_inside_when_each_place_on_it_does(x0: float, y0: f
 
 
 def test_a_way_that_cuts_a_corner_outside_leaves_though_both_ends_are_inside() -> None:
-    assert Fence(L_SHAPE).place_of_leaving([at(9, 4), at(4, 9)]) == at(4, 9)
-    assert Fence(L_SHAPE).place_of_leaving([at(9, 4), at(4, 4), at(4, 9)]) is None
+    assert Fence(L_SHAPE).exit_point([at(9, 4), at(4, 9)]) == at(4, 9)
+    assert Fence(L_SHAPE).exit_point([at(9, 4), at(4, 4), at(4, 9)]) is None
 
 
 def test_a_way_that_begins_outside_may_come_in_but_not_leave_again() -> None:
     fence = Fence(L_SHAPE, *BAND)
-    assert fence.place_of_leaving([at(-3, 2), at(2, 2)]) is None
-    assert fence.place_of_leaving([at(2, 2, 0.0), at(2, 2, 5.0)]) is None  # from the ground into the band
-    assert fence.place_of_leaving([at(-3, 2), at(2, 2), at(2, 12)]) == at(2, 12)
-    assert fence.place_of_leaving([at(-3, 2), at(-2, 2)]) == at(-2, 2)
-    assert fence.place_of_leaving([at(12, 1), at(4, 9)]) == at(4, 9)  # in, out at the corner, and in again
-    assert fence.place_of_leaving([at(-3, 2), at(12, 2), at(9, 2)]) == at(12, 2)  # through it between two places
-    assert fence.place_of_leaving([at(2, 2, 0.0), at(2, 2, 25.0), at(2, 2, 5.0)]) == at(2, 2, 25.0)
-    assert fence.place_of_leaving([at(-3, -3), at(-3, 12), at(2, 9)]) is None  # around it
-    assert fence.place_of_leaving([at(-3, 2, 0.0), at(12, 2, 0.0), at(9, 2)]) is None  # below it
+    assert fence.exit_point([at(-3, 2), at(2, 2)]) is None
+    assert fence.exit_point([at(2, 2, 0.0), at(2, 2, 5.0)]) is None  # from the ground into the band
+    assert fence.exit_point([at(-3, 2), at(2, 2), at(2, 12)]) == at(2, 12)
+    assert fence.exit_point([at(-3, 2), at(-2, 2)]) == at(-2, 2)
+    assert fence.exit_point([at(12, 1), at(4, 9)]) == at(4, 9)  # in, out at the corner, and in again
+    assert fence.exit_point([at(-3, 2), at(12, 2), at(9, 2)]) == at(12, 2)  # through it between two places
+    assert fence.exit_point([at(2, 2, 0.0), at(2, 2, 25.0), at(2, 2, 5.0)]) == at(2, 2, 25.0)
+    assert fence.exit_point([at(-3, -3), at(-3, 12), at(2, 9)]) is None  # around it
+    assert fence.exit_point([at(-3, 2, 0.0), at(12, 2, 0.0), at(9, 2)]) is None  # below it
 
 
 def test_what_lies_behind_the_place_of_leaving_is_not_looked_at() -> None:
     way = iter([at(2, 2), at(12, 2), at(13, 2), at(14, 2)])
-    assert Fence(L_SHAPE).place_of_leaving(way) == at(12, 2)
+    assert Fence(L_SHAPE).exit_point(way) == at(12, 2)
     assert next(way) == at(13, 2)
 
 
@@ -108,8 +108,8 @@ def test_within_the_clearance_of_a_place_everything_is_inside(x: float, y: float
 
 def test_without_a_polygon_only_the_height_counts() -> None:
     fence = Fence((), 1.0, 20.0)
-    assert fence.place_of_leaving([at(0, 0, 5.0), at(1e5, 0, 20.0)]) is None
-    assert fence.place_of_leaving([at(0, 0, 5.0), at(0, 0, 20.1)]) == at(0, 0, 20.1)
+    assert fence.exit_point([at(0, 0, 5.0), at(1e5, 0, 20.0)]) is None
+    assert fence.exit_point([at(0, 0, 5.0), at(0, 0, 20.1)]) == at(0, 0, 20.1)
     assert fence.distance_m(at(0, 0, 23.0)) == pytest.approx(3.0, abs=0.01)
 
 

@@ -191,8 +191,8 @@ def test_an_autopilot_that_climbs_by_itself_gets_no_setpoint_until_it_is_up(
     while not step.has_ended:
         step = autopilot.step(climb)
     assert step.error is None
-    assert isinstance(step.then, Hold)
-    assert step.then.motion(autopilot.snapshot()).position.z == pytest.approx(HEIGHT_M + 0.2)
+    assert isinstance(step.next_reference, Hold)
+    assert step.next_reference.motion(autopilot.snapshot()).position.z == pytest.approx(HEIGHT_M + 0.2)
 
 
 @pytest.mark.parametrize("off_m", [-0.7, 0.7])
@@ -426,7 +426,7 @@ def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, 
     step = flying.step(recover)
     assert step.has_ended
     assert step.error is None
-    assert step.then is not None
+    assert step.next_reference is not None
 
 
 def test_recovering_ends_when_it_lands_meanwhile(flying: Autopilot, ack: Future[None]) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.strategies import POSES, TRANSFORMS
 from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
-from ual_daemon.frames.tree import CARRIED_ON_S, MAP, FrameTree, horizontal
+from ual_daemon.frames.tree import EXTRAPOLATION_S, MAP, FrameTree, horizontal
 from ual_daemon.settings import ConfigError, FrameSettings, VehicleSettings
 
 ODOM, BODY = "uav_1/odom", "uav_1/base_link"
@@ -215,7 +215,7 @@ def every(period_s: float, until_s: float) -> list[float]:
 def test_a_frame_that_is_moved_goes_on_until_it_is_told_no_more(stamped: bool) -> None:
     frames = tree()
     moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=stamped)
-    for later_s, x in ((0.2, 6.4), (CARRIED_ON_S, 7.0), (9.0, 7.0)):
+    for later_s, x in ((0.2, 6.4), (EXTRAPOLATION_S, 7.0), (9.0, 7.0)):
         found = frames.lookup(MAP, "car", None, 3.0 + later_s)
         assert found.translation.x == pytest.approx(x, abs=0.13 if stamped else 1e-4)
     turned = frames.lookup(MAP, "car", None, 3.2).rotation.yaw_rad
@@ -232,8 +232,8 @@ def test_noise_of_where_it_is_does_not_throw_it_about() -> None:
     frames = tree()
     rng = random.Random(1)
     moved(frames, every(0.02, 5.0), lambda t: 3.0 * t + rng.gauss(0.0, 0.02))
-    ahead = frames.lookup(MAP, "car", None, 5.0 + CARRIED_ON_S).translation.x
-    assert ahead == pytest.approx(15.0 + 3.0 * CARRIED_ON_S, abs=0.5)
+    ahead = frames.lookup(MAP, "car", None, 5.0 + EXTRAPOLATION_S).translation.x
+    assert ahead == pytest.approx(15.0 + 3.0 * EXTRAPOLATION_S, abs=0.5)
 
 
 def test_two_places_close_in_time_are_no_velocity_yet() -> None:

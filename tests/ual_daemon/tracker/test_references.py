@@ -7,7 +7,7 @@ import pytest
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, VelocitySetpoint
-from ual_daemon.tracker.references import Follow, Hold, Velocity, brake, measured_motion
+from ual_daemon.tracker.references import Hold, TrajectoryReference, Velocity, brake, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
 LIMITS = Limits()
@@ -60,7 +60,7 @@ def line() -> Line:
 
 
 def test_a_uav_that_keeps_up_is_led_in_real_time() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     place, time_s = Vector3(), 0.0
     while not follow.is_finished:
         time_s += STEP_S
@@ -75,7 +75,7 @@ def test_a_uav_that_keeps_up_is_led_in_real_time() -> None:
 
 
 def test_a_uav_that_is_stuck_is_waited_for_and_led_on_once_it_moves() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     setpoint = None
     for i in range(1, 3000):
         setpoint = follow.setpoint(at(Vector3(), i * STEP_S))
@@ -92,7 +92,7 @@ def test_a_uav_that_is_stuck_is_waited_for_and_led_on_once_it_moves() -> None:
 
 
 def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     follow.setpoint(at(Vector3(), 5.0))
     assert follow.time_s <= 0.2
     follow.setpoint(at(Vector3(), 4.0))  # nor does a clock that goes back
@@ -100,7 +100,7 @@ def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
 
 
 def test_without_a_pose_the_reference_waits() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     follow.setpoint(at(Vector3(), 0.1)._replace(pose=None))
     assert follow.time_s == 0.0
 

@@ -14,7 +14,7 @@ from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, STEP_S, assert_
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.tracker.references import Follow
+from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
 from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
 
@@ -25,7 +25,7 @@ SLACK = 2e-3
 
 def led(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
     """What is sent to a UAV that falls behind, catches up, and is measured with noise."""
-    follow = Follow(trajectory, 0.0)
+    follow = TrajectoryReference(trajectory, 0.0)
     behind_m, target_m, sent = 0.0, 0.0, [trajectory.at(0.0)]
     snapshot = Snapshot(time_s=0.0)
     for index in range(1, int(duration_s / STEP_S)):
@@ -65,26 +65,26 @@ def test_a_path_that_waits_keeps_its_limits(
 @pytest.mark.parametrize("wait_s", [0.3, 2.0, 5.9, 6.5, 7.0, 12.0])
 def test_it_waits_at_any_place_and_goes_on_in_time(wait_s: float) -> None:
     found = path(Motion(Vector3(), 0.0), waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0)), 1.0, LIMITS)
-    pace = TimeScaling(found)
+    scaling = TimeScaling(found)
     for _ in range(round(wait_s / STEP_S)):
-        pace.go_on(STEP_S, math.inf, 1.0)
+        scaling.advance(STEP_S, math.inf, 1.0)
     for _ in range(300):
-        pace.go_on(STEP_S, math.inf, 0.0)
-    stopped_s = pace.time_s
-    assert pace.motion.velocity.norm() <= 1e-9
+        scaling.advance(STEP_S, math.inf, 0.0)
+    stopped_s = scaling.time_s
+    assert scaling.motion.velocity.norm() <= 1e-9
     assert stopped_s - wait_s <= 4.5
     for _ in range(250):
-        pace.go_on(STEP_S, math.inf, 1.0)
-    assert pace.time_s >= min(found.duration_s, stopped_s + 2.5)
+        scaling.advance(STEP_S, math.inf, 1.0)
+    assert scaling.time_s >= min(found.duration_s, stopped_s + 2.5)
 
 
 def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
     line = Line(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
-    pace, step_s = TimeScaling(line), 1e-3
+    scaling, step_s = TimeScaling(line), 1e-3
     motions = []
     for index in range(6000):
-        pace.go_on(step_s, math.inf, 1.0 if index < 2000 else 0.4)
-        motions.append(pace.motion)
+        scaling.advance(step_s, math.inf, 1.0 if index < 2000 else 0.4)
+        motions.append(scaling.motion)
     for before, now, after in zip(motions, motions[1:], motions[2:], strict=False):
         velocity = (after.position - before.position) / (2 * step_s)
         acceleration = (after.velocity - before.velocity) / (2 * step_s)
