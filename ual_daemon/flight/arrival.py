@@ -12,6 +12,22 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import measured_motion
 
 
+class Dwell:
+    """Judges whether a condition has held without a break for the dwell time."""
+
+    def __init__(self, dwell_s: float) -> None:
+        self._dwell_s = dwell_s
+        self._since_s: float | None = None
+
+    def has_held(self, now_s: float, *, holds: bool) -> bool:
+        """Returns whether it has. To be called at each update, with whether the condition holds now."""
+        if not holds:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        return self._since_s is not None and now_s - self._since_s >= self._dwell_s
+
+
 class _Sample(NamedTuple):
     """The errors against the goal at a time."""
 

@@ -10,6 +10,7 @@ from ual.errors import UalError, UalTimeoutError
 from ual.geometry import wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_not_ours
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
@@ -37,7 +38,7 @@ class CatchUp(Manoeuvre):
         self._started_s: float | None = None
         self._longest_s = _TIMEOUT_S
         self._initial_distance_m = 0.0
-        self._there_since_s: float | None = None
+        self._dwell = Dwell(tolerance.dwell_s)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -87,11 +88,7 @@ class CatchUp(Manoeuvre):
             and abs(wrap_angle(measured.yaw_rad - goal.yaw_rad)) <= limit.heading_rad
             and (measured.velocity - goal.velocity).norm() <= limit.speed_m_s
         )
-        if not is_there:
-            self._there_since_s = None
-        elif self._there_since_s is None:
-            self._there_since_s = now_s
-        return self._there_since_s is not None and now_s - self._there_since_s >= limit.dwell_s
+        return self._dwell.has_held(now_s, holds=is_there)
 
     @override
     def current_reference(self) -> Reference | None:

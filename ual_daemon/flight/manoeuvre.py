@@ -7,13 +7,13 @@ once, how the manoeuvre ended. It never blocks and sends nothing itself.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from concurrent.futures import Future
 from dataclasses import dataclass
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -61,9 +61,7 @@ class Manoeuvre(ABC):
         self.name = name
         self.task = task
         self.command: AutopilotCommand | None = None
-        self.future: Future[None] = Future() if task is None else task.future
-        if task is None:
-            self.future.set_running_or_notify_cancel()  # only `end` ends it
+        self.future = running_future() if task is None else task.future
 
     @abstractmethod
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -79,10 +77,8 @@ class Manoeuvre(ABC):
             self.command.withdraw()
         if self.task is not None:
             self.task.end(error)
-        elif error is None:
-            self.future.set_result(None)
         else:
-            self.future.set_exception(error)
+            end_future(self.future, error)
 
 
 def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalError | None:

@@ -10,6 +10,7 @@ from ual.errors import TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
+from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
@@ -56,7 +57,7 @@ class TakeOff(Manoeuvre):
         self._limits = limits
         self._on_setpoints = on_setpoints
         self._slow_m_s = tolerance.speed_m_s
-        self._dwell_s = tolerance.dwell_s
+        self._dwell = Dwell(tolerance.dwell_s)
         motion = measured_motion(start)
         self._ground_z = motion.position.z
         self._ground = Hold(motion.position, motion.yaw_rad)
@@ -67,7 +68,6 @@ class TakeOff(Manoeuvre):
         self._is_mode_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
         self._climbing_since_s: float | None = None
-        self._up_since_s: float | None = None
         self._longest_s = height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
 
     @override
@@ -138,11 +138,7 @@ class TakeOff(Manoeuvre):
     def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
         """Whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and speed_m_s <= self._slow_m_s
-        if not is_up or not self._has_climbed(estimate):
-            self._up_since_s = None
-        elif self._up_since_s is None:
-            self._up_since_s = now_s
-        return self._up_since_s is not None and now_s - self._up_since_s >= self._dwell_s
+        return self._dwell.has_held(now_s, holds=is_up and self._has_climbed(estimate))
 
     def _has_climbed(self, estimate: Estimate) -> bool:
         """Whether the climb is over.

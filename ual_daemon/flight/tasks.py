@@ -6,12 +6,12 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future
 from typing import NamedTuple
 
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.types import TaskInfo, TaskKind, TaskStatus
 from ual_daemon.backends.base import Clock
+from ual_daemon.flight.futures import end_future, running_future
 
 
 class Progress(NamedTuple):
@@ -36,9 +36,7 @@ class VehicleTask:
         self.id = f"{kind.name.lower()}-{os.urandom(4).hex()}"
         self.kind = kind
         self.description = description
-        self.future: Future[None] = Future()
-        # A running future cannot be cancelled by a waiting caller: only `Flight` ends a task.
-        self.future.set_running_or_notify_cancel()
+        self.future = running_future()
         self._clock = clock
         self._started_s = clock.now_s()
         self._ended_s: float | None = None
@@ -80,10 +78,7 @@ class VehicleTask:
     def end(self, error: UalError | None) -> None:
         """Ends it. Runs the callbacks of its future, so hold no lock."""
         self._ended_s = self._clock.now_s()
-        if error is None:
-            self.future.set_result(None)
-        else:
-            self.future.set_exception(error)
+        end_future(self.future, error)
 
 
 class Tasks:

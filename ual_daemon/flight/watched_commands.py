@@ -11,6 +11,7 @@ from ual.errors import UalError
 from ual_daemon import logs
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.refusals import shutting_down
 
 _log = logging.getLogger(__name__)
@@ -22,16 +23,12 @@ class _Watched:
     def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> None:
         self.command = command
         self.is_done = is_done
-        self.future: Future[None] = Future()
-        self.future.set_running_or_notify_cancel()  # a waiting caller cannot cancel it
+        self.future = running_future()
 
     def end(self, error: UalError | None) -> None:
         """Withdraws the command and ends the future. Runs the callbacks of the future, so hold no lock."""
         self.command.withdraw()
-        if error is None:
-            self.future.set_result(None)
-        else:
-            self.future.set_exception(error)
+        end_future(self.future, error)
 
 
 class WatchedCommands:

@@ -73,8 +73,7 @@ class Planner:
             if self._resolver.is_moving(goal):
                 return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
             local = replace(self._resolver.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT, f"go to {_text(goal)}", trajectory, snapshot, since)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT, goal, local, bounds, snapshot, since)
 
     def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
@@ -85,8 +84,20 @@ class Planner:
             bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
             local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT_GEO, f"go to {_text(goal)}", trajectory, snapshot, since)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, local, bounds, snapshot, since)
+
+    def _go_straight(
+        self,
+        kind: TaskKind,
+        goal: Goal | GeoWaypoint,
+        local: Waypoint,
+        bounds: Limits,
+        snapshot: Snapshot,
+        since: LastCommand,
+    ) -> Prepared[VehicleTask]:
+        """Prepares the straight line to a goal, which is `local` in the local frame."""
+        trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
+        return self._follow(kind, f"go to {_text(goal)}", trajectory, snapshot, since)
 
     def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
 from ual.types import GeoPoint, Odometry, Telemetry
@@ -10,6 +12,15 @@ from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
+
+
+class _Reported(NamedTuple):
+    """What is reported in the pose frame."""
+
+    frame_id: str
+    pose: Pose | None
+    velocity: Twist | None
+    reference_pose: Pose | None
 
 
 def make_telemetry(
@@ -24,28 +35,19 @@ def make_telemetry(
 
     They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is.
     """
-    odom = resolver.tree.odom
     body = resolver.body(snapshot)
     twist = None if snapshot.velocity is None else snapshot.velocity.value
-    local_reference = flight.reference_pose()
-    reference = None if local_reference is None else resolver.to_odom(local_reference)
-    pose, velocity, frame_id = body, twist, odom
-    to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
-    if to_frame is not None:
-        frame_id = to_frame.frame_id
-        pose = None if body is None else to_frame.apply_pose(body)
-        velocity = None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular)
-        reference = None if reference is None else to_frame.apply_pose(reference)
+    reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
     return Telemetry(
         state=found.state,
         state_reason=found.why,
         stamp_s=snapshot.stamp_s,
-        frame_id=frame_id,
-        pose=pose,
-        velocity=velocity,
+        frame_id=reported.frame_id,
+        pose=reported.pose,
+        velocity=reported.velocity,
         odometry=_odometry(snapshot, resolver, body, twist),
         transform=_in_map(resolver, body, snapshot.stamp_s),
-        reference_pose=reference,
+        reference_pose=reported.reference_pose,
         position_geo=_position_geo(snapshot),
         battery=snapshot.battery,
         gps=snapshot.gps,
@@ -54,6 +56,23 @@ def make_telemetry(
         task=flight.task_info(),
         sequence=sequence,
         status_text=snapshot.status_text,
+    )
+
+
+def _reported(
+    resolver: FrameResolver, reference: Pose | None, body: Pose | None, twist: Twist | None, pose_frame_id: str | None
+) -> _Reported:
+    """Converts the pose and velocity of the body, and the reference in the local frame, to the pose frame."""
+    odom = resolver.tree.odom
+    reference = None if reference is None else resolver.to_odom(reference)
+    to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
+    if to_frame is None:
+        return _Reported(odom, body, twist, reference)
+    return _Reported(
+        to_frame.frame_id,
+        None if body is None else to_frame.apply_pose(body),
+        None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular),
+        None if reference is None else to_frame.apply_pose(reference),
     )
 
 

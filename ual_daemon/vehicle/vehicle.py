@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -24,6 +23,7 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.listeners import Listeners
 from ual_daemon.vehicle.telemetry import make_telemetry
 from ual_daemon.version import __version__
 
@@ -61,9 +61,8 @@ class Vehicle:
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
-        self._lock = threading.Lock()
-        self._subscribers: tuple[_Subscriber, ...] = ()
-        self._state_listeners: tuple[Callable[[State], None], ...] = ()
+        self._subscribers: Listeners[_Subscriber] = Listeners()
+        self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._sequence = 0
         self._last_state: State | None = None
 
@@ -121,29 +120,14 @@ class Vehicle:
 
         Both run on the update thread and must not block. A sample is made only if it is due for a subscriber.
         """
-        subscriber = _Subscriber(callback, is_due)
-        with self._lock:
-            self._subscribers = (*self._subscribers, subscriber)
-
-        def unsubscribe() -> None:
-            with self._lock:
-                self._subscribers = tuple(other for other in self._subscribers if other is not subscriber)
-
-        return unsubscribe
+        return self._subscribers.add(_Subscriber(callback, is_due))
 
     def listen_to_state(self, callback: Callable[[State], None]) -> Callable[[], None]:
         """Calls back with the new state whenever it has changed. Returns the function that ends it.
 
         The callback runs on the update thread, before the sample that shows the state, and must not block.
         """
-        with self._lock:
-            self._state_listeners = (*self._state_listeners, callback)
-
-        def end() -> None:
-            with self._lock:
-                self._state_listeners = tuple(other for other in self._state_listeners if other is not callback)
-
-        return end
+        return self._state_listeners.add(callback)
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         """Returns the transform from the source frame (default: the body) to the target frame (default: ``map``).
