@@ -24,7 +24,7 @@ _TIMEOUT_FACTOR = 10.0
 
 
 class CatchUp(Manoeuvre):
-    """A go-to whose goal moves. It ends when the UAV moves along with the goal; the UAV then goes on to do so."""
+    """A go-to whose goal moves. It ends when the UAV moves along with the goal, and the UAV goes on doing so."""
 
     def __init__(
         self, name: str, task: VehicleTask, moving_goal: MovingGoal, limits: Limits, tolerance: ToleranceSettings

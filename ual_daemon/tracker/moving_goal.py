@@ -124,10 +124,10 @@ class MovingGoal(Reference):
         return Line(relative, Vector3(), 0.0, _relative_limits(goal, self._limits), left_m_s)
 
     def _require_admitted(self, plan: _Plan, start: Motion, goal: Motion, snapshot: Snapshot) -> None:
-        """Raises a `UalError` if the plan leads outside the geofence, or the UAV could then not stop inside any more.
+        """Raises a `UalError` if the geofence does not admit the plan.
 
-        The second condition looks at the end of the period after the next plan. The goal and the straight way to it
-        must be inside, too.
+        The UAV must stay inside, and still be able to stop inside, two planning periods from now: the next plan comes
+        before that. The goal and the straight way to it must be inside, too.
         """
         if self._admit is None:
             return
