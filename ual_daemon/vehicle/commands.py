@@ -110,7 +110,7 @@ class Commands:
 
     def _take_off(self, request: TakeOffRequest) -> Prepared[VehicleTask]:
         """Prepares a climb to a height above where the UAV stands."""
-        with self._preconditions.refusing("take_off"):
+        with self._preconditions.logging_refusal("take_off"):
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
@@ -124,7 +124,7 @@ class Commands:
                 plan = Plan(plan.length_m)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing("take_off"):
+            with self._preconditions.logging_refusal("take_off"):
                 task = self._tasks.new(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
                 command = AutopilotCommand("take off", snapshot.time_s)
                 climb = TakeOff(task, command, snapshot, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
@@ -137,13 +137,13 @@ class Commands:
 
     def _land(self) -> Prepared[VehicleTask]:
         """Prepares a landing at the present position."""
-        with self._preconditions.refusing("land"):
+        with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
             snapshot = self._preconditions.require_state("land", State.FLYING_AUTO)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing("land"):
+            with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 command = AutopilotCommand("land", snapshot.time_s)
                 self._flight.begin(Land(task, command, self._flight.brake(snapshot), snapshot))
@@ -155,13 +155,13 @@ class Commands:
 
     def recover_from_manual(self) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO."""
-        with self._preconditions.refusing("recover_from_manual"):
+        with self._preconditions.logging_refusal("recover_from_manual"):
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             self._flight.require_replaceable("recover_from_manual")
             snapshot = self._preconditions.require_state("recover_from_manual", State.FLYING_MANUAL)
 
         def begin() -> Future[None]:
-            with self._preconditions.refusing("recover_from_manual"):
+            with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references", snapshot.time_s)
                 recover = Recover(command, self._flight.limits.get())
                 self._flight.begin(recover)
@@ -175,7 +175,7 @@ class Commands:
 
     def abort(self, freeze: bool = False, task_id: str = "") -> None:
         """Stops the UAV, and cancels the task or reference. With `task_id`, nothing happens unless that task runs."""
-        with self._preconditions.refusing("abort"):
+        with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
             snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
@@ -206,14 +206,14 @@ class Commands:
 
     def set_home(self, set_z: bool = False) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
-        with self._preconditions.refusing("set_home"):
+        with self._preconditions.logging_refusal("set_home"):
             snapshot = self._preconditions.require_state("set_home", *_LANDED)
             self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)
 
     def add_frame(self, transform: Transform) -> None:
         """Adds a frame, or moves one that was added. Moves are not logged, because they may come often."""
-        with self._preconditions.refusing("add_frame"):
+        with self._preconditions.logging_refusal("add_frame"):
             transform = validation.transform(transform, "transform")
             is_new = transform.child_frame_id not in self._resolver.tree.names()
             self._resolver.tree.add(transform, self._backend.clock.now_s())
@@ -236,7 +236,7 @@ class Commands:
         return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
 
     def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
-        with self._preconditions.refusing(name):
+        with self._preconditions.logging_refusal(name):
             self._preconditions.require_capability(Capability.ARM, name)
             if not self.is_arming_allowed:
                 raise PermissionDeniedError(

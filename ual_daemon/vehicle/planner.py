@@ -64,7 +64,7 @@ class Planner:
 
     def go_to_waypoint(self, request: GoToWaypointRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
-        with self._preconditions.refusing("go_to_waypoint"):
+        with self._preconditions.logging_refusal("go_to_waypoint"):
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
             goal = self._resolver.goal(request.waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
@@ -77,7 +77,7 @@ class Planner:
 
     def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
-        with self._preconditions.refusing("go_to_waypoint_geo"):
+        with self._preconditions.logging_refusal("go_to_waypoint_geo"):
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
             goal = validation.geo_waypoint(request.waypoint)
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
@@ -101,7 +101,7 @@ class Planner:
 
     def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""
-        with self._preconditions.refusing("follow_path"):
+        with self._preconditions.logging_refusal("follow_path"):
             self._preconditions.require_capability(Capability.POSITION, "follow_path")
             count = len(request.waypoints)
             _require_count(count)
@@ -151,7 +151,7 @@ class Planner:
         plan = admit(self._flight, name, trajectory, snapshot)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing(name):
+            with self._preconditions.logging_refusal(name):
                 self._require_near(name, trajectory)
                 task = self._tasks.new(kind, what)
                 tolerance, tracker = self._tolerance, self._tracker()
@@ -182,7 +182,7 @@ class Planner:
         motion = reference.goal(snapshot.time_s)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing(name):
+            with self._preconditions.logging_refusal(name):
                 task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
                 self._flight.begin(CatchUp(name, task, reference, bounds, self._tolerance))
                 accepted(name, task_id=task.id, what=what, speed_m_s=round(motion.velocity.norm(), 2))

@@ -21,8 +21,8 @@ _log = logging.getLogger(__name__)
 _REPEATED_REFUSAL_S = 1.0
 
 
-class _Refusing(AbstractContextManager[None]):
-    """A class: `contextlib.contextmanager` costs two to three times as much, and each setpoint uses it twice."""
+class _LoggingRefusal(AbstractContextManager[None]):
+    """A class, because `contextlib.contextmanager` costs two to three times as much."""
 
     __slots__ = ("_command", "_preconditions")
 
@@ -46,15 +46,15 @@ class Preconditions:
         self._flight = flight
         self._last_refusal = ("", 0.0)
 
-    def refusing(self, command: str) -> AbstractContextManager[None]:
+    def logging_refusal(self, command: str) -> AbstractContextManager[None]:
         """Logs the refusal that is raised in its block.
 
         Of a refusal that is repeated (a stream of setpoints), only one a second is logged.
         """
-        return _Refusing(self, command)
+        return _LoggingRefusal(self, command)
 
     def log_refusal(self, command: str, error: UalError) -> None:
-        """See `refusing`."""
+        """See `logging_refusal`."""
         text, now_s = f"{command}: {error}", time.monotonic()
         last_text, last_s = self._last_refusal
         if text != last_text or now_s - last_s > _REPEATED_REFUSAL_S:

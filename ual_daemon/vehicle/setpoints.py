@@ -49,7 +49,7 @@ class Setpoints:
         return self._plan("set_velocity", self._velocity, velocity)
 
     def _send(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> None:
-        # A try, not `refusing`: a context manager costs each setpoint of a stream some microseconds.
+        # A try, not `logging_refusal`: a context manager costs each setpoint of a stream some microseconds.
         try:
             reference, snapshot = make(setpoint)
             require_inside(self._flight, name, reference, snapshot)
@@ -59,7 +59,7 @@ class Setpoints:
             raise
 
     def _plan(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> Plan:
-        with self._preconditions.refusing(name):
+        with self._preconditions.logging_refusal(name):
             reference, snapshot = make(setpoint)
             return admit(self._flight, name, reference, snapshot)
 
