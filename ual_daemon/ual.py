@@ -1,4 +1,4 @@
-"""The class interface: a UAV in the process, without a server and without delay. See `ual.interface.Uav`."""
+"""The class interface: a UAV in this process, without a server and without delay. See `ual.interface.Uav`."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ _CLOSE_PATIENCE_S = 60.0
 class UAL(Uav):
     """One UAV in this process, without a server and without delay. Its members are those of `ual.interface.Uav`.
 
-    Leaving its ``with`` block, or `close`, brings the UAV to where it may be left.
+    `close`, or the end of its ``with`` block, hands the UAV over to its autopilot.
 
     Args:
         backend: The name of a backend, such as ``light`` or ``mavlink``, or a `Backend`.
         ns: The namespace of the UAV.
         url: Where the autopilot is, as the backend expects it.
         settings: Frames, limits, tolerances, geofence.
-        backend_settings: The section of the configuration that is the backend's.
+        backend_settings: The settings of the backend.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
 
     Raises:
-        ConfigError: There is no such backend, or it cannot take its settings.
+        ConfigError: There is no such backend, or a setting is wrong.
 
     Example:
         >>> with UAL(backend="light", ns="uav_1") as uav:
@@ -73,9 +73,9 @@ class UAL(Uav):
 
     @override
     def close(self) -> None:
-        """Brings the UAV to where it may be left, and ends everything.
+        """Hands the UAV over to its autopilot, and ends everything.
 
-        What runs is cancelled, a take-off or landing ends first, and the autopilot holds its position by itself.
+        A take-off or landing ends first, any other task is cancelled, and the autopilot holds the position by itself.
         """
         try:
             self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
@@ -150,8 +150,8 @@ class UAL(Uav):
             try:
                 _wait(task.future, limit_s, task.kind.name.lower())
             except BaseException:
-                # The caller's time is over, or it was interrupted (Ctrl-C): what it waited for must not go on
-                # unwatched. A take-off or landing does; cancelling a task that has ended does nothing.
+                # The caller's time limit has passed, or it was interrupted (Ctrl-C): the task must not go on unwatched.
+                # A take-off or landing does; cancelling a task that has ended does nothing.
                 if task.kind not in (TaskKind.TAKE_OFF, TaskKind.LAND):
                     commands.cancel(task)
                 raise
@@ -232,14 +232,14 @@ class _Task(Task):
 
 
 class _Subscription(Subscription):
-    """Calls back with the newest sample, at most at a rate; what comes while it is busy is counted as missed."""
+    """Calls back with the newest sample, at most at a rate. Samples that come during a call are counted as missed."""
 
     def __init__(
         self, vehicle: Vehicle, listener: Listener, rate_hz: float, on_close: Callable[[_Subscription], None]
     ) -> None:
         self._listener = listener
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
-        self._next_s = time.monotonic()  # as the server's streams, a caller's rate is by the wall
+        self._next_s = time.monotonic()  # a rate is in real time, as that of the server's streams
         self._on_close = on_close
         self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s)
 
@@ -249,7 +249,7 @@ class _Subscription(Subscription):
 
     @override
     def close(self) -> None:
-        """Ends it; no call comes once this returns (unless called from a callback)."""
+        """Ends it. No callback runs after this returns (unless it is called from a callback)."""
         self._unsubscribe()
         self._listener.close()
         self._on_close(self)
@@ -267,7 +267,7 @@ def _run(begin: Callable[[], Future[None]], timeout_s: float | None, what: str) 
 
 
 def _wait(future: Future[None], limit_s: float | None, what: str) -> None:
-    """Waits for a future. `UalTimeoutError` when it has not ended in time; what it stands for goes on."""
+    """Waits for a future. Raises `UalTimeoutError` if it has not ended in time; what it waits for goes on."""
     done, _ = concurrent.futures.wait([future], timeout=limit_s)
     if not done:
         raise UalTimeoutError(f"{what}: not done after the {limit_s:g} s that the caller would wait")

@@ -135,7 +135,7 @@ def test_the_pilot_takes_over_in_the_middle_of_a_go_to_twenty_times(
         flight.wait_for_speed(0.5 * (1 + number % 5))
         pilot.take_over()
         taken_s = time.monotonic()
-        with pytest.raises(TaskAbortedError, match=f"taken by the safety pilot .*{simulator.pilots_mode}"):
+        with pytest.raises(TaskAbortedError, match=f"the safety pilot took over .*{simulator.pilots_mode}"):
             task.wait(timeout_s=5.0)
         ended_s = time.monotonic()
         assert ended_s - taken_s < TAKEN_S

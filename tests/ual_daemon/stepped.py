@@ -31,7 +31,7 @@ class Prepare(TaskCommands[Prepared[VehicleTask]]):
 
 
 class Stepped:
-    """A vehicle with its time in the test's hand, and the samples that it gave."""
+    """A vehicle whose time a test steps, and its samples."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
@@ -64,14 +64,14 @@ class Stepped:
         assert self.state is State.LANDED_ARMED
 
     def fly(self, height_m: float = 3.0) -> None:
-        """Into the air."""
+        """Arms and takes off."""
         self.arm()
         self.end(self.prepare.take_off(height_m).begin().future)
         assert self.state is State.FLYING_AUTO
         self.samples.clear()
 
     def is_in(self, state: State) -> bool:
-        """Whether that is the state now."""
+        """Returns whether the UAV is in a state."""
         return self.state is state
 
     @property
@@ -92,7 +92,7 @@ class Stepped:
 
     @property
     def states(self) -> list[State]:
-        """The states that were told, repetitions left out."""
+        """The states of the samples, without repetitions."""
         result: list[State] = []
         for sample in self.samples:
             if not result or result[-1] is not sample.state:
@@ -104,7 +104,7 @@ class Stepped:
 def stepped(
     settings: VehicleSettings | None = None, ns: str = "uav_1", light: Mapping[str, Any] | None = None
 ) -> Iterator[Stepped]:
-    """A stepped light UAV, ready."""
+    """Opens a stepped light UAV, ready to arm."""
     backend = LightBackend(BackendOptions(ns, settings={**(light or {}), "speed_factor": 0}))
     vehicle = Vehicle(backend, settings)
     vehicle.open()
@@ -117,5 +117,5 @@ def stepped(
 
 
 def at(x: float, y: float, z: float, yaw_rad: float | None = None, frame_id: str = "") -> PoseStamped:
-    """A goal."""
+    """Returns a goal."""
     return PoseStamped(Pose.at(x, y, z, yaw_rad), frame_id)

@@ -1,4 +1,4 @@
-"""Every member from many threads at once: no deadlock, no error but the documented ones, and the truth afterwards.
+"""Every member from many threads at once: no deadlock, only documented errors, and a normal flight afterwards.
 
 `UAL_TEST_STRESS_S` makes it last that many seconds; else each thread makes a fixed number of calls.
 """
@@ -25,7 +25,7 @@ STRESS_S = float(os.environ.get("UAL_TEST_STRESS_S", "0"))
 
 
 def members(uav: UAL, dice: random.Random) -> list[Callable[[], object]]:
-    """A call of each member, with values of its own."""
+    """Returns a call of each member, with random values."""
     sim = uav.simulation
     near = Pose.at(dice.uniform(-5, 5), dice.uniform(-5, 5), dice.uniform(1, 5), dice.uniform(-3, 3))
     wait_s = dice.uniform(0.0, 0.05)
@@ -101,7 +101,7 @@ def test_a_hundred_threads_call_every_member() -> None:
 
 
 def _flies_as_ever(uav: UAL) -> None:
-    """After all that, a plain flight, whatever the state is now."""
+    """Makes a plain flight, whatever the state is now."""
 
     def rests() -> bool:
         way_down: dict[State, Callable[[], object]] = {
@@ -109,7 +109,7 @@ def _flies_as_ever(uav: UAL) -> None:
             State.FLYING_AUTO: uav.land,
             State.LANDED_ARMED: uav.disarm,
         }
-        with contextlib.suppress(WrongStateError):  # something begun before is still under way
+        with contextlib.suppress(WrongStateError):  # an earlier command is still under way
             way_down.get(uav.state(), lambda: None)()
         return uav.state() is State.LANDED_DISARMED
 

@@ -1,1 +1,1 @@
-"""What is flown: the state, tasks and manoeuvres."""
+"""What the UAV flies: the state, tasks and manoeuvres."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 from ual.geometry import Vector3, wrap_angle
 from ual_daemon.backends.values import Snapshot
@@ -11,45 +12,74 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import measured_motion
 
 
+class Dwell:
+    """Judges whether a condition has held without a break for the dwell time."""
+
+    def __init__(self, dwell_s: float) -> None:
+        self._dwell_s = dwell_s
+        self._since_s: float | None = None
+
+    def has_held(self, now_s: float, *, holds: bool) -> bool:
+        """Returns whether it has. To be called at each update, with whether the condition holds now."""
+        if not holds:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        return self._since_s is not None and now_s - self._since_s >= self._dwell_s
+
+
+class _Sample(NamedTuple):
+    """The errors against the goal at a time."""
+
+    time_s: float
+    position_error: Vector3
+    heading_error_rad: float
+    velocity: Vector3
+
+
 class Arrival:
-    """Judges arrival: within tolerance, and slow, on the mean of a while: an estimate is noisy, and a moment's luck (or
-    bad luck) shall not count.
+    """Judges whether the UAV has arrived: within the tolerances, and slow.
+
+    It judges the mean over the dwell time, because an estimate is noisy: a single good or bad sample does not count.
     """
 
     def __init__(self, position: Vector3, yaw_rad: float, tolerance: ToleranceSettings) -> None:
         self._position, self._yaw_rad, self._tolerance = position, yaw_rad, tolerance
-        self._seen: deque[tuple[float, Vector3, float, Vector3]] = deque()  # time, and how far off: place, turn, speed
+        self._samples: deque[_Sample] = deque()
 
-    def look(self, snapshot: Snapshot) -> None:
-        """Takes in where the UAV is; to be told at each update."""
+    def observe(self, snapshot: Snapshot) -> None:
+        """Adds the measured motion. To be called at each update."""
         motion = measured_motion(snapshot)
-        turn = wrap_angle(motion.yaw_rad - self._yaw_rad)
-        self._seen.append((snapshot.time_s, motion.position - self._position, turn, motion.velocity))
-        # One that is older than the while stays: so the others span it.
-        while len(self._seen) > 1 and snapshot.time_s - self._seen[1][0] >= self._tolerance.dwell_s:
-            self._seen.popleft()
+        heading_error_rad = wrap_angle(motion.yaw_rad - self._yaw_rad)
+        sample = _Sample(snapshot.time_s, motion.position - self._position, heading_error_rad, motion.velocity)
+        self._samples.append(sample)
+        # One sample older than the dwell time stays, so that the samples span all of it.
+        while len(self._samples) > 1 and snapshot.time_s - self._samples[1].time_s >= self._tolerance.dwell_s:
+            self._samples.popleft()
 
     def has_arrived(self, snapshot: Snapshot) -> bool:
-        """Whether it is there."""
-        if not self._seen or snapshot.time_s - self._seen[0][0] < self._tolerance.dwell_s:
+        """Whether the UAV has arrived."""
+        if not self._samples or snapshot.time_s - self._samples[0].time_s < self._tolerance.dwell_s:
             return False
-        place, turn, velocity = self._mean()
-        tolerance = self._tolerance
+        mean, tolerance = self._mean(), self._tolerance
         return (
-            place.norm() <= tolerance.position_m
-            and abs(turn) <= tolerance.heading_rad
-            and velocity.norm() <= tolerance.speed_m_s
+            mean.position_error.norm() <= tolerance.position_m
+            and abs(mean.heading_error_rad) <= tolerance.heading_rad
+            and mean.velocity.norm() <= tolerance.speed_m_s
         )
 
-    def _mean(self) -> tuple[Vector3, float, Vector3]:
-        place, velocity, count = Vector3(), Vector3(), len(self._seen)
-        sine = cosine = 0.0  # half a turn off, one way or the other, is no turn on the mean of the angles
-        for _, offset, turned, speed in self._seen:
-            place, velocity = place + offset, velocity + speed
-            sine, cosine = sine + math.sin(turned), cosine + math.cos(turned)
-        return place / count, math.atan2(sine, cosine), velocity / count
+    def _mean(self) -> _Sample:
+        position_error, velocity, count = Vector3(), Vector3(), len(self._samples)
+        sine = cosine = 0.0  # a mean of angles would make +pi and -pi, each half a turn off, an error of 0
+        for sample in self._samples:
+            position_error, velocity = position_error + sample.position_error, velocity + sample.velocity
+            sine, cosine = sine + math.sin(sample.heading_error_rad), cosine + math.cos(sample.heading_error_rad)
+        return _Sample(self._samples[-1].time_s, position_error / count, math.atan2(sine, cosine), velocity / count)
 
-    def gap(self) -> str:
-        """How far it is off, for people."""
-        place, turn, velocity = self._mean()
-        return f"{place.norm():.2f} m and {abs(turn):.2f} rad off, at {velocity.norm():.2f} m/s"
+    def error_text(self) -> str:
+        """Returns the mean errors, for people."""
+        mean = self._mean()
+        return (
+            f"{mean.position_error.norm():.2f} m and {abs(mean.heading_error_rad):.2f} rad off, "
+            f"at {mean.velocity.norm():.2f} m/s"
+        )

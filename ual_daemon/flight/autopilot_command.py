@@ -13,7 +13,7 @@ COMMAND_PATIENCE_S = 5.0
 
 
 class AutopilotCommand:
-    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only tells refusals."""
+    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only shows refusals."""
 
     def __init__(self, what: str, now_s: float) -> None:
         self.sent_s = now_s
@@ -22,7 +22,7 @@ class AutopilotCommand:
         self._is_withdrawn = False
 
     def send(self, sender: Callable[[], Future[None]]) -> None:
-        """Sends it, unless it was withdrawn before. What the backend raises counts as its refusal."""
+        """Sends it, unless it was withdrawn before. An error that the backend raises counts as a refusal."""
         if self._is_withdrawn:
             return
         try:
@@ -30,12 +30,14 @@ class AutopilotCommand:
         except UalError as error:
             self._ack = Future()
             self._ack.set_exception(error)
-        if self._is_withdrawn:  # meanwhile, by another thread that may not have seen the future
+        if self._is_withdrawn:  # by another thread during `sender()`, when there was no future to cancel yet
             self._ack.cancel()
 
     def withdraw(self) -> None:
-        """Takes it back as far as it was not sent: it must not be sent again once nobody wants its effect any more (an
-        OFFBOARD that is repeated for want of an answer would take the UAV from the safety pilot).
+        """Cancels it, as far as it was not sent.
+
+        A command must not be repeated once its effect is not wanted any more: an OFFBOARD that is repeated because no
+        answer came would take control from the safety pilot.
         """
         self._is_withdrawn = True
         if self._ack is not None:
@@ -43,32 +45,32 @@ class AutopilotCommand:
 
     @property
     def is_answered(self) -> bool:
-        """Whether the autopilot has said yes or no."""
+        """Whether the autopilot has accepted or refused it."""
         return self._ack is not None and self._ack.done() and not self._ack.cancelled()
 
     @property
     def is_accepted(self) -> bool:
-        """Whether the autopilot has said yes."""
+        """Whether the autopilot has accepted it."""
         return self.is_answered and self._error() is None
 
     def _error(self) -> BaseException | None:
         return None if self._ack is None or not self.is_answered else self._ack.exception()
 
     def refusal(self) -> UalError | None:
-        """The autopilot's no, if it has said it."""
+        """Returns the autopilot's refusal; None if it has not refused."""
         error = self._error()
         return error if error is None or isinstance(error, UalError) else UalError(f"{self.what}: {error}")
 
     def failure(self, snapshot: Snapshot) -> UalError | None:
-        """Why it has failed, if it has: it was refused, or shows no effect in time."""
+        """Returns why it has failed: it was refused, or showed no effect in time. None if it has not failed."""
         refusal = self.refusal()
         if refusal is not None:
             return refusal
         if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
             return None
-        words = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
+        status = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
         if self.is_answered:
             return RejectedByAutopilotError(
-                f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{words}"
+                f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{status}"
             )
-        return UalTimeoutError(f"the autopilot did not answer when told to {self.what}{words}")
+        return UalTimeoutError(f"the autopilot did not answer the command to {self.what}{status}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
+from typing_extensions import override
+
 from ual.errors import UalTimeoutError
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.arrival import Arrival
@@ -12,12 +14,12 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.pure_pursuit import Pursuit
-from ual_daemon.tracker.references import LONGEST_STOP_S, Follow, Hold, Reference, measured_motion
+from ual_daemon.tracker.references import LONGEST_STOP_S, Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Motion, Trajectory
 
 
 class FollowTrajectory(Manoeuvre):
-    """A go-to or a path."""
+    """A go-to or a path: the manoeuvre that flies a trajectory by a tracker, until the UAV has arrived at its end."""
 
     def __init__(
         self,
@@ -25,49 +27,50 @@ class FollowTrajectory(Manoeuvre):
         task: VehicleTask,
         trajectory: Trajectory,
         tolerance: ToleranceSettings,
-        tracker: type[Follow | Pursuit] = Follow,
+        tracker: type[TrajectoryReference | Pursuit] = TrajectoryReference,
         planned_s: float | None = None,
     ) -> None:
-        """`planned_s` is when the UAV was told the motion that the trajectory begins with; None: as it begins."""
+        """`planned_s` is the time of the motion with which the trajectory begins; None: the time of the first step."""
         super().__init__(name, task)
         self._tracker = tracker
         self._task = task
         end = trajectory.end()
         self._trajectory = trajectory
         self._tolerance = tolerance
-        # Known before the first step: what is commanded before that goes on from it.
-        self._follow = None if planned_s is None else tracker(trajectory, planned_s, tolerance)
-        self._then = Hold(end.position, end.yaw_rad)
+        # Set before the first step, so that a command that comes before it begins with the motion of this reference.
+        self._reference = None if planned_s is None else tracker(trajectory, planned_s, tolerance)
+        self._hold = Hold(end.position, end.yaw_rad)
         self._arrival = Arrival(end.position, end.yaw_rad, tolerance)
         stops_s = len(trajectory.stops_s) * LONGEST_STOP_S
         self._longest_s = (trajectory.duration_s + stops_s) * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
         self._started_s: float | None = None
 
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_not_ours(snapshot, estimate, self.name)
         if lost is not None:
             return failed(lost)
         if self._started_s is None:
             self._started_s = snapshot.time_s
-        if self._follow is None:
-            self._follow = self._tracker(self._trajectory, snapshot.time_s, self._tolerance)
-        follow = self._follow
-        setpoint = follow.setpoint(snapshot)
-        self._task.report(partial(self._progress, snapshot, follow.motion(snapshot), follow.time_s))
-        self._arrival.look(snapshot)
-        if follow.is_finished and self._arrival.has_arrived(snapshot):
-            return Step(setpoint, has_ended=True, then=self._then)
+        if self._reference is None:
+            self._reference = self._tracker(self._trajectory, snapshot.time_s, self._tolerance)
+        reference = self._reference
+        setpoint = reference.setpoint(snapshot)
+        self._task.report(partial(self._progress, snapshot, reference.motion(snapshot), reference.time_s))
+        self._arrival.observe(snapshot)
+        if reference.is_finished and self._arrival.has_arrived(snapshot):
+            return Step(setpoint, has_ended=True, next_reference=self._hold)
         if snapshot.time_s - self._started_s > self._longest_s:
             return failed(
                 UalTimeoutError(
-                    f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.gap()}",
+                    f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.error_text()}",
                     {"state": estimate.state.name},
                 )
             )
         return Step(setpoint)
 
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
-        """How far it has come where the reference has that motion, at a time of the trajectory."""
+        """Returns the progress for a motion of the reference and its time on the trajectory."""
         lag_m = (measured_motion(snapshot).position - motion.position).norm()
         left_m = self._trajectory.length_left_m(time_s) + lag_m
         length_m, duration_s = self._trajectory.length_m, self._trajectory.duration_s
@@ -77,5 +80,6 @@ class FollowTrajectory(Manoeuvre):
             progress = time_s / duration_s if duration_s > 0.0 else 1.0
         return Progress(min(1.0, progress), left_m, self._trajectory.waypoint_at(time_s))
 
-    def pose_reference(self) -> Reference | None:
-        return self._follow
+    @override
+    def current_reference(self) -> Reference | None:
+        return self._reference

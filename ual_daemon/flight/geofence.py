@@ -1,7 +1,7 @@
-"""The geofence: a polygon and a height band that no goal, path or velocity may leave. The safety pilot is never fenced.
+"""The geofence: what is refused because it would leave the fence. The safety pilot is never fenced.
 
-`ual_daemon.frames.fence.Fence` is the geometry; `Geofence` knows where the configured fence lies in the backend's local
-frame, and what is refused.
+`ual_daemon.frames.fence.Fence` is the geometry: a polygon and a height band. `Geofence` knows where the configured
+fence lies in the backend's local frame, and which goals, paths and velocities would leave it.
 """
 
 from __future__ import annotations
@@ -20,25 +20,35 @@ from ual_daemon.tracker.references import Reference, Velocity, measured_motion
 from ual_daemon.trajectory import Brake, Motion, Trajectory, acceleration_limit
 
 _REACTION_S = 0.4
-"""How long a UAV goes on before it begins to brake: the age of its data, the way of the setpoint, its time to tilt."""
-_PLACE_EVERY_S = 0.1
-"""How close places on a trajectory are looked at where it bends, near the edge, ..."""
-_MOST_PLACES = 200
-"""... unless the bend takes so long that these would be more. (Where it flies straight, its ends are enough.)"""
+"""How long a UAV flies on before it begins to brake: the age of its data, the delay of the setpoint, the tilting."""
+_POINT_PERIOD_S = 0.1
+"""The time between the points that are checked on a bend of a trajectory, near the edge, ..."""
+_MAX_POINTS = 200
+"""... unless the bend takes so long that these would be more. (Of a straight part, only the ends are checked.)"""
 _SPEED_MARGIN = 2.0
-"""A trajectory is taken to be nowhere faster than this many times the limits, and its start."""
+"""A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
 _LEVEL = 1e-6
-_SAME_PLACE_M = 1e-6
+_SAME_POINT_M = 1e-6
 
 
 class Geofence:
-    """The configured fence, wherever the frame in which it is given lies in the local frame. Any thread may call."""
+    """The configured fence, in the local frame. Any thread may call."""
 
     def __init__(self, settings: GeofenceSettings, resolver: FrameResolver) -> None:
-        """Raises `ConfigError` where the settings make no fence."""
+        """Raises `ConfigError` if the settings do not make a fence."""
         self._settings = settings
         self._resolver = resolver
         self._frame_id = settings.frame_id or resolver.tree.odom
+        self._check_settings()
+        # A fence in odom moves with `set_home`, as configured. Elsewhere it stays: otherwise any client could move it
+        # away, one `set_home` after the other.
+        is_carried = resolver.is_moved_by_set_home(self._frame_id) and not resolver.tree.is_below_odom(self._frame_id)
+        self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
+        Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
+        self._cached: tuple[object, Fence] | None = None
+
+    def _check_settings(self) -> None:
+        settings = self._settings
         corners = settings.polygon or settings.polygon_geo
         if settings.polygon and settings.polygon_geo:
             raise ConfigError("give the polygon either in metres or by latitude and longitude", "geofence.polygon_geo")
@@ -49,13 +59,8 @@ class Geofence:
             raise ConfigError("a polygon has at least three corners", key)
         if not self._lowest_m() < self._highest_m():
             raise ConfigError("is not above min_height_m", "geofence.max_height_m")
-        if not resolver.tree.is_fixed(self._frame_id):
+        if not self._resolver.tree.is_fixed(self._frame_id):
             raise ConfigError(f"{self._frame_id} is no fixed frame of the configuration", "geofence.frame_id")
-        # In odom it moves with `set_home`, as it is told to. Elsewhere it stays: else any client could walk it away.
-        is_carried = resolver.is_moved_by_set_home(self._frame_id) and not resolver.tree.is_below_odom(self._frame_id)
-        self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
-        Fence(corners)  # refuses a polygon that crosses itself now, not in the air
-        self._made: tuple[object, Fence] | None = None
 
     def _lowest_m(self) -> float:
         return -math.inf if self._settings.min_height_m is None else self._settings.min_height_m
@@ -64,15 +69,20 @@ class Geofence:
         return math.inf if self._settings.max_height_m is None else self._settings.max_height_m
 
     def fence(self, snapshot: Snapshot) -> Fence:
-        """The fence in the local frame. Raises `WrongStateError` while it is not known where it lies there."""
+        """Returns the fence in the local frame.
+
+        Raises:
+            WrongStateError: It is not known where it lies there.
+
+        """
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
         to_local = self._stays_at or self._resolver.frame_to_local(self._frame_id)
         key = (to_local.translation, to_local.rotation, snapshot.projection if self._settings.polygon_geo else None)
-        made = self._made
-        if made is None or made[0] != key:
-            made = self._made = (key, self._make(to_local, snapshot))
-        return made[1]
+        cached = self._cached
+        if cached is None or cached[0] != key:
+            cached = self._cached = (key, self._make(to_local, snapshot))
+        return cached[1]
 
     def _make(self, to_local: Transform, snapshot: Snapshot) -> Fence:
         up = to_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
@@ -80,48 +90,62 @@ class Geofence:
             raise WrongStateError(f"the geofence cannot be checked: its frame {self._frame_id} is not level")
         if self._settings.polygon_geo:
             assert snapshot.projection is not None
-            places = (snapshot.projection.to_local(lat, lon, 0.0) for lat, lon in self._settings.polygon_geo)
+            corners = (snapshot.projection.to_local(lat, lon, 0.0) for lat, lon in self._settings.polygon_geo)
         else:
-            places = (to_local.apply(Vector3(x, y, 0.0)) for x, y in self._settings.polygon)
+            corners = (to_local.apply(Vector3(x, y, 0.0)) for x, y in self._settings.polygon)
         base_m = to_local.translation.z
-        return Fence([(place.x, place.y) for place in places], base_m + self._lowest_m(), base_m + self._highest_m())
+        return Fence(
+            [(corner.x, corner.y) for corner in corners], base_m + self._lowest_m(), base_m + self._highest_m()
+        )
 
     # --- What is refused ----------------------------------------------------------------------------------------------
 
     def admit(self, what: str, motion: Trajectory | Reference, limits: Limits, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` where a motion that begins now would leave the fence."""
+        """Checks that a motion that begins now stays inside. `what` names it in the error.
+
+        Raises:
+            GeofenceError: It would leave the fence.
+            WrongStateError: It is not known where the fence lies.
+
+        """
         measured = measured_motion(snapshot)
         if isinstance(motion, Trajectory):
-            self.require_goal(motion.end().position, what, snapshot)
-            way = _outline(motion, measured.position, self.fence(snapshot), limits)
-            self.require_inside(way, what, snapshot)
+            self.require_goal_inside(motion.end().position, what, snapshot)
+            outline = _outline(motion, measured.position, self.fence(snapshot), limits)
+            self.require_inside(outline, what, snapshot)
         elif isinstance(motion, Velocity):
             self.require_velocity(measured, motion.velocity(snapshot), limits, snapshot)
         elif (pose := motion.pose()) is not None:
             self.require_inside([measured.position, pose.position], what, snapshot)
 
     def is_left_by(self, trajectory: Trajectory, limits: Limits, snapshot: Snapshot) -> bool:
-        """Whether a trajectory that begins inside leaves the fence. Raises as `fence`."""
+        """Returns whether a trajectory begins inside the fence and leaves it. Raises as `fence`."""
         fence, start = self.fence(snapshot), trajectory.at(0.0).position
-        way = _outline(trajectory, start, fence, limits)
-        return fence.is_inside(start) and fence.place_of_leaving(way) is not None
+        outline = _outline(trajectory, start, fence, limits)
+        return fence.is_inside(start) and fence.exit_point(outline) is not None
 
-    def require_goal(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` where a place to end at lies outside."""
+    def require_goal_inside(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` if a goal lies outside."""
         if not self.fence(snapshot).is_inside(goal):
             raise GeofenceError(f"{what}: {self._text(goal)} lies outside the geofence")
 
-    def require_inside(self, way: Iterable[Vector3], what: str, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` where a way (a polyline in the local frame) leaves the fence."""
-        left = self.fence(snapshot).place_of_leaving(way)
-        if left is not None:
-            raise GeofenceError(f"{what}: {self._text(left)} lies outside the geofence, or the way there does")
+    def require_inside(self, polyline: Iterable[Vector3], what: str, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` if a polyline in the local frame leaves the fence."""
+        exit_point = self.fence(snapshot).exit_point(polyline)
+        if exit_point is not None:
+            raise GeofenceError(f"{what}: {self._text(exit_point)} lies outside the geofence, or the way there does")
 
     def require_velocity(self, motion: Motion, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
-        """Raises `GeofenceError` where a UAV that is told a velocity could then no more stop inside the fence: from
-        that velocity, from its own, or from one on the way between them.
+        """Checks that a UAV that is commanded a velocity can still stop inside the fence.
 
-        Outside, what brings it nearer is allowed; anywhere, what stops it as well as it can be stopped.
+        It must be able to stop from the commanded velocity, from its own, and from the one that it has when it can next
+        be commanded to brake. Outside, a velocity that brings it nearer is allowed. Anywhere, a velocity that stops it
+        as well as it can be stopped is allowed.
+
+        Raises:
+            GeofenceError: It could not stop inside.
+            WrongStateError: It is not known where the fence lies.
+
         """
         speed = velocity.norm()
         if speed == 0.0:
@@ -130,22 +154,23 @@ class Geofence:
         here = motion.position
         direction = velocity / speed
         fastest = direction * max(speed, motion.velocity.dot(direction))
-        stop = here + fastest * _REACTION_S + _braking(fastest, limits)
-        if fence.distance_m(stop) < fence.distance_m(here):  # it comes back
+        commanded_stop = here + fastest * _REACTION_S + _braking(fastest, limits)
+        if fence.distance_m(commanded_stop) < fence.distance_m(here):  # it comes back
             return
-        goes_on = here + motion.velocity * _REACTION_S
-        soon, changed_stop = _change(motion, velocity, limits)
-        ways = (
-            [here, stop],
-            [here, goes_on, goes_on + _braking(motion.velocity, limits)],
-            [here, soon, changed_stop],
+        after_reaction = here + motion.velocity * _REACTION_S
+        changed, changed_stop = _change(motion, velocity, limits)
+        polylines = (
+            [here, commanded_stop],
+            [here, after_reaction, after_reaction + _braking(motion.velocity, limits)],
+            [here, changed, changed_stop],
         )
-        left = next((place for way in ways if (place := fence.place_of_leaving(way)) is not None), None)
-        if left is None:
+        exit_points = (fence.exit_point(polyline) for polyline in polylines)
+        exit_point = next((point for point in exit_points if point is not None), None)
+        if exit_point is None:
             return
         _, soonest_stop = _change(motion, Vector3(), limits)
-        if fence.outside_m(changed_stop) > fence.outside_m(soonest_stop) + _SAME_PLACE_M:
-            raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(left)}")
+        if fence.signed_distance_m(changed_stop) > fence.signed_distance_m(soonest_stop) + _SAME_POINT_M:
+            raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(exit_point)}")
 
     def _text(self, local: Vector3) -> str:
         p = self._resolver.frame_to_local(self._resolver.tree.odom).inverse().apply(local)
@@ -153,35 +178,37 @@ class Geofence:
 
 
 def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:
-    """A polyline from a place along a trajectory that leaves the fence where that does: the ends of its straight parts,
-    and places on its bends, close ones near the edge. From a place well inside, the next is as far as the trajectory
-    could not get out before. So their number depends on its bends, and not on how long it is or takes.
+    """Yields a polyline from a point along a trajectory that leaves the fence where the trajectory does.
+
+    It has the ends of the straight parts, and points on the bends, close to each other near the edge. Well inside, the
+    next point is so far on that the trajectory cannot leave the fence before it. So the number of points depends on the
+    bends, and not on the length or the duration of the trajectory.
     """
     vertical_m_s = max(limits.climb_speed_m_s, limits.descent_speed_m_s)
     fastest_m_s = max(math.hypot(limits.horizontal_speed_m_s, vertical_m_s), trajectory.at(0.0).velocity.norm())
     fastest_m_s *= _SPEED_MARGIN
     yield start
     for begin_s, end_s in trajectory.bends_s():
-        every_s = max(_PLACE_EVERY_S, (end_s - begin_s) / _MOST_PLACES)
+        period_s = max(_POINT_PERIOD_S, (end_s - begin_s) / _MAX_POINTS)
         time_s = begin_s
         while time_s < end_s:
-            place = trajectory.at(time_s).position
-            yield place
-            time_s += max(every_s, fence.clearance_m(place) / fastest_m_s)
+            point = trajectory.at(time_s).position
+            yield point
+            time_s += max(period_s, fence.clearance_m(point) / fastest_m_s)
         yield trajectory.at(end_s).position
     yield trajectory.end().position
 
 
 def _change(motion: Motion, velocity: Vector3, limits: Limits) -> tuple[Vector3, Vector3]:
-    """Where a UAV that is told a velocity gets to until it can be told to brake, and where it comes to rest then."""
+    """Returns where a UAV that changes to a velocity is after the reaction time, and where it stops from there."""
     change = velocity - motion.velocity
     size = change.norm()
     most_m_s = acceleration_limit(change / size, limits) * _REACTION_S if size > 0.0 else 0.0
     changed = motion.velocity + change * (most_m_s / size) if size > most_m_s else velocity
-    soon = motion.position + (motion.velocity + changed) * (_REACTION_S / 2)
-    return soon, soon + _braking(changed, limits)
+    position = motion.position + (motion.velocity + changed) * (_REACTION_S / 2)
+    return position, position + _braking(changed, limits)
 
 
 def _braking(velocity: Vector3, limits: Limits) -> Vector3:
-    """How far it goes while it brakes from a velocity."""
+    """Returns the displacement while a UAV brakes from a velocity."""
     return Brake(Motion(Vector3(), 0.0, velocity), limits).end().position

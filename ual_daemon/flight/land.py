@@ -1,12 +1,14 @@
-"""Landing: down where the UAV is, by the autopilot's own landing."""
+"""Landing: straight down, by the autopilot's own landing."""
 
 from __future__ import annotations
+
+from typing_extensions import override
 
 from ual.errors import UalTimeoutError
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken_over, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
@@ -15,18 +17,20 @@ _SLOWEST_LANDING_M_S = 0.2
 
 
 class Land(Manoeuvre):
-    """Down where it is, by the autopilot's own landing."""
+    """A landing at the present position, by the autopilot's own landing."""
 
     declares = State.LANDING
     is_replaceable = False
 
     def __init__(self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot) -> None:
+        """`reference` is followed until the autopilot lands by itself."""
         super().__init__("land", task)
         self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False
-        self._begin_z = measured_motion(start).position.z
+        self._start_z = measured_motion(start).position.z
 
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
@@ -42,15 +46,21 @@ class Land(Manoeuvre):
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(failure)
             elif control is not Control.REFERENCES:
-                return failed(taken(snapshot, self.name))
+                return failed(taken_over(snapshot, self.name))
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
-            return failed(taken(snapshot, self.name))
-        descended_m = self._begin_z - measured_motion(snapshot).position.z
-        if snapshot.time_s - self._command.sent_s > descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S:
-            return failed(UalTimeoutError("land: the UAV has stopped coming down, but reports no ground"))
+            return failed(taken_over(snapshot, self.name))
+        if self._is_too_late(snapshot):
+            return failed(UalTimeoutError("land: the UAV has stopped descending, but reports no ground"))
         return Step()
 
-    def pose_reference(self) -> Reference | None:
+    def _is_too_late(self, snapshot: Snapshot) -> bool:
+        """Whether the UAV has descended more slowly than any landing does."""
+        descended_m = self._start_z - measured_motion(snapshot).position.z
+        longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
+        return snapshot.time_s - self._command.sent_s > longest_s
+
+    @override
+    def current_reference(self) -> Reference | None:
         return self._reference

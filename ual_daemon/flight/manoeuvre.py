@@ -1,51 +1,57 @@
-"""What a UAV can be busy with: the base of take-off, landing, following a trajectory, taking control back.
+"""The base of all manoeuvres: take-off, landing, following a trajectory, taking control back.
 
-A manoeuvre is stepped at each update, by the update thread, with the newest snapshot; it answers with a setpoint to
-send and, once, with how it ended. It never blocks and sends nothing itself.
+The update thread steps a manoeuvre at each update, with the newest snapshot. The step returns a setpoint to send and,
+once, how the manoeuvre ended. It never blocks and sends nothing itself.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from concurrent.futures import Future
 from dataclasses import dataclass
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
 
 TIMEOUT_FACTOR = 3.0
-"""A manoeuvre may take so many times as long as planned, ..."""
+"""A manoeuvre may take this many times as long as planned, ..."""
 TIMEOUT_MARGIN_S = 20.0
-"""... and so much longer."""
+"""... and this much longer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What a manoeuvre says at an update: a setpoint (or none), and, when it `has_ended`, with which error (or none)
-    and what is to be flown then (None: stop where it is).
+    """The result of one step of a manoeuvre.
+
+    Attributes:
+        setpoint: The setpoint to send; None to send none.
+        has_ended: Whether the manoeuvre has ended.
+        error: The error with which it has ended; None if it has succeeded.
+        next_reference: The reference to follow after it; None to stop at the present position.
+
     """
 
     setpoint: Setpoint | None = None
     has_ended: bool = False
     error: UalError | None = None
-    then: Reference | None = None
+    next_reference: Reference | None = None
 
 
 def failed(error: UalError) -> Step:
-    """The end, by an error."""
+    """Returns the step of a manoeuvre that has ended with an error."""
     return Step(has_ended=True, error=error)
 
 
 class Manoeuvre(ABC):
-    """Something that the UAV is busy with.
+    """Something that the UAV does for some time.
 
-    `declares` is the state that it means for the estimator; `is_replaceable` says whether a new command may end it.
-    `task` is None for what is not a task of the interface.
+    `declares` is the state that the estimator reports during it; None for the state that the data show.
+    `is_replaceable` says whether a new command may end it. `task` is None if it is not a task of the interface.
     """
 
     declares: State | None = None
@@ -55,32 +61,31 @@ class Manoeuvre(ABC):
         self.name = name
         self.task = task
         self.command: AutopilotCommand | None = None
-        self.future: Future[None] = Future() if task is None else task.future
-        if task is None:
-            self.future.set_running_or_notify_cancel()  # nobody but `end` ends it
+        self.future = running_future() if task is None else task.future
 
     @abstractmethod
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        """One update; `estimate` is what the data say without this manoeuvre."""
+        """Makes one update. `estimate` is the state that the data show, without this manoeuvre."""
 
-    def pose_reference(self) -> Reference | None:
-        """What it flies by now, if it does by references of ours."""
+    def current_reference(self) -> Reference | None:
+        """Returns the reference that it follows now; None if the autopilot flies by itself."""
         return None
 
     def end(self, error: UalError | None) -> None:
-        """Withdraws its command, and tells those who wait. No lock may be held."""
+        """Withdraws its command, and ends its future. Runs the callbacks of the future, so hold no lock."""
         if self.command is not None:
             self.command.withdraw()
         if self.task is not None:
             self.task.end(error)
-        elif error is None:
-            self.future.set_result(None)
         else:
-            self.future.set_exception(error)
+            end_future(self.future, error)
 
 
 def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalError | None:
-    """Why a manoeuvre cannot go on, if so: link or position lost, disarmed, or not flown by our references."""
+    """Returns why a manoeuvre that sends references cannot go on; None if it can.
+
+    Reasons are a lost link or position, motors that were disarmed, and an autopilot that does not follow references.
+    """
     blind = why_blind(estimate, during)
     if blind is not None:
         return blind
@@ -88,12 +93,12 @@ def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalErro
         return TaskAbortedError(f"{during}: the motors were disarmed", {"by": "autopilot", "state": "LANDED_DISARMED"})
     assert snapshot.mode is not None
     if snapshot.mode.value.control is not Control.REFERENCES:
-        return taken(snapshot, during)
+        return taken_over(snapshot, during)
     return None
 
 
 def why_blind(estimate: Estimate, during: str) -> UalError | None:
-    """Why a manoeuvre cannot go on without data, if so: the link or the position is lost."""
+    """Returns why a manoeuvre has no data to go on with: the link or the position is lost. None if it has."""
     if not estimate.is_link_up:
         return LinkLostError(f"{during}: {estimate.why}", {"state": State.UNINITIALIZED.name})
     if estimate.state is State.UNINITIALIZED:
@@ -101,11 +106,11 @@ def why_blind(estimate: Estimate, during: str) -> UalError | None:
     return None
 
 
-def taken(snapshot: Snapshot, during: str) -> TaskAbortedError:
-    """The end of a manoeuvre whose UAV the safety pilot took."""
+def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
+    """Returns the error of a manoeuvre that ended because the safety pilot took over."""
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
     return TaskAbortedError(
-        f"{during}: taken by the safety pilot (the autopilot is in mode {mode}); "
+        f"{during}: the safety pilot took over (the autopilot is in mode {mode}); "
         "recover_from_manual takes control back",
         {"by": "safety pilot", "state": State.FLYING_MANUAL.name, "mode": mode},
     )

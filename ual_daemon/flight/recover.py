@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing_extensions import override
+
 from ual.errors import TaskAbortedError
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
@@ -12,7 +14,7 @@ from ual_daemon.tracker.references import Hold, brake, measured_motion
 
 
 class Recover(Manoeuvre):
-    """Takes control back from the safety pilot, and holds the pose that it finds."""
+    """Takes control back from the safety pilot. Holds the present pose until the mode has changed, and then stops."""
 
     is_replaceable = False
 
@@ -21,13 +23,14 @@ class Recover(Manoeuvre):
         self._command = self.command = command
         self._limits = limits
 
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
             return failed(lost)
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
-            return Step(stop.setpoint(snapshot), has_ended=True, then=stop)
+            return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
         if estimate.state is not State.FLYING_MANUAL:
             return failed(
                 TaskAbortedError(

@@ -1,4 +1,4 @@
-"""The state of the UAV, as a pure function of one snapshot: asked anew at each update, never remembered."""
+"""The state of the UAV, as a pure function of one snapshot: estimated at each update, never remembered."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState,
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The state, what it follows from (for people), and whether the autopilot is heard at all."""
+    """The state, why it is that state (for people), and whether anything is heard from the autopilot."""
 
     state: State
     why: str
@@ -19,14 +19,14 @@ class Estimate:
 
 
 def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None) -> Estimate:
-    """The state that the data say, in the order of `ual.v1.State`.
+    """Estimates the state from the data, in the order of `ual.v1.State`.
 
-    `manoeuvre` is TAKING_OFF or LANDING while one of our own is under way.
+    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise.
     """
     missing = _why_uninitialized(snapshot, freshness)
     if missing is not None:
         return missing
-    # _why_uninitialized has seen that these are there.
+    # _why_uninitialized has checked these.
     assert snapshot.armed is not None
     assert snapshot.mode is not None
     landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
@@ -46,7 +46,7 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     return _in_the_air(mode, takes_references=control is Control.REFERENCES)
 
 
-@lru_cache(maxsize=64)  # asked for by every setpoint
+@lru_cache(maxsize=64)  # every setpoint calls it
 def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
     if takes_references:
         return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode})")
@@ -82,7 +82,7 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
 
 
 def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
-    """Whether nothing is wrong: the usual case, fast, as every setpoint and update asks. Else it is asked what is."""
+    """Whether nothing is missing or stale. Fast, because every setpoint and update calls it."""
     now_s = snapshot.time_s
     heard_s, landed = snapshot.heard_s, snapshot.landed
     armed, mode, estimator, pose = snapshot.armed, snapshot.mode, snapshot.estimator, snapshot.pose

@@ -1,13 +1,16 @@
-"""Take-off: straight up to a height above the ground that the UAV stands on."""
+"""Take-off: straight up, to a height above the ground on which the UAV stands."""
 
 from __future__ import annotations
 
 from functools import partial
 
+from typing_extensions import override
+
 from ual.errors import TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
+from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
@@ -15,13 +18,13 @@ from ual_daemon.flight.manoeuvre import (
     Manoeuvre,
     Step,
     failed,
-    taken,
+    taken_over,
     why_blind,
 )
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.references import Follow, Hold, Reference, measured_motion
+from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
 _LOST_ACK_S = 1.0
@@ -30,7 +33,7 @@ _LEAST_TOLERANCE_M = 0.1
 
 
 class TakeOff(Manoeuvre):
-    """Straight up to a height above where it stands."""
+    """A climb, straight up, to a height above where the UAV stands."""
 
     declares = State.TAKING_OFF
     is_replaceable = False
@@ -46,6 +49,7 @@ class TakeOff(Manoeuvre):
         *,
         on_setpoints: bool,
     ) -> None:
+        """`on_setpoints` says whether the autopilot climbs by setpoints (PX4 in OFFBOARD), or by itself."""
         super().__init__("take_off", task)
         self._task = task
         self._command = self.command = command
@@ -53,20 +57,20 @@ class TakeOff(Manoeuvre):
         self._limits = limits
         self._on_setpoints = on_setpoints
         self._slow_m_s = tolerance.speed_m_s
-        self._dwell_s = tolerance.dwell_s
+        self._dwell = Dwell(tolerance.dwell_s)
         motion = measured_motion(start)
         self._ground_z = motion.position.z
         self._ground = Hold(motion.position, motion.yaw_rad)
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
         self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
-        self._climb: Follow | None = None
-        # One that is in OFFBOARD already may leave it by itself first, as no setpoints came until now.
-        self._is_left_over = on_setpoints and _is_ours(start)
+        self._climb: TrajectoryReference | None = None
+        # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
+        self._is_mode_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
         self._climbing_since_s: float | None = None
-        self._up_since_s: float | None = None
         self._longest_s = height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
 
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
@@ -75,53 +79,54 @@ class TakeOff(Manoeuvre):
             return failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
         if self._climbing_since_s is None:
             if not self._has_begun(snapshot):
-                if self._is_taken_before(snapshot, estimate):
-                    return failed(taken(snapshot, self.name))
-                failure = self._command.failure(snapshot)
-                if failure is not None:
-                    return failed(failure)
-                return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
+                return self._wait_on_ground(snapshot, estimate)
             self._climbing_since_s = snapshot.time_s
-        return self._climb_on(snapshot, estimate, self._climbing_since_s)
+        return self._step_climb(snapshot, estimate, self._climbing_since_s)
 
-    def _is_taken_before(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether somebody else flies it, or the mode was right and is no more, before it was told to climb for sure.
-        It must not be told again: an OFFBOARD that is repeated would take it from the safety pilot, and an autopilot
-        that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
+    def _wait_on_ground(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        """Makes one update before the autopilot has begun the take-off."""
+        if self._is_taken_over(snapshot, estimate):
+            return failed(taken_over(snapshot, self.name))
+        failure = self._command.failure(snapshot)
+        if failure is not None:
+            return failed(failure)
+        return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
+
+    def _is_taken_over(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+        """Whether the safety pilot took over before the climb began: the UAV flies, or the right mode was left.
+
+        The command must not be repeated then: a repeated OFFBOARD would take control from the safety pilot, and an
+        autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
         is_ours = _is_ours(snapshot)
-        is_taken = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
-        self._is_left_over = self._is_left_over and is_ours
-        self._was_ours = is_ours and not self._is_left_over
-        return is_taken
+        is_taken_over = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
+        self._is_mode_left_over = self._is_mode_left_over and is_ours
+        self._was_ours = is_ours and not self._is_mode_left_over
+        return is_taken_over
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
+        """Whether the autopilot is in the right mode and has accepted the command, or its acknowledgement was lost."""
         if not _is_ours(snapshot):
             return False
-        # In the right mode; where the acknowledgement got lost, the mode alone must do.
-        is_answer_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
-        return self._command.is_accepted or is_answer_lost
+        is_ack_lost = not self._command.is_answered and snapshot.time_s - self._command.sent_s > _LOST_ACK_S
+        return self._command.is_accepted or is_ack_lost
 
-    def _climb_on(self, snapshot: Snapshot, estimate: Estimate, since_s: float) -> Step:
+    def _step_climb(self, snapshot: Snapshot, estimate: Estimate, since_s: float) -> Step:
+        """Makes one update after the autopilot has begun the take-off."""
         assert snapshot.mode is not None
         ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
         if snapshot.mode.value.control not in ours:
-            return failed(taken(snapshot, self.name))
-        refusal = self._command.refusal()  # one that came late, by a bad link
+            return failed(taken_over(snapshot, self.name))
+        refusal = self._command.refusal()  # a refusal may come late over a bad link
         if refusal is not None and estimate.state is State.LANDED_ARMED:
             return failed(refusal)
         motion = measured_motion(snapshot)
-        setpoint = self._climb_setpoint(snapshot, motion) if self._is_led(snapshot, estimate) else None
+        setpoint = self._climb_setpoint(snapshot, motion) if self._takes_references(snapshot, estimate) else None
         climbed_m = motion.position.z - self._ground_z
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
-        is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and motion.velocity.norm() <= self._slow_m_s
-        if not is_up or not self._has_climbed(estimate):
-            self._up_since_s = None
-        elif self._up_since_s is None:
-            self._up_since_s = snapshot.time_s
-        if self._up_since_s is not None and snapshot.time_s - self._up_since_s >= self._dwell_s:
-            return Step(setpoint, has_ended=True, then=self._top)
+        if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
+            return Step(setpoint, has_ended=True, next_reference=self._top)
         if snapshot.time_s - since_s > self._longest_s:
             return failed(
                 UalTimeoutError(
@@ -130,9 +135,16 @@ class TakeOff(Manoeuvre):
             )
         return Step(setpoint)
 
+    def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
+        """Whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""
+        is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and speed_m_s <= self._slow_m_s
+        return self._dwell.has_held(now_s, holds=is_up and self._has_climbed(estimate))
+
     def _has_climbed(self, estimate: Estimate) -> bool:
-        """Whether the climb is over: a low one is within its tolerance while it still stands on the ground. One that
-        climbs by itself is not up before it says so.
+        """Whether the climb is over.
+
+        The height alone does not show it: a UAV on the ground is within the tolerance of a low take-off. An autopilot
+        that climbs by itself says when it is up.
         """
         if estimate.state is State.LANDED_ARMED:
             return False
@@ -140,9 +152,11 @@ class TakeOff(Manoeuvre):
             return self._climb is not None and self._climb.is_finished
         return estimate.state is not State.TAKING_OFF
 
-    def _is_led(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether it gets references. One that climbs by itself takes none before it says that it has done so. Then it
-        is led to the height that was asked for: it may count from elsewhere (home, the ground below its rangefinder).
+    def _takes_references(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+        """Whether the autopilot takes references now.
+
+        One that climbs by itself takes none before it says that it is up. It then gets references to the commanded
+        height, because it may count heights from elsewhere (home, the ground below its rangefinder).
         """
         is_in_air = snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR
         return self._on_setpoints or (is_in_air and estimate.state is State.FLYING_AUTO)
@@ -152,13 +166,14 @@ class TakeOff(Manoeuvre):
             top = self._top.motion(snapshot)
             start = self._ground.motion(snapshot) if self._on_setpoints else measured
             line = Line(start, top.position, top.yaw_rad, self._limits)
-            self._climb = Follow(line, snapshot.time_s)
+            self._climb = TrajectoryReference(line, snapshot.time_s)
         return self._climb.setpoint(snapshot)
 
-    def pose_reference(self) -> Reference | None:
+    @override
+    def current_reference(self) -> Reference | None:
         return self._climb or self._ground
 
 
 def _is_ours(snapshot: Snapshot) -> bool:
-    """Whether it is in a mode in which a take-off of ours climbs."""
+    """Whether the autopilot is in a mode in which it climbs by a take-off of ours."""
     return snapshot.mode is not None and snapshot.mode.value.control in (Control.REFERENCES, Control.TAKE_OFF)

@@ -1,4 +1,4 @@
-"""Tasks: the handle of each, and those that are known."""
+"""Tasks: what is known of each, and the list of those that run or ended lately."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future
 from typing import NamedTuple
 
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.types import TaskInfo, TaskKind, TaskStatus
 from ual_daemon.backends.base import Clock
+from ual_daemon.flight.futures import end_future, running_future
 
 
 class Progress(NamedTuple):
-    """How far a task has come: a share of 1, metres left, and the waypoint it is flying to."""
+    """How far a task has come: a share of 1, the metres left, and the number of the waypoint it is flying to."""
 
     progress: float | None = None
     distance_left_m: float | None = None
@@ -36,9 +36,7 @@ class VehicleTask:
         self.id = f"{kind.name.lower()}-{os.urandom(4).hex()}"
         self.kind = kind
         self.description = description
-        self.future: Future[None] = Future()
-        # A running future cannot be cancelled by those who wait for it: only what flies ends a task.
-        self.future.set_running_or_notify_cancel()
+        self.future = running_future()
         self._clock = clock
         self._started_s = clock.now_s()
         self._ended_s: float | None = None
@@ -46,9 +44,9 @@ class VehicleTask:
         self._reported_progress: float | None = None
 
     def info(self) -> TaskInfo:
-        """Returns how it stands now."""
+        """Returns its state now."""
         progress, distance_left_m, waypoint_index = self._progress()
-        if progress is not None:  # a noisy estimate must not make it fall
+        if progress is not None:  # the progress must not fall with a noisy estimate
             progress = self._reported_progress = max(progress, self._reported_progress or 0.0)
         status, error = self._status()
         ended_s = self._clock.now_s() if self._ended_s is None else self._ended_s
@@ -74,20 +72,17 @@ class VehicleTask:
         return (TaskStatus.ABORTED if isinstance(error, TaskAbortedError) else TaskStatus.FAILED), error
 
     def report(self, progress: Callable[[], Progress]) -> None:
-        """Sets how far it has come, on the update thread: a pure function, called when a caller asks."""
+        """Sets its progress, as a pure function that `info` calls. Called by the update thread."""
         self._progress = progress
 
     def end(self, error: UalError | None) -> None:
-        """Ends it. Runs the callbacks of its future, so that no lock may be held."""
+        """Ends it. Runs the callbacks of its future, so hold no lock."""
         self._ended_s = self._clock.now_s()
-        if error is None:
-            self.future.set_result(None)
-        else:
-            self.future.set_exception(error)
+        end_future(self.future, error)
 
 
 class Tasks:
-    """The tasks of one UAV that are known: those that run, and the last ones that ended. Any thread may call."""
+    """The tasks of one UAV: those that run, and the last ones that ended. Any thread may call."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -95,7 +90,7 @@ class Tasks:
         self._tasks: OrderedDict[str, VehicleTask] = OrderedDict()
 
     def new(self, kind: TaskKind, description: str) -> VehicleTask:
-        """Makes a task, and forgets the oldest one where there are too many."""
+        """Makes a task, and forgets the oldest one if there are too many."""
         task = VehicleTask(kind, description, self._clock)
         with self._lock:
             self._tasks[task.id] = task
@@ -107,7 +102,7 @@ class Tasks:
         """Returns a task by its identifier.
 
         Raises:
-            InvalidArgumentError: There is none.
+            InvalidArgumentError: There is no such task.
 
         """
         found = self._tasks.get(task_id)

@@ -1,1 +1,1 @@
-"""Where things are: the tree of frames, and poses and positions between them."""
+"""The tree of frames, and the conversion of poses and positions between frames."""

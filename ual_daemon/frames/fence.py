@@ -1,6 +1,6 @@
 """The geometry of a geofence: a polygon and a height band in the backend's local frame.
 
-Polygons are judged by shapely (GEOS), which is loaded only where a fence is configured.
+The geometry of polygons is that of shapely (GEOS), which is loaded only if a fence is configured.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 _MARGIN_M = 0.001
-"""What lies beyond the edge by no more than this (roundings between frames) is on the edge."""
+"""A point that lies beyond the edge by no more than this (roundings between frames) counts as on the edge."""
 
 
 class Fence:
@@ -25,72 +25,72 @@ class Fence:
     def __init__(
         self, corners: Sequence[tuple[float, float]], lowest_m: float = -math.inf, highest_m: float = math.inf
     ) -> None:
-        """`corners` are x, y in metres in order, three at least, or none for a band without sides.
+        """`corners` are x, y in metres in order, at least three, or none for a height band without sides.
 
-        Raises `ConfigError` for a polygon that crosses itself or has no area.
+        Raises `ConfigError` if the polygon crosses itself or has no area.
         """
         self._polygon = _polygon(corners) if corners else None
         self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
 
-    def is_inside(self, place: Vector3) -> bool:
-        """Whether a place lies inside, or on the edge."""
-        return self._is_in_band(place) and self._is_over_polygon(place)
+    def is_inside(self, point: Vector3) -> bool:
+        """Returns whether a point lies inside, or on the edge."""
+        return self._is_in_band(point) and self._is_over_polygon(point)
 
-    def place_of_leaving(self, way: Iterable[Vector3]) -> Vector3 | None:
-        """The end of the first part of a way, given as a polyline, that lies outside; None where all of it is allowed.
+    def exit_point(self, polyline: Iterable[Vector3]) -> Vector3 | None:
+        """Returns the end of the first segment of a polyline that is not allowed; None if all of it is.
 
-        A way that begins outside (the safety pilot flew there) is allowed to come in, and then has to stay in. What
-        lies behind the place that is told is not looked at.
+        A polyline that begins outside (the safety pilot flew there) may come in, and must then stay in. Points after
+        the returned one are not read.
         """
         before: Vector3 | None = None
         has_come_in = False
-        for place in way:
-            is_inside = self.is_inside(place)
-            if has_come_in and before is not None:
-                is_allowed = is_inside and self._is_segment_over_polygon(before, place)
-            elif before is None:
-                is_allowed = True
-            elif is_inside:
-                is_allowed = self._comes_in_once(before, place)
-            else:
-                is_allowed = not self._touches(before, place)
-            if not is_allowed:
-                return place
-            before, has_come_in = place, is_inside
+        for point in polyline:
+            is_inside = self.is_inside(point)
+            if not self._is_allowed(before, point, has_come_in=has_come_in, is_inside=is_inside):
+                return point
+            before, has_come_in = point, is_inside
         return None if has_come_in else before
 
-    def distance_m(self, place: Vector3) -> float:
-        """How far outside a place is; 0 inside."""
-        below, above = self._lowest_m - place.z, place.z - self._highest_m
+    def _is_allowed(self, before: Vector3 | None, point: Vector3, *, has_come_in: bool, is_inside: bool) -> bool:
+        """Whether a segment is allowed; `before` is None for the first point."""
+        if before is None:
+            return True
+        if has_come_in:
+            return is_inside and self._is_segment_over_polygon(before, point)
+        return self._comes_in_once(before, point) if is_inside else not self._crosses(before, point)
+
+    def distance_m(self, point: Vector3) -> float:
+        """Returns how far outside a point is; 0 inside."""
+        below, above = self._lowest_m - point.z, point.z - self._highest_m
         vertical = max(0.0, below, above)
         if self._polygon is None:
             return vertical
         from shapely import Point
 
-        return math.hypot(self._polygon.distance(Point(place.x, place.y)), vertical)
+        return math.hypot(self._polygon.distance(Point(point.x, point.y)), vertical)
 
-    def clearance_m(self, place: Vector3) -> float:
-        """How far inside a place is: so far may be flown from it in any direction. 0 outside."""
-        if not self.is_inside(place):
+    def clearance_m(self, point: Vector3) -> float:
+        """Returns how far a UAV can fly from a point in any direction and stay inside; 0 outside."""
+        if not self.is_inside(point):
             return 0.0
-        vertical = min(place.z - self._lowest_m, self._highest_m - place.z)
+        vertical = min(point.z - self._lowest_m, self._highest_m - point.z)
         if self._polygon is None:
             return vertical
         from shapely import Point
 
-        return min(vertical, self._polygon.boundary.distance(Point(place.x, place.y)))
+        return min(vertical, self._polygon.boundary.distance(Point(point.x, point.y)))
 
-    def outside_m(self, place: Vector3) -> float:
-        """How far outside a place is; inside, how far from the edge, below 0."""
-        return self.distance_m(place) - self.clearance_m(place)
+    def signed_distance_m(self, point: Vector3) -> float:
+        """Returns how far a point is from the edge: positive outside, negative inside."""
+        return self.distance_m(point) - self.clearance_m(point)
 
-    def _is_in_band(self, place: Vector3) -> bool:
-        return self._lowest_m <= place.z <= self._highest_m
+    def _is_in_band(self, point: Vector3) -> bool:
+        return self._lowest_m <= point.z <= self._highest_m
 
-    def _is_over_polygon(self, place: Vector3) -> bool:
+    def _is_over_polygon(self, point: Vector3) -> bool:
         from shapely import Point
 
-        return self._polygon is None or self._polygon.covers(Point(place.x, place.y))
+        return self._polygon is None or self._polygon.covers(Point(point.x, point.y))
 
     def _is_segment_over_polygon(self, a: Vector3, b: Vector3) -> bool:
         from shapely import LineString
@@ -98,7 +98,7 @@ class Fence:
         return self._polygon is None or self._polygon.covers(LineString([(a.x, a.y), (b.x, b.y)]))
 
     def _comes_in_once(self, outside: Vector3, inside: Vector3) -> bool:
-        """Whether a segment that comes in does so once and for all. (In height, one that ends inside always does.)"""
+        """Whether a segment that ends inside comes in only once. (In height it always does.)"""
         from shapely import LineString
 
         if self._polygon is None:
@@ -106,11 +106,11 @@ class Fence:
         part = self._polygon.intersection(LineString([(outside.x, outside.y), (inside.x, inside.y)]))
         return part.geom_type in ("LineString", "Point")
 
-    def _touches(self, a: Vector3, b: Vector3) -> bool:
-        """Whether a segment between two places outside goes through the inside."""
+    def _crosses(self, a: Vector3, b: Vector3) -> bool:
+        """Whether a segment between two points outside goes through the inside."""
         from shapely import LineString
 
-        begin, end = 0.0, 1.0  # the share of it that lies in the band
+        begin, end = 0.0, 1.0  # the part of the segment in the height band, as shares of its length
         rise_m = b.z - a.z
         if rise_m != 0.0:
             crossings = sorted((level - a.z) / rise_m for level in (self._lowest_m, self._highest_m))

@@ -1,6 +1,6 @@
-"""Where things are: between the frames of the interface and the backend's local frame.
+"""The frame resolver: converts between the frames of the interface and the backend's local frame.
 
-``<ns>/odom`` has the local frame's axes; its origin lies where `set_home` put it, at first at the local origin.
+``<ns>/odom`` has the local frame's axes; its origin is where `set_home` put it, and at first the local origin.
 """
 
 from __future__ import annotations
@@ -36,40 +36,49 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal in a frame of the user's, checked; `turn` None keeps the heading. `field` is that of the position."""
+    """A validated goal in any frame. A `rotation` of None keeps the heading. `field` names the position in errors."""
 
     position: Vector3
-    turn: Quaternion | None
+    rotation: Quaternion | None
     frame_id: str
     field: str
 
 
 class FrameResolver:
-    """The frames of one UAV, and what is commanded and reported in them. Any thread may call."""
+    """The frames of one UAV, and the conversion of what is commanded and reported in them. Any thread may call."""
 
     def __init__(self, ns: str, settings: VehicleSettings) -> None:
         self.tree = FrameTree(ns, settings)
         self._map_origin = settings.map_origin_geo
-        self._origin = Vector3()  # of <ns>/odom, in the local frame
+        self._origin = Vector3()  # the origin of <ns>/odom in the local frame
 
     # --- Reported -----------------------------------------------------------------------------------------------------
 
     def to_odom(self, local: Pose) -> Pose:
-        """A pose of the local frame in ``<ns>/odom``."""
+        """Converts a pose from the local frame to ``<ns>/odom``."""
         return Pose(local.position - self._origin, local.orientation)
 
     def body(self, snapshot: Snapshot) -> Pose | None:
-        """The body in ``<ns>/odom``."""
+        """Returns the pose of the body in ``<ns>/odom``; None if it is not known."""
         return None if snapshot.pose is None else self.to_odom(snapshot.pose.value)
 
     def transform(self, target: str, source: str, snapshot: Snapshot) -> Transform:
-        """What takes coordinates in the source frame (empty: the body) to the target frame (empty: ``map``)."""
+        """Returns the transform from the source frame (empty: the body) to the target frame (empty: ``map``).
+
+        Raises as `FrameTree.lookup`.
+        """
         return self.tree.lookup(target or MAP, source or self.tree.body, self.body(snapshot))
 
     # --- Commanded ----------------------------------------------------------------------------------------------------
 
     def goal(self, goal: PoseStamped, field: str) -> Goal:
-        """Preconditions a goal, as far as that can be done without knowing where the UAV is."""
+        """Validates a goal, as far as that is possible without the position of the UAV.
+
+        Raises:
+            InvalidArgumentError: A value cannot be meant; `field` and the field in it are named.
+            UnknownFrameError: There is no such frame.
+
+        """
         if not isinstance(goal, PoseStamped):
             raise validation.refuse(field, f"{goal!r} is neither a PoseStamped nor a Pose")
         validation.require_type(goal.pose, Pose, f"{field}.pose")
@@ -82,7 +91,7 @@ class FrameResolver:
         )
 
     def point(self, point: PointStamped, field: str) -> Goal:
-        """Preconditions a point, as `goal` does."""
+        """Validates a point as a goal without a heading. Raises as `goal`."""
         if not isinstance(point, PointStamped):
             raise validation.refuse(field, f"{point!r} is neither a PointStamped nor a Vector3")
         self._require_frame(point.frame_id, field)
@@ -90,72 +99,99 @@ class FrameResolver:
         return Goal(position, None, point.frame_id or self.tree.odom, f"{field}.point")
 
     def to_local(self, goal: Goal, snapshot: Snapshot) -> Waypoint:
-        """A goal in the backend's local frame."""
+        """Converts a goal to the backend's local frame. Raises as `all_to_local`."""
         (waypoint,) = self.all_to_local([goal], snapshot)
         return waypoint
 
     def is_moving(self, goal: Goal) -> bool:
-        """Whether a goal moves, because a client moves the frame that it is in."""
+        """Returns whether a goal moves, because a client moves its frame."""
         return self.tree.is_moving(goal.frame_id)
 
     def moving_to_local(self, goal: Goal, now_s: float, kept_yaw_rad: float) -> Motion:
-        """A goal in a moving frame, in the backend's local frame: place and motion at a time of the backend's clock.
+        """Converts a goal in a moving frame to its motion in the local frame, at a time of the backend's clock.
 
-        One without a heading has `kept_yaw_rad`.
+        A goal without a heading gets `kept_yaw_rad`.
+
+        Raises:
+            WrongStateError: It is not known where its frame is.
+            InvalidArgumentError: It is too far away.
+
         """
-        here, soon = (self._in_local_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
+        here, soon = (self._waypoint_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
         velocity = (soon.position - here.position) / _DIFFERENCE_S
         if here.yaw_rad is None or soon.yaw_rad is None:
             return Motion(here.position, kept_yaw_rad, velocity)
-        turn = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
-        return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=turn)
+        yaw_rate_rad_s = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
+        return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=yaw_rate_rad_s)
 
-    def _in_local_at(self, goal: Goal, now_s: float) -> Waypoint:
-        return self._in_local(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s))
+    def _waypoint_at(self, goal: Goal, now_s: float) -> Waypoint:
+        return self._waypoint(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s))
 
     def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
-        """Goals in the backend's local frame, all of them at one time: each frame is looked up once."""
+        """Converts goals to the backend's local frame, all at the same time: each frame is looked up once.
+
+        Raises:
+            WrongStateError: It is not known where a frame, or the local frame on Earth, is.
+            InvalidArgumentError: A goal is too far away.
+            NotSupportedError: The autopilot does not say what a geographic goal needs.
+
+        """
         frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)} - {self.tree.odom}
         to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
         return [
-            self._in_local(goal, to_odom.get(goal.frame_id))
+            self._waypoint(goal, to_odom.get(goal.frame_id))
             if isinstance(goal, Goal)
             else self.geo_to_local(goal, snapshot)
             for goal in goals
         ]
 
-    def _in_local(self, goal: Goal, to_odom: Transform | None) -> Waypoint:
-        position, turn = goal.position, goal.turn
+    def _waypoint(self, goal: Goal, to_odom: Transform | None) -> Waypoint:
+        position, rotation = goal.position, goal.rotation
         if to_odom is not None:
             position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
-            turn = turn and to_odom.rotation * turn
-        return Waypoint(position + self._origin, turn.yaw_rad if turn else None)
+            rotation = rotation and to_odom.rotation * rotation
+        return Waypoint(position + self._origin, rotation.yaw_rad if rotation else None)
 
     def frame_to_local(self, frame_id: str) -> Transform:
-        """What takes coordinates of a fixed frame to the backend's local frame."""
+        """Returns the transform from a fixed frame to the backend's local frame."""
         to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
         return Transform(to_odom.translation + self._origin, to_odom.rotation, "", frame_id)
 
     def is_moved_by_set_home(self, frame_id: str) -> bool:
-        """Whether `set_home` moves a fixed frame: all but ``map`` and what hangs on that, where these lie on Earth."""
+        """Returns whether `set_home` moves a fixed frame in the local frame.
+
+        It moves all frames; but where ``map`` has an origin on Earth, only those below ``<ns>/odom``.
+        """
         return self._map_origin is None or self.tree.is_below_odom(frame_id)
 
     def velocity(self, velocity: TwistStamped, field: str) -> tuple[Twist, str]:
-        """Preconditions a velocity; with the frame that it is in."""
+        """Validates a velocity, and returns it with the name of its frame. Raises as `goal`."""
         if not isinstance(velocity, TwistStamped):
             raise validation.refuse(field, f"{velocity!r} is neither a TwistStamped nor a Twist")
         self._require_frame(velocity.frame_id, field)
         return validation.twist(velocity.twist, f"{field}.twist"), velocity.frame_id or self.tree.odom
 
     def velocity_to_local(self, twist: Twist, frame_id: str, snapshot: Snapshot) -> Twist:
-        """A velocity along the axes of a frame, along the local axes."""
+        """Converts a velocity from the axes of a frame to the local axes.
+
+        Raises:
+            WrongStateError: It is not known where the frame is.
+
+        """
         if frame_id == self.tree.odom:
             return twist
-        turn = self._to_odom(frame_id, snapshot).rotation
-        return Twist(turn.rotate(twist.linear), turn.rotate(twist.angular))
+        rotation = self._to_odom(frame_id, snapshot).rotation
+        return Twist(rotation.rotate(twist.linear), rotation.rotate(twist.angular))
 
     def geo_to_local(self, goal: GeoWaypoint, snapshot: Snapshot) -> Waypoint:
-        """A geographic goal in the backend's local frame, by the autopilot's own projection."""
+        """Converts a geographic goal to the backend's local frame, by the autopilot's own projection.
+
+        Raises:
+            WrongStateError: It is not known where the local frame, or home, is on Earth.
+            NotSupportedError: The autopilot does not say how the ellipsoid lies to mean sea level.
+            InvalidArgumentError: The goal is too far away.
+
+        """
         if snapshot.projection is None:
             raise WrongStateError("the autopilot has not said where its local frame is on Earth")
         altitude_m = _amsl_m(goal.altitude_m, goal.altitude_reference, snapshot)
@@ -174,16 +210,16 @@ class FrameResolver:
     # --- Home ---------------------------------------------------------------------------------------------------------
 
     def set_home(self, position: Vector3, snapshot: Snapshot, *, set_z: bool) -> None:
-        """Puts the origin of ``<ns>/odom`` at a position of the local frame (its height only with `set_z`)."""
+        """Moves the origin of ``<ns>/odom`` to a position in the local frame (its height only with `set_z`)."""
         self._origin = position if set_z else Vector3(position.x, position.y, self._origin.z)
-        self._place_in_map(snapshot)
+        self._update_odom_in_map(snapshot)
 
     def update(self, snapshot: Snapshot) -> None:
-        """Learns where ``<ns>/odom`` is in ``map``, where that follows from `map_origin_geo`."""
+        """Computes where ``<ns>/odom`` is in ``map``, once, if that follows from `map_origin_geo`."""
         if self._map_origin is not None and not self.tree.has_home():
-            self._place_in_map(snapshot)
+            self._update_odom_in_map(snapshot)
 
-    def _place_in_map(self, snapshot: Snapshot) -> None:
+    def _update_odom_in_map(self, snapshot: Snapshot) -> None:
         if self._map_origin is None or snapshot.projection is None:
             return
         home = snapshot.projection.to_geo(self._origin)

@@ -1,4 +1,4 @@
-"""The tree of frames: ``map`` -> ``<ns>/odom`` -> ``<ns>/base_link``, and those that are added."""
+"""The tree of frames: ``map`` -> ``<ns>/odom`` -> ``<ns>/base_link``, and the frames that are added."""
 
 from __future__ import annotations
 
@@ -14,48 +14,52 @@ from ual_daemon.settings import ConfigError, VehicleSettings
 
 MAP = "map"
 
-
-CARRIED_ON_S = 0.5
-"""A frame that a client moves goes on as it went for so long after it was last told where it is; then it stands."""
-_SMOOTHED_S = 0.2
+EXTRAPOLATION_S = 0.5
+"""A frame that a client moves goes on at its velocity for so long after its last update; then it stands still."""
+_SMOOTHING_S = 0.2
 _FASTEST_M_S = 100.0
-"""What moves faster has not moved: it was put elsewhere."""
+"""A frame that seems to move faster has not moved: the client has put it elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class FrameMotion:
     """How a frame that a client moves goes on in its parent, from `since_s` (backend clock) on."""
 
     since_s: float
     velocity: Vector3 = field(default_factory=Vector3)
     yaw_rate_rad_s: float = 0.0
 
-    def carry_on(self, link: Transform, now_s: float) -> Transform:
-        """Where the frame is by now."""
-        passed_s = max(0.0, min(CARRIED_ON_S, now_s - self.since_s))
+    def extrapolate(self, link: Transform, now_s: float) -> Transform:
+        """Returns where the frame is at a time."""
+        passed_s = max(0.0, min(EXTRAPOLATION_S, now_s - self.since_s))
         if passed_s == 0.0:
             return link
-        turn = Quaternion.from_yaw(self.yaw_rate_rad_s * passed_s)
-        return replace(link, translation=link.translation + self.velocity * passed_s, rotation=turn * link.rotation)
+        rotation = Quaternion.from_yaw(self.yaw_rate_rad_s * passed_s) * link.rotation
+        return replace(link, translation=link.translation + self.velocity * passed_s, rotation=rotation)
 
 
 @dataclass(frozen=True, slots=True)
 class _Link:
-    """Where a frame hangs; `transform` takes it to its parent, None where that is not known yet (or the body's).
+    """The link of a frame to its parent.
 
-    `drift` is set once a client has moved it, and `told_s` is when it was last told where it is.
+    Attributes:
+        parent: The parent frame.
+        transform: From the frame to its parent; None if not known yet, and for the body.
+        motion: How it moves; None until a client has moved it.
+        updated_s: When it was last updated.
+
     """
 
     parent: str
     transform: Transform | None
-    drift: Drift | None = None
-    told_s: float = 0.0
+    motion: FrameMotion | None = None
+    updated_s: float = 0.0
 
     def at(self, now_s: float | None) -> Transform | None:
-        """The transform at a time; None: as it was told last."""
-        if self.drift is None or self.transform is None or now_s is None:
+        """Returns the transform at a time; None: as it was last updated."""
+        if self.motion is None or self.transform is None or now_s is None:
             return self.transform
-        return self.drift.carry_on(self.transform, now_s)
+        return self.motion.extrapolate(self.transform, now_s)
 
 
 _Links = Mapping[str, _Link]
@@ -64,9 +68,9 @@ _Links = Mapping[str, _Link]
 class FrameTree:
     """All frames of one UAV. Every member may be called from any thread.
 
-    The body moves, so its pose in ``<ns>/odom`` is handed in by the caller where a chain may pass it; None where it is
-    not known. The links are replaced as a whole (copy on write): readers take no lock, and look at one picture of the
-    tree from beginning to end.
+    The body moves, so callers pass its pose in ``<ns>/odom`` where a chain may go through it; None if it is not known.
+    The links are replaced as a whole (copy on write): a reader takes no lock, and sees one state of the tree from
+    beginning to end.
     """
 
     def __init__(self, ns: str, settings: VehicleSettings) -> None:
@@ -76,21 +80,11 @@ class FrameTree:
         self._fixed = {MAP, self.odom, self.body, *(frame.frame_id for frame in settings.frames)}
         self._links = self._build(settings)
         self._odom_in_map: tuple[_Links, Transform | None] = ({}, None)
-        """Of which links it was found."""
+        """The transform from odom to map, and the links from which it was computed."""
 
     def _build(self, settings: VehicleSettings) -> _Links:
-        home: Transform | None = Transform(
-            Vector3(*settings.home_pose), IDENTITY, settings.home_pose_parent_frame, self.odom
-        )
-        if settings.map_origin_geo is not None:
-            home = None  # follows from the autopilot's position: set_home
-        links = {self.odom: _Link(settings.home_pose_parent_frame, home), self.body: _Link(self.odom, None)}
-        for index, frame in enumerate(settings.frames):
-            if frame.frame_id in links or frame.frame_id == MAP:
-                raise ConfigError(f"the frame {frame.frame_id} is there already", f"frames[{index}].frame_id")
-            turn = Quaternion.from_euler(frame.roll_rad, frame.pitch_rad, frame.yaw_rad)
-            transform = Transform(Vector3(*frame.translation), turn, frame.parent_frame_id, frame.frame_id)
-            links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
+        """Returns the links of the configuration. Raises `ConfigError` if they do not make a tree."""
+        links = self._configured_links(settings)
         for index, frame in enumerate(settings.frames):
             if not _leads_to_map(frame.frame_id, links):
                 raise ConfigError(
@@ -107,44 +101,62 @@ class FrameTree:
             raise ConfigError(f"the frame {settings.pose_frame_id} is not known", "pose_frame_id")
         return MappingProxyType(links)
 
+    def _configured_links(self, settings: VehicleSettings) -> dict[str, _Link]:
+        home: Transform | None = Transform(
+            Vector3(*settings.home_pose), IDENTITY, settings.home_pose_parent_frame, self.odom
+        )
+        if settings.map_origin_geo is not None:
+            home = None  # it follows from the autopilot's position; see `set_home`
+        links = {self.odom: _Link(settings.home_pose_parent_frame, home), self.body: _Link(self.odom, None)}
+        for index, frame in enumerate(settings.frames):
+            if frame.frame_id in links or frame.frame_id == MAP:
+                raise ConfigError(f"the frame {frame.frame_id} is there already", f"frames[{index}].frame_id")
+            rotation = Quaternion.from_euler(frame.roll_rad, frame.pitch_rad, frame.yaw_rad)
+            transform = Transform(Vector3(*frame.translation), rotation, frame.parent_frame_id, frame.frame_id)
+            links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
+        return links
+
     def set_home(self, position_in_map: Vector3) -> None:
-        """Puts ``<ns>/odom`` at a position in ``map``."""
+        """Moves ``<ns>/odom`` to a position in ``map``."""
         with self._lock:
             self._replace(Transform(position_in_map, IDENTITY, MAP, self.odom))
 
     def has_home(self) -> bool:
-        """Whether it is known where ``<ns>/odom`` lies."""
+        """Returns whether it is known where ``<ns>/odom`` lies."""
         return self._links[self.odom].transform is not None
 
     def odom_in_map(self) -> Transform | None:
-        """Takes ``<ns>/odom`` to ``map``; None while it is not known where it lies. Kept, as each sample asks."""
+        """Returns the transform from ``<ns>/odom`` to ``map``; None if not known. Cached: each sample calls it."""
         links = self._links
-        found_of, found = self._odom_in_map
-        if found_of is not links:
-            found = self.lookup(MAP, self.odom, None) if self.has_home() else None
-            self._odom_in_map = (links, found)
-        return found
+        cached_for, transform = self._odom_in_map
+        if cached_for is not links:
+            transform = self.lookup(MAP, self.odom, None) if self.has_home() else None
+            self._odom_in_map = (links, transform)
+        return transform
 
     def is_fixed(self, name: str) -> bool:
-        """Whether a frame is built in or configured, and no body: it stays where it is."""
+        """Returns whether a frame never moves: it is built in or configured, and not the body."""
         return name in self._fixed and name != self.body
 
     def is_below_odom(self, name: str) -> bool:
-        """Whether a frame is ``<ns>/odom``, or hangs on it."""
+        """Returns whether a frame is ``<ns>/odom``, or below it."""
         return self.odom in _chain(name, self._links)
 
     def is_moving(self, name: str) -> bool:
-        """Whether a client has moved a frame, or one that it hangs on: it may move on. Not what hangs on the body."""
+        """Returns whether a client moves a frame, or one above it. Frames below the body do not count."""
         links = self._links
         chain = _chain(name, links)
-        return self.body not in chain and any(each != MAP and links[each].drift is not None for each in chain)
+        return self.body not in chain and any(each != MAP and links[each].motion is not None for each in chain)
 
     def add(self, transform: Transform, now_s: float = 0.0) -> None:
-        """Adds a frame, or moves one that was added before, at a time of the backend's clock; an empty parent means
-        ``map``. From one move to the next, its velocity is learnt.
+        """Adds a frame, or moves one that was added before, at a time of the backend's clock.
 
-        Raises `UnknownFrameError` for the parent, `InvalidArgumentError` for a built-in or configured frame and for a
-        loop.
+        An empty parent means ``map``. The velocity of a frame is estimated from one move to the next.
+
+        Raises:
+            UnknownFrameError: There is no such parent.
+            InvalidArgumentError: The frame is built in or configured, or would be below itself.
+
         """
         parent = transform.frame_id or MAP
         child = transform.child_frame_id
@@ -161,29 +173,33 @@ class FrameTree:
                     {"field": "transform.header.frame_id"},
                 )
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
-            self._replace(link, _drift(self._links.get(child), link, now_s), now_s)
+            self._replace(link, _estimated_motion(self._links.get(child), link, now_s), now_s)
 
-    def _replace(self, link: Transform, drift: Drift | None = None, told_s: float = 0.0) -> None:
-        self._links = MappingProxyType({**self._links, link.child_frame_id: _Link(link.frame_id, link, drift, told_s)})
+    def _replace(self, transform: Transform, motion: FrameMotion | None = None, updated_s: float = 0.0) -> None:
+        link = _Link(transform.frame_id, transform, motion, updated_s)
+        self._links = MappingProxyType({**self._links, transform.child_frame_id: link})
 
     def names(self) -> list[str]:
-        """All frames, the root first."""
+        """Returns the names of all frames, the root first."""
         return [MAP, *self._links]
 
     def frames(self, body: Pose | None) -> list[Frame]:
-        """All frames with their parents."""
+        """Returns all frames with their parents."""
         result = [Frame(MAP, "", None, True)]
         for name, link in self._links.items():
             transform = self._body_transform(body) if name == self.body else link.transform
-            result.append(Frame(name, link.parent, transform, name != self.body and link.drift is None))
+            result.append(Frame(name, link.parent, transform, name != self.body and link.motion is None))
         return result
 
     def lookup(self, target: str, source: str, body: Pose | None, now_s: float | None = None) -> Transform:
-        """What takes coordinates in the source frame to the target frame.
+        """Returns the transform from the source frame to the target frame.
 
-        With `now_s` (backend clock), moving frames are where they have gone on to by then.
+        With `now_s` (backend clock), the positions of moving frames are extrapolated to that time.
 
-        Raises `UnknownFrameError`, and `WrongStateError` where a link of the chain is not known (yet).
+        Raises:
+            UnknownFrameError: There is no such frame.
+            WrongStateError: A link between the frames is not known (yet).
+
         """
         links = self._links
         _require(target, links)
@@ -204,7 +220,7 @@ class FrameTree:
             transform = self._body_transform(body) if child == self.body else links[child].at(now_s)
             if transform is None:
                 raise WrongStateError(f"it is not known yet where the frame {child} is in {links[child].parent}")
-            result = transform.compose(result) if result.frame_id != name else _as_given(transform, name)
+            result = transform.compose(result) if result.frame_id != name else _first_link(transform, name)
         return result
 
     def _body_transform(self, body: Pose | None) -> Transform | None:
@@ -213,34 +229,35 @@ class FrameTree:
         return Transform(body.position, body.orientation, self.odom, self.body)
 
     def require(self, name: str) -> None:
-        """Raises `UnknownFrameError` unless there is such a frame."""
+        """Raises `UnknownFrameError` if there is no such frame."""
         _require(name, self._links)
 
 
-def _as_given(link: Transform, child: str) -> Transform:
-    """A link as the first of a chain: it is the chain."""
+def _first_link(link: Transform, child: str) -> Transform:
+    """Returns the chain of one link, without composing it with an identity."""
     return Transform(link.translation, link.rotation, link.frame_id, child)
 
 
-def _drift(old: _Link | None, link: Transform, now_s: float) -> Drift | None:
-    """How a frame goes on that is told where it is again: smoothed, by the client's stamps where it gives them."""
+def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> FrameMotion | None:
+    """Estimates how a frame moves after an update: smoothed, and by the client's stamps if it gives them."""
     if old is None or old.transform is None or old.parent != link.frame_id:
         return None
     before = old.transform
     are_stamped = before.stamp_s > 0.0 and link.stamp_s > 0.0
-    passed_s = link.stamp_s - before.stamp_s if are_stamped else now_s - old.told_s
-    last = old.drift or Drift(now_s)
-    if passed_s <= 0.0:  # told twice, or out of order
+    passed_s = link.stamp_s - before.stamp_s if are_stamped else now_s - old.updated_s
+    last = old.motion or FrameMotion(now_s)
+    if passed_s <= 0.0:  # a repeated update, or one out of order
         return replace(last, since_s=now_s)
     velocity = (link.translation - before.translation) / passed_s
-    yaw_rate = wrap_angle((link.rotation * before.rotation.inverse()).yaw_rad) / passed_s
-    if velocity.norm() > _FASTEST_M_S or passed_s > 2 * CARRIED_ON_S:
-        return Drift(now_s)
-    share = passed_s / (passed_s + _SMOOTHED_S)  # the first time, too: two places close in time tell little
-    return Drift(
+    yaw_rate_rad_s = wrap_angle((link.rotation * before.rotation.inverse()).yaw_rad) / passed_s
+    if velocity.norm() > _FASTEST_M_S or passed_s > 2 * EXTRAPOLATION_S:
+        return FrameMotion(now_s)
+    # The first time, too: two updates close in time do not give a good velocity.
+    share = passed_s / (passed_s + _SMOOTHING_S)
+    return FrameMotion(
         now_s,
         last.velocity + (velocity - last.velocity) * share,
-        last.yaw_rate_rad_s + (yaw_rate - last.yaw_rate_rad_s) * share,
+        last.yaw_rate_rad_s + (yaw_rate_rad_s - last.yaw_rate_rad_s) * share,
     )
 
 
@@ -251,7 +268,7 @@ def _require(name: str, links: _Links) -> None:
 
 
 def _chain(name: str, links: _Links) -> list[str]:
-    """A frame and all above it, up to ``map``."""
+    """Returns a frame and all frames above it, up to ``map``."""
     chain = [name]
     while name != MAP:
         name = links[name].parent
@@ -270,8 +287,8 @@ def _leads_to_map(name: str, links: _Links) -> bool:
 
 
 def horizontal(pose: Pose) -> Pose:
-    """The pose levelled: its heading without roll and pitch.
+    """Returns the pose with its heading, but without roll and pitch.
 
-    Commands in ``<ns>/base_link`` mean "ahead" and "above" of the UAV, not of its momentary tilt.
+    Commands in ``<ns>/base_link`` mean "ahead of" and "above" the level UAV, whatever its tilt is at the moment.
     """
     return Pose(pose.position, Quaternion.from_yaw(pose.yaw_rad))

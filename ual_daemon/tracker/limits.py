@@ -8,6 +8,7 @@ from ual.geometry import Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import Backend
 from ual_daemon.settings import LimitSettings
+from ual_daemon.trajectory.envelope import speed_share
 
 
 class CurrentLimits:
@@ -17,24 +18,25 @@ class CurrentLimits:
         self._backend = backend
         self._users = users
         self._cached: tuple[Limits | None, Limits] = (None, Limits())
+        """The autopilot's limits, and the limits in force that were computed from them."""
 
     def get(self) -> Limits:
-        """Returns them. Any thread may call. Computed only where the autopilot's have changed: each setpoint asks."""
-        own = self._backend.info().limits
-        of, limits = self._cached
-        if of is not own:
-            limits = smaller(own, self._users)
-            self._cached = (own, limits)
+        """Returns the limits. Any thread may call. Cached, because each setpoint calls it."""
+        autopilots = self._backend.info().limits
+        cached_for, limits = self._cached
+        if cached_for is not autopilots:
+            limits = smaller(autopilots, self._users)
+            self._cached = (autopilots, limits)
         return limits
 
 
-def smaller(own: Limits, users: LimitSettings) -> Limits:
-    """The smaller of each limit of the UAV's own and the user's."""
-    return Limits(*(min(getattr(own, field.name), getattr(users, field.name)) for field in fields(Limits)))
+def smaller(autopilots: Limits, users: LimitSettings) -> Limits:
+    """Returns the smaller of the autopilot's and the user's value of each limit."""
+    return Limits(*(min(getattr(autopilots, field.name), getattr(users, field.name)) for field in fields(Limits)))
 
 
 def at_most(limits: Limits, speed_m_s: float | None) -> Limits:
-    """The limits, with no speed above one; None leaves them."""
+    """Returns the limits with no speed above the given one; None leaves them as they are."""
     if speed_m_s is None:
         return limits
     return replace(
@@ -46,18 +48,21 @@ def at_most(limits: Limits, speed_m_s: float | None) -> Limits:
 
 
 def slower(one_m_s: float | None, other_m_s: float | None) -> float | None:
-    """The smaller of two speeds, of which None is no limit."""
+    """Returns the smaller of two speed limits; None is no limit."""
     speeds = [speed for speed in (one_m_s, other_m_s) if speed is not None]
     return min(speeds, default=None)
 
 
 def scaled_down(twist: Twist, limits: Limits) -> Twist:
-    """The velocity, scaled down where it is beyond the limits, its direction kept; the turn is limited by itself."""
-    v = twist.linear
-    vertical = limits.climb_speed_m_s if v.z > 0 else limits.descent_speed_m_s
-    excess = max(1.0, v.horizontal_norm() / limits.horizontal_speed_m_s, abs(v.z) / vertical)
-    w = twist.angular
-    turn = max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, w.z))
-    if excess == 1.0 and turn == w.z and w.x == w.y == 0.0:
+    """Returns the velocity within the limits: scaled down, its direction kept. The yaw rate is limited by itself."""
+    v, w = twist.linear, twist.angular
+    excess = max(1.0, speed_share(v, limits))
+    yaw_rate_rad_s = clamped(w.z, limits.yaw_rate_rad_s)
+    if excess == 1.0 and yaw_rate_rad_s == w.z and w.x == w.y == 0.0:
         return twist
-    return Twist(v if excess == 1.0 else v / excess, Vector3(0.0, 0.0, turn))
+    return Twist(v if excess == 1.0 else v / excess, Vector3(0.0, 0.0, yaw_rate_rad_s))
+
+
+def clamped(value: float, limit: float) -> float:
+    """Returns the value, limited to between -`limit` and `limit`."""
+    return max(-limit, min(limit, value))

@@ -1,33 +1,35 @@
 """Pure pursuit: the tracker for autopilots that take bare positions or bare velocities, and by ``tracker: pursuit``.
 
-The UAV is told to fly to a point of the path a little ahead of where it is (Coulter, "Implementation of the Pure
+The setpoint is a point of the path a little ahead of the UAV (Coulter, "Implementation of the Pure
 Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01; in the air: Real et al., "Unmanned aerial vehicle abstraction layer",
-2020). It comes back to the line from wherever it was pushed off, and needs nothing of the autopilot; but it is slower,
-and cuts corners by up to the look-ahead.
+2020). The UAV comes back to the line from wherever it was pushed off, and the autopilot needs no feed-forward. But the
+UAV is slower, and cuts corners by up to the look-ahead.
 """
 
 from __future__ import annotations
 
-from ual.geometry import Pose, Quaternion, Vector3
+from typing_extensions import override
+
+from ual.geometry import Pose, Vector3
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.references import LONGEST_STOP_S, Reference, measured_motion
+from ual_daemon.tracker.references import LONGEST_STOP_S, Reference, measured_motion, pose_of
 from ual_daemon.trajectory import Motion, Trajectory
 
 LOOK_AHEAD_S = 1.0
 """The look-ahead is as far as the UAV flies in this time at the speed planned there, ..."""
 LEAST_LOOK_AHEAD_M = 0.5
-"""... but at least so far."""
-_LOOK_STEP_S = 0.05
-_LONGEST_LOOK_S = 3.0
+"""... but at least this far."""
+_SEARCH_STEP_S = 0.05
+_LONGEST_SEARCH_S = 3.0
 _LONGEST_STEP_S = 0.2
 
 
 class Pursuit(Reference):
-    """Chases a point ahead on a trajectory, which goes on at most as fast as that.
+    """Sends a point ahead on a trajectory, which moves on at most as fast as the trajectory.
 
-    `time_s` is the time on the trajectory of its place that is nearest to the UAV: it goes forward only, and not beyond
-    a stop before the UAV stands there (within `tolerance`).
+    `time_s` is the time on the trajectory of its point nearest to the UAV. It only grows, and not beyond a stop before
+    the UAV stands there (within `tolerance`).
     """
 
     def __init__(self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings) -> None:
@@ -42,9 +44,10 @@ class Pursuit(Reference):
 
     @property
     def is_finished(self) -> bool:
-        """Whether it looks at the end; the UAV may still be on its way."""
+        """Whether the point ahead is the end; the UAV may still be on its way."""
         return len(self._stops_s) == 1 and self._ahead.position == self.trajectory.end().position
 
+    @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         measured = measured_motion(snapshot)
         self._advance(measured.position)
@@ -55,12 +58,12 @@ class Pursuit(Reference):
         return PositionSetpoint(self._ahead.position, self._ahead.yaw_rad)
 
     def _advance(self, position: Vector3) -> None:
-        """To the nearest place of the trajectory, as far as the distance falls on the way there."""
+        """Advances `time_s` to the point nearest to the UAV, as far as the distance falls on the way there."""
         limit_s = self._stops_s[0]
         nearest_m = (self.trajectory.at(self.time_s).position - position).norm()
         time_s = self.time_s
-        while time_s < min(limit_s, self.time_s + _LONGEST_LOOK_S):
-            time_s = min(limit_s, time_s + _LOOK_STEP_S)
+        while time_s < min(limit_s, self.time_s + _LONGEST_SEARCH_S):
+            time_s = min(limit_s, time_s + _SEARCH_STEP_S)
             distance_m = (self.trajectory.at(time_s).position - position).norm()
             if distance_m > nearest_m + LEAST_LOOK_AHEAD_M:
                 break
@@ -68,7 +71,7 @@ class Pursuit(Reference):
                 nearest_m, self.time_s = distance_m, time_s
 
     def _pass_stop(self, measured: Motion, now_s: float) -> None:
-        """Goes on from a stop once the UAV stands there, or has not come to rest for a while (a wandering estimate)."""
+        """Goes on from a stop once the UAV stands there, or after `LONGEST_STOP_S` (a wandering estimate)."""
         if len(self._stops_s) == 1:
             return
         stop = self.trajectory.at(self._stops_s[0])
@@ -82,21 +85,24 @@ class Pursuit(Reference):
             self._at_stop_since_s = None
 
     def _look_ahead(self, passed_s: float) -> Motion:
-        """The motion of the trajectory at the end of the look-ahead, which goes on no faster than the trajectory: the
-        UAV flies as fast as what it chases.
+        """Returns the motion of the trajectory at the end of the look-ahead.
+
+        The point ahead moves on no faster than the trajectory, because the UAV flies as fast as that point.
         """
         here = self.trajectory.at(self.time_s)
         limit_s = min(self._stops_s[0], max(self.time_s, self._ahead_s + passed_s))
         far_m = max(LEAST_LOOK_AHEAD_M, here.velocity.norm() * LOOK_AHEAD_S)
         time_s, ahead = self.time_s, here
         while time_s < limit_s and (ahead.position - here.position).norm() < far_m:
-            time_s = min(limit_s, time_s + _LOOK_STEP_S)
+            time_s = min(limit_s, time_s + _SEARCH_STEP_S)
             ahead = self.trajectory.at(time_s)
         self._ahead_s = time_s
         return ahead
 
+    @override
     def motion(self, snapshot: Snapshot) -> Motion:
         return measured_motion(snapshot)
 
+    @override
     def pose(self) -> Pose | None:
-        return Pose(self._ahead.position, Quaternion.from_yaw(self._ahead.yaw_rad))
+        return pose_of(self._ahead)

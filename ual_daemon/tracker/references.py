@@ -1,10 +1,12 @@
-"""What a UAV is told at each update while it flies by our references."""
+"""References: what is sent to the autopilot at each update while the UAV flies by setpoints of UAL."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+
+from typing_extensions import override
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
@@ -14,44 +16,47 @@ from ual_daemon.tracker.time_scaling import TimeScaling
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
 VELOCITY_TIMEOUT_S = 0.5
-"""A velocity reference that is not renewed for so long is over: the UAV stops and holds (contract)."""
+"""A velocity reference ends if it is not renewed for so long: the UAV stops and holds (contract)."""
 
 _FREE_LAG_M = 0.5
 _FREE_LAG_S = 0.4
 _LONGEST_LAG_M = 1.5
 _LONGEST_STEP_S = 0.2
 LONGEST_STOP_S = 3.0
-"""How long the reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
+"""How long a reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
 
 
 class Reference(ABC):
-    """Something that gives a setpoint at each update. Poses are in the local frame."""
+    """Gives a setpoint at each update. Poses and motions are in the local frame."""
 
     @abstractmethod
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
-        """The setpoint now. Called once at each update, by the update thread."""
+        """Returns the setpoint now. Called once at each update, by the update thread."""
 
     @abstractmethod
     def motion(self, snapshot: Snapshot) -> Motion:
-        """The motion it asks for now: where a next trajectory begins, so that references never jump."""
+        """Returns the motion that it commands now. The next trajectory begins with it, so references never jump."""
 
     @abstractmethod
     def pose(self) -> Pose | None:
-        """Where the UAV is told to be; None where only a velocity is told."""
+        """Returns the pose that it commands now; None if it commands only a velocity."""
 
 
 class Hold(Reference):
-    """A place to stay at, sent as it is."""
+    """A pose to hold, sent as it is."""
 
     def __init__(self, position: Vector3, yaw_rad: float) -> None:
         self._setpoint = PositionSetpoint(position, yaw_rad)
 
+    @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         return self._setpoint
 
+    @override
     def motion(self, snapshot: Snapshot) -> Motion:
         return Motion(self._setpoint.position, self._setpoint.yaw_rad)
 
+    @override
     def pose(self) -> Pose | None:
         return Pose(self._setpoint.position, Quaternion.from_yaw(self._setpoint.yaw_rad))
 
@@ -62,29 +67,32 @@ class Velocity(Reference):
     def __init__(self, twist: Twist, *, in_body: bool, expires_s: float) -> None:
         self._twist, self._in_body, self.expires_s = twist, in_body, expires_s
 
+    @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         return VelocitySetpoint(self.velocity(snapshot), self._twist.angular.z)
 
     def velocity(self, snapshot: Snapshot) -> Vector3:
-        """The velocity along the local axes."""
+        """Returns the velocity along the local axes."""
         velocity = self._twist.linear
         if self._in_body and snapshot.pose is not None:
             return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
         return velocity
 
+    @override
     def motion(self, snapshot: Snapshot) -> Motion:
         return measured_motion(snapshot)
 
+    @override
     def pose(self) -> Pose | None:
         return None
 
 
-class Follow(Reference):
-    """Follows a trajectory in time.
+class TrajectoryReference(Reference):
+    """Sends the motions of a trajectory in time.
 
-    Where the UAV lags behind (wind, weak motors), the reference waits for it, and slows down for that within the limits
-    (see `pace`); where the trajectory stands still at a waypoint, until the UAV is there and slow, too (within
-    `tolerance`), so that it really stops.
+    While the UAV lags behind (wind, weak motors), the reference slows down within the limits and waits for it; see
+    `TimeScaling`. At a waypoint where the trajectory stands still, it waits until the UAV is there and slow, too
+    (within `tolerance`), so that the UAV really stops.
     """
 
     def __init__(self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings | None = None) -> None:
@@ -93,34 +101,35 @@ class Follow(Reference):
         self._stops_s = [*trajectory.stops_s, math.inf]
         self._stopped_since_s: float | None = None
         self._updated_s = now_s
-        self._pace = TimeScaling(trajectory)
+        self._time = TimeScaling(trajectory)
         self.is_stopping = False
-        """Whether it comes to rest where it is on the trajectory, as soon as the limits allow."""
+        """Whether it comes to rest on the trajectory as soon as the limits allow."""
 
     @property
     def time_s(self) -> float:
-        """How far in the trajectory's time it is."""
-        return self._pace.time_s
+        """The time on the trajectory."""
+        return self._time.time_s
 
     @property
     def is_finished(self) -> bool:
         """Whether the reference has come to the end; the UAV may still be on its way."""
         return self.time_s >= self.trajectory.duration_s
 
+    @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
         self._updated_s = snapshot.time_s
-        self._go_on(passed_s, snapshot)
-        return setpoint_of(self._pace.motion)
+        self._advance(passed_s, snapshot)
+        return setpoint_of(self._time.motion)
 
-    def _go_on(self, passed_s: float, snapshot: Snapshot) -> None:
-        """The trajectory's time passes, but not beyond a stop before the UAV has made it."""
+    def _advance(self, passed_s: float, snapshot: Snapshot) -> None:
+        """Advances the time on the trajectory, but not beyond a stop before the UAV has stopped there."""
         if self._stopped_since_s is not None:
             if not (self._has_stopped(snapshot) or snapshot.time_s - self._stopped_since_s > LONGEST_STOP_S):
                 return
             self._stopped_since_s = None
             self._stops_s.pop(0)
-        self._pace.go_on(passed_s, self._stops_s[0], self._wanted_pace(snapshot))
+        self._time.advance(passed_s, self._stops_s[0], self._wanted_scale(snapshot))
         if self.time_s == self._stops_s[0]:
             self._stopped_since_s = snapshot.time_s
 
@@ -128,63 +137,78 @@ class Follow(Reference):
         measured = measured_motion(snapshot)
         return (
             measured.velocity.norm() <= self._tolerance.speed_m_s
-            and (measured.position - self._pace.motion.position).norm() <= self._tolerance.position_m
+            and (measured.position - self._time.motion.position).norm() <= self._tolerance.position_m
         )
 
-    def _wanted_pace(self, snapshot: Snapshot) -> float:
-        """1 while the UAV is close behind, 0 where it is too far off, in between on the way."""
+    def _wanted_scale(self, snapshot: Snapshot) -> float:
+        """Returns the wanted time scale: 1 while the UAV is close, 0 where it is too far off, else in between."""
         if snapshot.pose is None or self.is_stopping:
             return 0.0
-        motion = self._pace.motion
+        motion = self._time.motion
         lag_m = (motion.position - snapshot.pose.value.position).norm()
         free_m = _FREE_LAG_M + _FREE_LAG_S * motion.velocity.norm()
         return max(0.0, min(1.0, 1.0 - (lag_m - free_m) / _LONGEST_LAG_M))
 
+    @override
     def motion(self, snapshot: Snapshot) -> Motion:
-        return self._pace.motion
+        return self._time.motion
 
+    @override
     def pose(self) -> Pose | None:
-        return Pose(self._pace.motion.position, Quaternion.from_yaw(self._pace.motion.yaw_rad))
+        return pose_of(self._time.motion)
 
 
-class StopAlong(Reference):
-    """Comes to rest on the trajectory that is followed already, while straight ahead there is no room to brake."""
+class StopOnTrajectory(Reference):
+    """Comes to rest on a trajectory that is followed already, as long as there is no room to brake straight ahead."""
 
-    def __init__(self, follow: Follow, straight: Callable[[Motion, Snapshot], Follow | None]) -> None:
-        """`straight` brakes from a motion straight ahead; None where it may not."""
-        self._follow = follow
-        self._straight = straight
-        self._brake: Follow | None = None
-        self._is_begun = False
+    def __init__(
+        self,
+        following: TrajectoryReference,
+        straight_stop: Callable[[Motion, Snapshot], TrajectoryReference | None],
+    ) -> None:
+        """`straight_stop` returns the reference that brakes straight ahead from a motion; None if it is not allowed."""
+        self._following = following
+        self._straight_stop = straight_stop
+        self._brake: TrajectoryReference | None = None
+        self._has_begun = False
 
+    @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         if self._brake is not None:
             return self._brake.setpoint(snapshot)
-        if not self._is_begun:
-            # This time another thread may ask, while the update thread still follows: that alone lets time pass.
-            self._is_begun = True
-            return setpoint_of(self._follow.motion(snapshot))
-        self._follow.is_stopping = True
-        setpoint = self._follow.setpoint(snapshot)
-        self._brake = self._straight(self._follow.motion(snapshot), snapshot)
+        if not self._has_begun:
+            # The first call may come from another thread while the update thread still steps `_following`. Only the
+            # update thread may advance its time.
+            self._has_begun = True
+            return setpoint_of(self._following.motion(snapshot))
+        self._following.is_stopping = True
+        setpoint = self._following.setpoint(snapshot)
+        self._brake = self._straight_stop(self._following.motion(snapshot), snapshot)
         return setpoint
 
+    @override
     def motion(self, snapshot: Snapshot) -> Motion:
-        return (self._brake or self._follow).motion(snapshot)
+        return (self._brake or self._following).motion(snapshot)
 
+    @override
     def pose(self) -> Pose | None:
-        return (self._brake or self._follow).pose()
+        return (self._brake or self._following).pose()
 
 
 def setpoint_of(motion: Motion) -> PositionSetpoint:
-    """What tells the autopilot to be in a motion now."""
+    """Returns the setpoint that commands a motion."""
     return PositionSetpoint(
         motion.position, motion.yaw_rad, motion.velocity, motion.acceleration, motion.yaw_rate_rad_s
     )
 
 
+def pose_of(motion: Motion) -> Pose:
+    """Returns the pose in a motion: its position, level, with its heading."""
+    return Pose(motion.position, Quaternion.from_yaw(motion.yaw_rad))
+
+
 def measured_motion(snapshot: Snapshot) -> Motion:
-    """The motion of the UAV as the autopilot measures it. The snapshot must have a pose."""
+    """Returns the motion of the UAV as the autopilot measures it. The snapshot must have a pose."""
     assert snapshot.pose is not None
     pose = snapshot.pose.value
     if snapshot.velocity is None:
@@ -193,6 +217,9 @@ def measured_motion(snapshot: Snapshot) -> Motion:
     return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
 
 
-def brake(snapshot: Snapshot, limits: Limits, start: Motion | None = None) -> Follow:
-    """Comes to rest from a motion (`start`: the one that is asked for now; None: the measured one), and holds there."""
-    return Follow(Brake(start or measured_motion(snapshot), limits), snapshot.time_s)
+def brake(snapshot: Snapshot, limits: Limits, start: Motion | None = None) -> TrajectoryReference:
+    """Returns the reference that comes to rest from a motion and holds there.
+
+    `start` is the motion that is commanded now; None: the measured motion.
+    """
+    return TrajectoryReference(Brake(start or measured_motion(snapshot), limits), snapshot.time_s)

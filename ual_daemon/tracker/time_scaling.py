@@ -1,9 +1,10 @@
-"""How fast the time of a trajectory passes: slower while the UAV lags behind, and never so that it shows in a step.
+"""How fast the time of a trajectory passes: slower while the UAV lags behind, and without a step in what is sent.
 
-With the pace p as the rate of the trajectory's time, the reference that is sent has the velocity p v and the
-acceleration p^2 a + p' v (v and a are the trajectory's). A change of the pace is a cubic from one pace to another, with
-p' 0 at both ends, that is looked at along the trajectory before it begins: it is made only where all that would be sent
-keeps the limits, else a slower or a smaller one, or none yet.
+The time scale s is the derivative of the trajectory's time by real time: 1 in real time, 0 at a standstill. The
+reference that is sent has the velocity s v and the acceleration s^2 a + s' v (v and a are the trajectory's). The scale
+changes by a cubic from one value to another, with s' = 0 at both ends. Before a change begins, the motions that it
+would send are checked along the trajectory. It is made only if all of them keep the limits; else a slower or a smaller
+change is tried, or none is made yet.
 """
 
 from __future__ import annotations
@@ -21,144 +22,158 @@ from ual_daemon.trajectory.envelope import (
     turn_jerk_limit,
 )
 
-LOOK_S = 0.02
-"""How closely a change is looked at: as often as setpoints are sent (50 Hz). Over a longer time one would see only the
-mean of a jerk that the change adds to and of what follows it."""
+CHECK_PERIOD_S = 0.02
+"""The time between the motions of a change that are checked: the period of the setpoints (50 Hz). Over a longer time,
+only the mean of a jerk that the change adds to and of the jerk after it would show."""
 _MARGIN = 1e-3
 _SHORTEST_S = 0.4
 _LONGEST_S = 8.0
 _RETRY_S = 0.1
 _SMALL = 0.1
 _TRIES = ((1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
-"""A share of the wanted change, and how much longer than the shortest it takes."""
+"""The share of the wanted change that is tried, and its duration as a multiple of the shortest possible."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A change of the pace, by `by` within `duration_s`, that begins at a time of the trajectory."""
+    """A change of the time scale, by `by` within `duration_s`, that begins at a time of the trajectory."""
 
     begin_s: float
-    pace: float
+    scale: float
     by: float
     duration_s: float
 
     def at(self, t: float) -> tuple[float, float, float]:
-        """The trajectory's time, the pace, and its rate, at a time from 0 to `duration_s`."""
+        """Returns the trajectory's time, the scale, and its derivative, at a time from 0 to `duration_s`."""
         x = t / self.duration_s
         return (
-            self.begin_s + self.pace * t + self.by * self.duration_s * x**3 * (1 - x / 2),
-            self.pace + self.by * x * x * (3 - 2 * x),
+            self.begin_s + self.scale * t + self.by * self.duration_s * x**3 * (1 - x / 2),
+            self.scale + self.by * x * x * (3 - 2 * x),
             self.by * 6 * x * (1 - x) / self.duration_s,
         )
 
 
 class TimeScaling:
-    """The time of a trajectory, and what is sent of it."""
+    """The scaled time of a trajectory, and the motion that is sent at that time."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
         self.time_s = 0.0
         self.motion = trajectory.at(0.0)
-        """What is sent."""
-        self._pace, self._rate = 1.0, 0.0
+        """The motion that is sent."""
+        self._scale, self._scale_rate = 1.0, 0.0
         self._change: _Change | None = None
         self._changing_s = 0.0
-        self._rest_s = 0.0
-        self._tries_count = 0
+        self._wait_s = 0.0
+        self._try_count = 0
 
-    def go_on(self, passed_s: float, limit_s: float, wanted: float) -> None:
-        """Lets time pass, but not beyond a limit on the trajectory; the pace shall become what is wanted (0 to 1)."""
-        self._rest_s -= passed_s
-        if self._stands():  # whichever pace, it stands
-            self._change, self._pace, self._rate = None, wanted, 0.0
-        elif self._change is None and self._rest_s <= 0.0 and self._is_worth(wanted):
-            self._change, self._changing_s = self._try(wanted), 0.0
+    def advance(self, passed_s: float, limit_s: float, wanted_scale: float) -> None:
+        """Lets real time pass, but the trajectory's time not beyond a limit. The scale becomes `wanted_scale` (0 to 1)
+        as far as the limits allow.
+        """
+        self._wait_s -= passed_s
+        if self._is_at_rest():  # at any scale it stays at rest
+            self._change, self._scale, self._scale_rate = None, wanted_scale, 0.0
+        elif self._change is None and self._wait_s <= 0.0 and self._needs_change(wanted_scale):
+            self._change, self._changing_s = self._next_try(wanted_scale), 0.0
         self._pass(passed_s)
         self.time_s = min(self.time_s, limit_s, self._trajectory.duration_s)
-        self.motion = scaled(self._trajectory.at(self.time_s), self._pace, self._rate)
+        self.motion = scaled(self._trajectory.at(self.time_s), self._scale, self._scale_rate)
 
-    def _stands(self) -> bool:
+    def _is_at_rest(self) -> bool:
         return (
             self.motion.velocity == self.motion.acceleration == Vector3()
             and not self.motion.yaw_rate_rad_s
-            and (self.time_s == 0.0 or self._pace > 0.0)
+            and (self.time_s == 0.0 or self._scale > 0.0)
         )
 
-    def _is_worth(self, wanted: float) -> bool:
-        return abs(wanted - self._pace) > (_SMALL if 0.0 < wanted < 1.0 else 1e-9)
+    def _needs_change(self, wanted_scale: float) -> bool:
+        return abs(wanted_scale - self._scale) > (_SMALL if 0.0 < wanted_scale < 1.0 else 1e-9)
 
     def _pass(self, passed_s: float) -> None:
         while self._change is not None:
             left_s = self._change.duration_s - self._changing_s
             self._changing_s += min(passed_s, left_s)
-            self.time_s, self._pace, self._rate = self._change.at(self._changing_s)
+            self.time_s, self._scale, self._scale_rate = self._change.at(self._changing_s)
             if passed_s < left_s:
                 return
             passed_s -= left_s
-            self._change, self._rate = None, 0.0
-        self.time_s += self._pace * passed_s
+            self._change, self._scale_rate = None, 0.0
+        self.time_s += self._scale * passed_s
 
-    def _try(self, wanted: float) -> _Change | None:
-        """A change of the pace, if it keeps the limits. Another one at each update, as this runs on the thread that
-        flies, and looking at one takes milliseconds.
+    def _next_try(self, wanted_scale: float) -> _Change | None:
+        """Returns the next change to try if it keeps the limits, else None.
+
+        Only one is tried at each update: this runs on the thread that flies the UAV, and a check takes milliseconds.
         """
-        share, longer = _TRIES[self._tries_count]
-        self._tries_count = (self._tries_count + 1) % len(_TRIES)
+        share, longer = _TRIES[self._try_count]
+        self._try_count = (self._try_count + 1) % len(_TRIES)
+        by = (wanted_scale - self._scale) * share
+        duration_s = min(_LONGEST_S, self._shortest_s(by) * longer)
+        change = _Change(self.time_s, self._scale, by, duration_s)
+        if self._keeps_limits(change):
+            self._try_count, self._wait_s = 0, _RETRY_S
+            return change
+        if self._try_count == 0:
+            self._wait_s = _RETRY_S
+        return None
+
+    def _shortest_s(self, by: float) -> float:
+        """Returns the shortest duration of a change by `by` that may keep the limits, as far as they depend on it."""
         limits = self._trajectory.limits
         now = self._trajectory.at(self.time_s)
         stopping_s = acceleration_share(now.velocity, limits)
-        turn_stopping_s = abs(now.yaw_rate_rad_s) / turn_acceleration_limit(limits)
-        by = (wanted - self._pace) * share
-        # From the largest rate of the cubic, 1.5 by / T, and its second derivative, 6 by / T^2.
-        duration_s = max(
+        yaw_stopping_s = abs(now.yaw_rate_rad_s) / turn_acceleration_limit(limits)
+        # From the largest derivative of the cubic, 1.5 by / T, and its second derivative, 6 by / T^2.
+        shortest_s: float = max(
             _SHORTEST_S,
-            1.5 * abs(by) * max(stopping_s, turn_stopping_s),
+            1.5 * abs(by) * max(stopping_s, yaw_stopping_s),
             (6 * abs(by) * stopping_s * RAMP_S) ** 0.5,
         )
-        change = _Change(self.time_s, self._pace, by, min(_LONGEST_S, duration_s * longer))
-        if self._is_kept(change):
-            self._tries_count, self._rest_s = 0, _RETRY_S
-            return change
-        if self._tries_count == 0:
-            self._rest_s = _RETRY_S
-        return None
+        return shortest_s
 
-    def _is_kept(self, change: _Change) -> bool:
-        limits = self._trajectory.limits
+    def _keeps_limits(self, change: _Change) -> bool:
         last: Motion | None = None
         last_s = 0.0
-        for look in range(math.ceil(change.duration_s / LOOK_S) + 1):
-            look_s = min(look * LOOK_S, change.duration_s)
-            time_s, pace, rate = change.at(look_s)
-            own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, look_s - last_s), look_s
-            sent = scaled(own, pace, rate)
-            if (
-                speed_share(sent.velocity, limits) > max(1.0, speed_share(own.velocity, limits)) + _MARGIN
-                or acceleration_share(sent.acceleration, limits)
-                > max(1.0, acceleration_share(own.acceleration, limits)) + _MARGIN
-                or abs(sent.yaw_acceleration_rad_s2)
-                > max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _MARGIN)
-            ):
+        for index in range(math.ceil(change.duration_s / CHECK_PERIOD_S) + 1):
+            check_s = min(index * CHECK_PERIOD_S, change.duration_s)
+            time_s, scale, scale_rate = change.at(check_s)
+            own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, check_s - last_s), check_s
+            sent = scaled(own, scale, scale_rate)
+            if not self._is_within(sent, own) or (last is not None and not self._is_smooth(last, sent, step_s)):
                 return False
-            if last is not None:
-                jerk = (sent.acceleration - last.acceleration) / step_s
-                turn_jerk = (sent.yaw_acceleration_rad_s2 - last.yaw_acceleration_rad_s2) / step_s
-                if acceleration_share(jerk, limits) * RAMP_S > 1.0 + _MARGIN or abs(turn_jerk) > turn_jerk_limit(
-                    limits
-                ) * (1 + _MARGIN):
-                    return False
             last = sent
         return True
 
+    def _is_within(self, sent: Motion, own: Motion) -> bool:
+        """Whether a motion keeps the limits of speed and acceleration, or exceeds them no more than the trajectory."""
+        limits = self._trajectory.limits
+        return (
+            speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _MARGIN
+            and acceleration_share(sent.acceleration, limits)
+            <= max(1.0, acceleration_share(own.acceleration, limits)) + _MARGIN
+            and abs(sent.yaw_acceleration_rad_s2)
+            <= max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _MARGIN)
+        )
 
-def scaled(motion: Motion, pace: float, rate: float) -> Motion:
-    """A motion whose time passes at a pace, and the pace changes at a rate."""
-    if pace == 1.0 and rate == 0.0:
+    def _is_smooth(self, last: Motion, sent: Motion, step_s: float) -> bool:
+        """Whether the step from one motion to the next keeps the limits of jerk."""
+        limits = self._trajectory.limits
+        jerk = (sent.acceleration - last.acceleration) / step_s
+        yaw_jerk = (sent.yaw_acceleration_rad_s2 - last.yaw_acceleration_rad_s2) / step_s
+        return acceleration_share(jerk, limits) * RAMP_S <= 1.0 + _MARGIN and abs(yaw_jerk) <= turn_jerk_limit(
+            limits
+        ) * (1 + _MARGIN)
+
+
+def scaled(motion: Motion, scale: float, scale_rate: float) -> Motion:
+    """Returns the motion that is sent for a motion of the trajectory, at a time scale and its derivative."""
+    if scale == 1.0 and scale_rate == 0.0:
         return motion
     return replace(
         motion,
-        velocity=motion.velocity * pace,
-        acceleration=motion.acceleration * (pace * pace) + motion.velocity * rate,
-        yaw_rate_rad_s=motion.yaw_rate_rad_s * pace,
-        yaw_acceleration_rad_s2=motion.yaw_acceleration_rad_s2 * (pace * pace) + motion.yaw_rate_rad_s * rate,
+        velocity=motion.velocity * scale,
+        acceleration=motion.acceleration * (scale * scale) + motion.velocity * scale_rate,
+        yaw_rate_rad_s=motion.yaw_rate_rad_s * scale,
+        yaw_acceleration_rad_s2=motion.yaw_acceleration_rad_s2 * (scale * scale) + motion.yaw_rate_rad_s * scale_rate,
     )

@@ -1,1 +1,1 @@
-"""What may be commanded, and what is told."""
+"""One UAV above its backend: what may be commanded, and what is reported."""

@@ -1,4 +1,4 @@
-"""What every motion passes before it begins, or before a dry run says what it would be."""
+"""The last checks of a motion before it begins, or before a dry run returns its plan."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ual_daemon.trajectory import Trajectory
 
 
 def admit(flight: Flight, command: str, motion: Trajectory | Reference, snapshot: Snapshot) -> Plan:
-    """Returns what a motion that begins now would be.
+    """Checks a motion that is to begin now, and returns its plan.
 
     Raises:
-        WrongStateError: A manoeuvre is under way that it may not replace, or it is not known where the geofence lies.
+        WrongStateError: It may not replace the manoeuvre that is under way, or it is not known where the geofence lies.
         GeofenceError: It would leave the geofence.
 
     """
@@ -24,12 +24,18 @@ def admit(flight: Flight, command: str, motion: Trajectory | Reference, snapshot
 
 
 def require_inside(flight: Flight, command: str, motion: Trajectory | Reference, snapshot: Snapshot) -> None:
-    """Raises `GeofenceError` where a motion that begins now would leave the geofence."""
+    """Checks that a motion that begins now stays inside the geofence.
+
+    Raises:
+        WrongStateError: It is not known where the geofence lies.
+        GeofenceError: It would leave the geofence.
+
+    """
     geofence = flight.geofence
     if geofence is None:
         return
     if isinstance(motion, MovingGoal):
-        way = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
-        geofence.require_inside(way, command, snapshot)
+        line = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
+        geofence.require_inside(line, command, snapshot)
     else:
         geofence.admit(command, motion, flight.limits.get(), snapshot)

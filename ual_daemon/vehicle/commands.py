@@ -1,4 +1,4 @@
-"""Every command: checked, planned, and then begun, or not (a dry run)."""
+"""The commands of one UAV: each is checked, planned, and then begun, or not (a dry run)."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
 
 
 class Commands:
-    """The commands of one UAV. Any thread may call; nothing blocks but the planning of a long path.
+    """The commands of one UAV. Any thread may call; only the planning of a long path blocks.
 
-    Refusals raise errors of `ual.errors`. What takes time ends a future or a `VehicleTask`. `ual.interface.Uav` says
-    what each command means.
+    `ual.interface.Uav` says what each command means, and which errors of `ual.errors` it raises. A command that takes
+    time returns a future or a `VehicleTask`, which ends when it is done.
     """
 
     def __init__(
@@ -68,9 +68,9 @@ class Commands:
         self._allow_arming = allow_arming
         self._planner = Planner(flight, resolver, preconditions, tasks, settings)
         self.setpoints = Setpoints(flight, resolver, preconditions)
-        """The references that are sent as they are."""
+        """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
-    # --- What moves it ------------------------------------------------------------------------------------------------
+    # --- Motions ------------------------------------------------------------------------------------------------------
 
     @property
     def last_command(self) -> LastCommand:
@@ -78,12 +78,12 @@ class Commands:
         return self._flight.last_command
 
     def prepare(self, request: TaskRequest, since: LastCommand | None = None) -> Prepared[VehicleTask]:
-        """Takes all checks of a task, and plans it. Nothing has happened yet when this returns.
+        """Checks and plans a task. Nothing has begun yet when this returns.
 
         Args:
-            request: What is asked for.
-            since: The `last_command` when the request was received, where that was earlier than this call. What is
-                prepared does not replace a command that began after it.
+            request: The task.
+            since: The `last_command` when the request was received; None if it was received just now. The prepared task
+                does not replace a command that began after it.
 
         """
         since = since or self._flight.last_command
@@ -99,20 +99,18 @@ class Commands:
         return self._planner.follow_path(request, since)
 
     def plan(self, motion: MotionRequest) -> Plan:
-        """Returns what a motion would be, or raises what keeps it from beginning: a dry run."""
+        """Makes a dry run: returns the plan of a motion, or raises the error by which it would be refused."""
         if isinstance(motion, RecoverFromManualRequest):
             return self.recover_from_manual().plan
-        if isinstance(motion, (TakeOffRequest, LandRequest, GoToWaypointRequest, GoToWaypointGeoRequest)):
-            return self.prepare(motion).plan
-        if isinstance(motion, FollowPathRequest):
+        if isinstance(motion, TaskRequest):
             return self.prepare(motion).plan
         if isinstance(motion, TwistStamped):
             return self.setpoints.plan_velocity(motion)
         return self.setpoints.plan_pose(motion)
 
     def _take_off(self, request: TakeOffRequest) -> Prepared[VehicleTask]:
-        """A climb to a height above where the UAV stands."""
-        with self._preconditions.refusing("take_off"):
+        """Prepares a climb to a height above where the UAV stands."""
+        with self._preconditions.logging_refusal("take_off"):
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
@@ -126,7 +124,7 @@ class Commands:
                 plan = Plan(plan.length_m)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing("take_off"):
+            with self._preconditions.logging_refusal("take_off"):
                 task = self._tasks.new(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
                 command = AutopilotCommand("take off", snapshot.time_s)
                 climb = TakeOff(task, command, snapshot, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
@@ -138,14 +136,14 @@ class Commands:
         return Prepared(plan, begin)
 
     def _land(self) -> Prepared[VehicleTask]:
-        """A landing where the UAV is."""
-        with self._preconditions.refusing("land"):
+        """Prepares a landing at the present position."""
+        with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
             snapshot = self._preconditions.require_state("land", State.FLYING_AUTO)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing("land"):
+            with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 command = AutopilotCommand("land", snapshot.time_s)
                 self._flight.begin(Land(task, command, self._flight.brake(snapshot), snapshot))
@@ -156,14 +154,14 @@ class Commands:
         return Prepared(Plan(), begin)
 
     def recover_from_manual(self) -> Prepared[Future[None]]:
-        """Takes control back; the future ends when the state is FLYING_AUTO."""
-        with self._preconditions.refusing("recover_from_manual"):
+        """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO."""
+        with self._preconditions.logging_refusal("recover_from_manual"):
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             self._flight.require_replaceable("recover_from_manual")
             snapshot = self._preconditions.require_state("recover_from_manual", State.FLYING_MANUAL)
 
         def begin() -> Future[None]:
-            with self._preconditions.refusing("recover_from_manual"):
+            with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references", snapshot.time_s)
                 recover = Recover(command, self._flight.limits.get())
                 self._flight.begin(recover)
@@ -173,21 +171,21 @@ class Commands:
 
         return Prepared(Plan(), begin)
 
-    # --- What stops it ------------------------------------------------------------------------------------------------
+    # --- Stopping -----------------------------------------------------------------------------------------------------
 
     def abort(self, freeze: bool = False, task_id: str = "") -> None:
-        """Cancels the running task or reference (with `task_id` only that task), and stops the UAV."""
-        with self._preconditions.refusing("abort"):
+        """Stops the UAV, and cancels the task or reference. With `task_id`, nothing happens unless that task runs."""
+        with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
             snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
             motion = measured_motion(snapshot)
             stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
-            self._flight.refer(stop, "abort", snapshot, only_task_id=task_id)
+            self._flight.begin_reference(stop, "abort", snapshot, only_task_id=task_id)
             accepted("abort", freeze=freeze, task_id=task_id or "any")
 
     def cancel(self, task: VehicleTask) -> None:
-        """Ends a task: the UAV stops and holds its position. Does nothing if it has ended.
+        """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
 
         Raises:
             WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
@@ -199,23 +197,23 @@ class Commands:
             raise WrongStateError(f"{task.kind.name.lower()} can be aborted by the safety pilot only")
         snapshot = self._backend.snapshot()
         if self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
-            self._flight.refer(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
+            self._flight.begin_reference(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
         else:
-            self._flight.drop(task.id, "cancel")
+            self._flight.drop_task(task.id, "cancel")
         accepted("cancel", task_id=task.id)
 
     # --- Frames -------------------------------------------------------------------------------------------------------
 
     def set_home(self, set_z: bool = False) -> None:
         """Makes the present position the origin of ``<ns>/odom``."""
-        with self._preconditions.refusing("set_home"):
+        with self._preconditions.logging_refusal("set_home"):
             snapshot = self._preconditions.require_state("set_home", *_LANDED)
             self._resolver.set_home(measured_motion(snapshot).position, snapshot, set_z=set_z)
             accepted("set_home", set_z=set_z)
 
     def add_frame(self, transform: Transform) -> None:
-        """Adds a frame, or moves one that was added. Moves may come often, and are not logged."""
-        with self._preconditions.refusing("add_frame"):
+        """Adds a frame, or moves one that was added. Moves are not logged, because they may come often."""
+        with self._preconditions.logging_refusal("add_frame"):
             transform = validation.transform(transform, "transform")
             is_new = transform.child_frame_id not in self._resolver.tree.names()
             self._resolver.tree.add(transform, self._backend.clock.now_s())
@@ -226,19 +224,19 @@ class Commands:
 
     @property
     def is_arming_allowed(self) -> bool:
-        """Whether callers may arm: always in a simulation."""
+        """Whether callers may arm and disarm. In a simulation they always may."""
         return self._allow_arming or self._backend.simulation() is not None
 
     def arm(self) -> Future[None]:
-        """Arms; the future ends when the autopilot says that it is armed."""
+        """Arms. The future ends when the autopilot reports that it is armed."""
         return self._arm_or_disarm("arm", State.LANDED_DISARMED, is_armed=True)
 
     def disarm(self) -> Future[None]:
-        """Disarms; the future ends when the autopilot says that it is disarmed."""
+        """Disarms. The future ends when the autopilot reports that it is disarmed."""
         return self._arm_or_disarm("disarm", State.LANDED_ARMED, is_armed=False)
 
     def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
-        with self._preconditions.refusing(name):
+        with self._preconditions.logging_refusal(name):
             self._preconditions.require_capability(Capability.ARM, name)
             if not self.is_arming_allowed:
                 raise PermissionDeniedError(

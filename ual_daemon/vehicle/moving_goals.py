@@ -1,4 +1,4 @@
-"""References that follow a goal in a frame that moves."""
+"""References to a goal in a frame that moves."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def moving_goal(
     snapshot: Snapshot,
     max_speed_m_s: float | None = None,
 ) -> MovingGoal:
-    """Returns what follows a goal from the motion that is flown now, within the geofence."""
+    """Returns the reference that follows a goal within the geofence. It begins with the present motion."""
     start, geofence = flight.start(snapshot), flight.geofence
 
-    def admit(way: Sequence[Vector3], now: Snapshot) -> None:
+    def admit(polyline: Sequence[Vector3], now: Snapshot) -> None:
         if geofence is not None:
-            geofence.require_inside(way, "the goal in the moving frame", now)
+            geofence.require_inside(polyline, "the goal in the moving frame", now)
 
-    def where(now_s: float) -> Motion:
+    def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)
 
-    return MovingGoal(where, start, snapshot.time_s, bounds, admit, max_speed_m_s or math.inf)
+    return MovingGoal(goal_motion, start, snapshot.time_s, bounds, admit, max_speed_m_s or math.inf)

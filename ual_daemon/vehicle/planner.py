@@ -1,7 +1,7 @@
-"""Go-tos and paths: from what is asked for to a trajectory that may begin.
+"""The planner of go-tos and paths: from a request to a task that may begin.
 
-Planning a long path takes seconds, in which other commands may come and the UAV flies on. So what was planned begins
-only where no newer command has begun meanwhile, and where the UAV still is where the trajectory begins.
+Planning a long path takes seconds, in which other commands may come and the UAV flies on. So a planned task begins only
+if no newer command has begun in the meantime, and if the UAV is still near the start of the trajectory.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.pure_pursuit import Pursuit
-from ual_daemon.tracker.references import Follow, measured_motion
-from ual_daemon.trajectory import Trajectory, path
+from ual_daemon.tracker.references import TrajectoryReference, measured_motion
+from ual_daemon.trajectory import Trajectory, Waypoint, path
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
 
 _MAX_WAYPOINTS = 100_000
-_FLOWN_ON_M, _FLOWN_ON_S = 1.0, 0.5
-"""How far a UAV may fly on while its next trajectory is planned: so far, and at its speed for so long."""
+_NEAR_START_M, _NEAR_START_S = 1.0, 0.5
+"""How far a UAV may fly on while its next trajectory is planned: this distance, plus its speed times this time."""
 
 
 class Planner:
@@ -64,7 +64,7 @@ class Planner:
 
     def go_to_waypoint(self, request: GoToWaypointRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
-        with self._preconditions.refusing("go_to_waypoint"):
+        with self._preconditions.logging_refusal("go_to_waypoint"):
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
             goal = self._resolver.goal(request.waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
@@ -73,52 +73,67 @@ class Planner:
             if self._resolver.is_moving(goal):
                 return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
             local = replace(self._resolver.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT, f"go to {_text(goal)}", trajectory, snapshot, since)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT, goal, local, bounds, snapshot, since)
 
     def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
-        with self._preconditions.refusing("go_to_waypoint_geo"):
+        with self._preconditions.logging_refusal("go_to_waypoint_geo"):
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
             goal = validation.geo_waypoint(request.waypoint)
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
             bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
             local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-            return self._follow(TaskKind.GO_TO_WAYPOINT_GEO, f"go to {_text(goal)}", trajectory, snapshot, since)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, local, bounds, snapshot, since)
+
+    def _go_straight(
+        self,
+        kind: TaskKind,
+        goal: Goal | GeoWaypoint,
+        local: Waypoint,
+        bounds: Limits,
+        snapshot: Snapshot,
+        since: LastCommand,
+    ) -> Prepared[VehicleTask]:
+        """Prepares the straight line to a goal, which is `local` in the local frame."""
+        trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
+        return self._follow(kind, f"go to {_text(goal)}", trajectory, snapshot, since)
 
     def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""
-        with self._preconditions.refusing("follow_path"):
+        with self._preconditions.logging_refusal("follow_path"):
             self._preconditions.require_capability(Capability.POSITION, "follow_path")
-            waypoints = request.waypoints
-            if not waypoints:
-                raise validation.refuse("waypoints", "there are none; a path needs at least one")
-            if len(waypoints) > _MAX_WAYPOINTS:
-                raise validation.refuse("waypoints", f"{len(waypoints)} are more than {_MAX_WAYPOINTS}")
+            count = len(request.waypoints)
+            _require_count(count)
             radius_m = validation.not_negative(
                 request.corner_radius_m, "corner_radius_m", at_most=validation.MAX_DISTANCE_M
             )
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
             bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
-            speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, len(waypoints))
+            leg_speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, count)
+            speeds_m_s = [limits.slower(speed_m_s, max_speed_m_s) for speed_m_s in leg_speeds_m_s]
             point = request.point_of_interest
             heading = validation.path_heading(request.heading, has_point=point is not None)
-            goals = self._goals(waypoints)
+            goals = self._goals(request.waypoints)
             interest = None if point is None else self._resolver.point(point, "point_of_interest")
             snapshot = self._preconditions.require_state("follow_path", State.FLYING_AUTO)
-            local = [
-                replace(waypoint, max_speed_m_s=limits.slower(speed_m_s, max_speed_m_s))
-                for waypoint, speed_m_s in zip(self._resolver.all_to_local(goals, snapshot), speeds_m_s, strict=True)
-            ]
-            target = None if interest is None else self._resolver.to_local(interest, snapshot).position
-            trajectory = path(self._flight.start(snapshot), local, radius_m, bounds, heading, target)
-            what = f"follow {len(waypoints)} waypoints to {_text(goals[-1])}"
+            waypoints = self._local_waypoints(goals, speeds_m_s, snapshot)
+            look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
+            trajectory = path(self._flight.start(snapshot), waypoints, radius_m, bounds, heading, look_at)
+            what = f"follow {count} waypoints to {_text(goals[-1])}"
             return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, since)
 
+    def _local_waypoints(
+        self, goals: Sequence[Goal | GeoWaypoint], speeds_m_s: Sequence[float | None], snapshot: Snapshot
+    ) -> list[Waypoint]:
+        waypoints = self._resolver.all_to_local(goals, snapshot)
+        return [
+            replace(waypoint, max_speed_m_s=speed_m_s)
+            for waypoint, speed_m_s in zip(waypoints, speeds_m_s, strict=True)
+        ]
+
     def _goals(self, waypoints: Sequence[PoseStamped | GeoWaypoint]) -> Sequence[Goal] | Sequence[GeoWaypoint]:
-        """The waypoints of a path, checked as far as that needs no position of the UAV."""
+        """Validates the waypoints of a path, as far as that is possible without the position of the UAV."""
         geo = [waypoint for waypoint in waypoints if isinstance(waypoint, GeoWaypoint)]
         poses = [waypoint for waypoint in waypoints if not isinstance(waypoint, GeoWaypoint)]
         if geo and poses:
@@ -131,12 +146,12 @@ class Planner:
     def _follow(
         self, kind: TaskKind, what: str, trajectory: Trajectory, snapshot: Snapshot, since: LastCommand
     ) -> Prepared[VehicleTask]:
-        """What follows a trajectory that was planned from the state of a snapshot."""
+        """Prepares the task that follows a trajectory, which was planned from a snapshot."""
         name = kind.name.lower()
         plan = admit(self._flight, name, trajectory, snapshot)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing(name):
+            with self._preconditions.logging_refusal(name):
                 self._require_near(name, trajectory)
                 task = self._tasks.new(kind, what)
                 tolerance, tracker = self._tolerance, self._tracker()
@@ -148,36 +163,43 @@ class Planner:
         return Prepared(plan, begin)
 
     def _require_near(self, name: str, trajectory: Trajectory) -> None:
-        """Raises `WrongStateError` where the UAV would have to jump back to where the trajectory begins."""
+        """Raises `WrongStateError` if the reference would have to jump back to the start of the trajectory."""
         here = self._flight.start(self._preconditions.require_state(name, State.FLYING_AUTO))
-        flown_on_m = (here.position - trajectory.at(0.0).position).norm()
-        if flown_on_m > _FLOWN_ON_M + _FLOWN_ON_S * here.velocity.norm():
+        distance_m = (here.position - trajectory.at(0.0).position).norm()
+        if distance_m > _NEAR_START_M + _NEAR_START_S * here.velocity.norm():
             raise WrongStateError(
-                f"{name}: the UAV flew on by {flown_on_m:.1f} m while the way was planned; stop it (abort), and then "
+                f"{name}: the UAV flew on by {distance_m:.1f} m while the way was planned; stop it (abort), and then "
                 "command this again"
             )
 
     def _catch_up(
         self, goal: Goal, bounds: Limits, snapshot: Snapshot, max_speed_m_s: float | None
     ) -> Prepared[VehicleTask]:
-        """What catches up with a goal in a frame that moves."""
+        """Prepares the task that catches up with a goal in a frame that moves."""
         name, what = "go_to_waypoint", f"go to {_text(goal)}"
         reference = moving_goal(self._flight, self._resolver, goal, bounds, snapshot, max_speed_m_s)
         admit(self._flight, name, reference, snapshot)
-        moving = reference.goal(snapshot.time_s)
+        motion = reference.goal(snapshot.time_s)
 
         def begin() -> VehicleTask:
-            with self._preconditions.refusing(name):
+            with self._preconditions.logging_refusal(name):
                 task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
                 self._flight.begin(CatchUp(name, task, reference, bounds, self._tolerance))
-                accepted(name, task_id=task.id, what=what, speed_m_s=round(moving.velocity.norm(), 2))
+                accepted(name, task_id=task.id, what=what, speed_m_s=round(motion.velocity.norm(), 2))
                 return task
 
-        return Prepared(Plan((moving.position - measured_motion(snapshot).position).norm()), begin)
+        return Prepared(Plan((motion.position - measured_motion(snapshot).position).norm()), begin)
 
-    def _tracker(self) -> type[Follow | Pursuit]:
+    def _tracker(self) -> type[TrajectoryReference | Pursuit]:
         takes_motion = self._flight.takes is Takes.ALL
-        return Follow if takes_motion and self._tracker_setting is Tracker.REFERENCE else Pursuit
+        return TrajectoryReference if takes_motion and self._tracker_setting is Tracker.REFERENCE else Pursuit
+
+
+def _require_count(count: int) -> None:
+    if not count:
+        raise validation.refuse("waypoints", "there are none; a path needs at least one")
+    if count > _MAX_WAYPOINTS:
+        raise validation.refuse("waypoints", f"{count} are more than {_MAX_WAYPOINTS}")
 
 
 def _text(goal: Goal | GeoWaypoint) -> str:

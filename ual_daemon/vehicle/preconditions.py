@@ -1,4 +1,4 @@
-"""What every command asks first: can the backend, and is the state the right one? Refusals are logged."""
+"""The first checks of every command: can the backend do it, and is the state right? Refusals are logged."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from ual.types import Capability, State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.flight import Flight, shutting_down
+from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.refusals import shutting_down
 from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
@@ -20,8 +21,8 @@ _log = logging.getLogger(__name__)
 _REPEATED_REFUSAL_S = 1.0
 
 
-class _Refusing(AbstractContextManager[None]):
-    """A class, as `contextlib.contextmanager` costs two to three times as much, and each setpoint comes by twice."""
+class _LoggingRefusal(AbstractContextManager[None]):
+    """A class, because `contextlib.contextmanager` costs two to three times as much."""
 
     __slots__ = ("_command", "_preconditions")
 
@@ -45,12 +46,15 @@ class Preconditions:
         self._flight = flight
         self._last_refusal = ("", 0.0)
 
-    def refusing(self, command: str) -> AbstractContextManager[None]:
-        """Logs a refusal; the same one, again and again (a stream of setpoints), only once in a while."""
-        return _Refusing(self, command)
+    def logging_refusal(self, command: str) -> AbstractContextManager[None]:
+        """Logs the refusal that is raised in its block.
+
+        Of a refusal that is repeated (a stream of setpoints), only one a second is logged.
+        """
+        return _LoggingRefusal(self, command)
 
     def log_refusal(self, command: str, error: UalError) -> None:
-        """See `refusing`."""
+        """See `logging_refusal`."""
         text, now_s = f"{command}: {error}", time.monotonic()
         last_text, last_s = self._last_refusal
         if text != last_text or now_s - last_s > _REPEATED_REFUSAL_S:
@@ -58,17 +62,29 @@ class Preconditions:
             logs.event(_log, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error))
 
     def require_capability(self, capability: Capability, command: str) -> None:
-        """Raises `NotSupportedError`, or `LinkLostError` while it is not known."""
+        """Checks that the backend has a capability.
+
+        Raises:
+            NotSupportedError: It has not.
+            LinkLostError: The autopilot is not heard, so its capabilities are not known.
+
+        """
         capabilities = self._backend.info().capabilities
         if capability in capabilities:
             return
-        # An autopilot that has not been heard yet is not one that cannot.
+        # Nothing is known of the capabilities of an autopilot that was not heard yet.
         _require_link(command, self._flight.estimate(self._backend.snapshot()))
         known = ", ".join(sorted(c.name for c in capabilities)) or "nothing of the kind"
         raise NotSupportedError(f"{command}: the backend {self._backend.name} cannot (it can: {known})")
 
     def require_state(self, command: str, *allowed: State) -> Snapshot:
-        """The snapshot in which the state is one of those. Raises `WrongStateError`, or `LinkLostError`."""
+        """Returns the snapshot in which the state is one of the allowed ones.
+
+        Raises:
+            WrongStateError: The state is another one, or UAL is shutting down.
+            LinkLostError: The autopilot is not heard.
+
+        """
         if self._flight.is_closing:
             raise shutting_down(command)
         snapshot = self._backend.snapshot()

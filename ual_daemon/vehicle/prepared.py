@@ -1,4 +1,4 @@
-"""A motion that may begin."""
+"""A command that has passed its checks and may begin."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Prepared(Generic[T]):
-    """A motion that has passed all checks: what it would be, and what begins it. Nothing has happened yet.
+    """A command that has passed its checks: its plan, and the function that begins it. Nothing has begun yet.
 
-    `begin` is to be called at once, and once.
+    Call `begin` at once, and only once.
     """
 
     plan: Plan

@@ -1,7 +1,7 @@
-"""The references that a caller sends as they are: `set_pose` and `set_velocity`.
+"""The commands that are sent as they are: `set_pose` and `set_velocity`.
 
-The one path of a setpoint: validate, resolve the frame, check the state, scale to the limits, check the geofence, send.
-Each setpoint of a stream takes it, 50 times a second, so that each check is made once.
+Each setpoint takes the same path: validate, resolve the frame, check the state, scale to the limits, check the
+geofence, send. A stream sends 50 setpoints a second, so each check is made only once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 class Setpoints:
-    """The references of one UAV. Any thread may call. A setpoint has been sent when its call returns."""
+    """The setpoints of one UAV. Any thread may call. A setpoint has been sent when its call returns."""
 
     def __init__(self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions) -> None:
         self._flight = flight
@@ -41,31 +41,31 @@ class Setpoints:
         self._send("set_velocity", self._velocity, velocity)
 
     def plan_pose(self, pose: PoseStamped) -> Plan:
-        """Raises what `set_pose` would raise. Nothing is sent."""
+        """Makes a dry run of `set_pose`: raises the same errors, but sends nothing."""
         return self._plan("set_pose", self._pose, pose)
 
     def plan_velocity(self, velocity: TwistStamped) -> Plan:
-        """Raises what `set_velocity` would raise. Nothing is sent."""
+        """Makes a dry run of `set_velocity`: raises the same errors, but sends nothing."""
         return self._plan("set_velocity", self._velocity, velocity)
 
     def _send(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> None:
-        # A try, not `refusing`: a context manager costs each setpoint of a stream some microseconds.
+        # A try, not `logging_refusal`: a context manager costs each setpoint of a stream some microseconds.
         try:
             reference, snapshot = make(setpoint)
             if self._flight.geofence is not None:
                 require_inside(self._flight, name, reference, snapshot)
-            self._flight.refer(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
+            self._flight.begin_reference(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
         except UalError as error:
             self._preconditions.log_refusal(name, error)
             raise
 
     def _plan(self, name: str, make: Callable[[T], tuple[Reference, Snapshot]], setpoint: T) -> Plan:
-        with self._preconditions.refusing(name):
+        with self._preconditions.logging_refusal(name):
             reference, snapshot = make(setpoint)
             return admit(self._flight, name, reference, snapshot)
 
     def _pose(self, pose: PoseStamped) -> tuple[Reference, Snapshot]:
-        """The reference of a pose, and the snapshot in which the state allows it."""
+        """Returns the reference of a pose, and the snapshot in which the state allows it."""
         self._preconditions.require_capability(Capability.POSITION, "set_pose")
         goal = self._resolver.goal(pose, "pose")
         snapshot = self._preconditions.require_state("set_pose", State.FLYING_AUTO)
@@ -76,7 +76,7 @@ class Setpoints:
         return Hold(local.position, yaw_rad), snapshot
 
     def _velocity(self, velocity: TwistStamped) -> tuple[Reference, Snapshot]:
-        """The reference of a velocity, and the snapshot in which the state allows it."""
+        """Returns the reference of a velocity, and the snapshot in which the state allows it."""
         self._preconditions.require_capability(Capability.VELOCITY, "set_velocity")
         twist, frame_id = self._resolver.velocity(velocity, "velocity")
         snapshot = self._preconditions.require_state("set_velocity", State.FLYING_AUTO)

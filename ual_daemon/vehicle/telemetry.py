@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
 from ual.types import GeoPoint, Odometry, Telemetry
@@ -12,6 +14,15 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
 
+class _Reported(NamedTuple):
+    """What is reported in the pose frame."""
+
+    frame_id: str
+    pose: Pose | None
+    velocity: Twist | None
+    reference_pose: Pose | None
+
+
 def make_telemetry(
     snapshot: Snapshot,
     found: Estimate,
@@ -20,29 +31,23 @@ def make_telemetry(
     pose_frame_id: str | None,
     sequence: int,
 ) -> Telemetry:
-    """A sample; poses in `pose_frame_id` (None: ``<ns>/odom``, which also stands in until that one is known)."""
-    odom = resolver.tree.odom
+    """Returns a sample, with its poses in `pose_frame_id`.
+
+    They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is.
+    """
     body = resolver.body(snapshot)
     twist = None if snapshot.velocity is None else snapshot.velocity.value
-    local_reference = flight.reference_pose()
-    reference = None if local_reference is None else resolver.to_odom(local_reference)
-    pose, velocity, frame_id = body, twist, odom
-    to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
-    if to_frame is not None:
-        frame_id = to_frame.frame_id
-        pose = None if body is None else to_frame.apply_pose(body)
-        velocity = None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular)
-        reference = None if reference is None else to_frame.apply_pose(reference)
+    reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
     return Telemetry(
         state=found.state,
         state_reason=found.why,
         stamp_s=snapshot.stamp_s,
-        frame_id=frame_id,
-        pose=pose,
-        velocity=velocity,
+        frame_id=reported.frame_id,
+        pose=reported.pose,
+        velocity=reported.velocity,
         odometry=_odometry(snapshot, resolver, body, twist),
         transform=_in_map(resolver, body, snapshot.stamp_s),
-        reference_pose=reference,
+        reference_pose=reported.reference_pose,
         position_geo=_position_geo(snapshot),
         battery=snapshot.battery,
         gps=snapshot.gps,
@@ -54,19 +59,37 @@ def make_telemetry(
     )
 
 
+def _reported(
+    resolver: FrameResolver, reference: Pose | None, body: Pose | None, twist: Twist | None, pose_frame_id: str | None
+) -> _Reported:
+    """Converts the pose and velocity of the body, and the reference in the local frame, to the pose frame."""
+    odom = resolver.tree.odom
+    reference = None if reference is None else resolver.to_odom(reference)
+    to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
+    if to_frame is None:
+        return _Reported(odom, body, twist, reference)
+    return _Reported(
+        to_frame.frame_id,
+        None if body is None else to_frame.apply_pose(body),
+        None if twist is None else Twist(to_frame.rotation.rotate(twist.linear), twist.angular),
+        None if reference is None else to_frame.apply_pose(reference),
+    )
+
+
 def _in_map(resolver: FrameResolver, body: Pose | None, stamp_s: float) -> Transform | None:
     home = resolver.tree.odom_in_map()
     if home is None or body is None:
         return None
     position, orientation = body.position + home.translation, body.orientation
-    if home.rotation is not IDENTITY:  # seldom
+    if home.rotation is not IDENTITY:  # rarely
         position, orientation = home.apply(body.position), home.rotation * body.orientation
     return Transform(position, orientation, MAP, resolver.tree.body, stamp_s)
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
-    """Where it is on Earth, by the autopilot's word or else its projection; None while it does not trust its position:
-    ArduPilot then goes on telling where it was.
+    """Returns the position on Earth: as the autopilot reports it, or by its projection.
+
+    None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one.
     """
     if snapshot.estimator is None or not snapshot.estimator.value.is_good:
         return None
@@ -91,7 +114,7 @@ def _lookup(resolver: FrameResolver, target: str | None, source: str, body: Pose
         return None
     try:
         return resolver.tree.lookup(target, source, body)
-    except WrongStateError:  # not known yet where it is
+    except WrongStateError:  # it is not known yet where the frame is
         return None
 
 

@@ -1,9 +1,8 @@
-"""One UAV above its backend: its commands, and what is known of it."""
+"""One UAV above its backend: its commands, and what is reported of it."""
 
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -24,6 +23,7 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.listeners import Listeners
 from ual_daemon.vehicle.telemetry import make_telemetry
 
 _log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ class _Subscriber(NamedTuple):
 class Vehicle:
     """One UAV. Any thread may call any member, and none blocks. `ual.interface.Uav` says what they mean.
 
-    `commands` has all commands; the other members say what is known.
+    `commands` has all commands; the other members report.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Vehicle:
     ) -> None:
         self.ns = backend.options.ns
         self.log_name = ""
-        """What its lines in the log call it, where there are several in the process."""
+        """The name of this UAV in the log, if there are several in the process."""
         self.backend = backend
         settings = settings or VehicleSettings()
         self._pose_frame_id = settings.pose_frame_id
@@ -60,13 +60,12 @@ class Vehicle:
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
-        self._lock = threading.Lock()
-        self._subscribers: tuple[_Subscriber, ...] = ()
-        self._state_listeners: tuple[Callable[[State], None], ...] = ()
+        self._subscribers: Listeners[_Subscriber] = Listeners()
+        self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._sequence = 0
         self._last_state: State | None = None
 
-    # --- Life ---------------------------------------------------------------------------------------------------------
+    # --- Lifetime -----------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Begins to connect; see `Backend.open`."""
@@ -74,20 +73,22 @@ class Vehicle:
         self.backend.open(self._on_update)
 
     def close(self) -> None:
-        """Ends everything at once; what still runs ends as aborted. See `prepare_shutdown` for what is safe before."""
+        """Ends everything at once, and aborts what still runs. For a UAV in the air, use `prepare_shutdown` before."""
         self.backend.close()
         self._flight.close()
 
     def prepare_shutdown(self) -> Future[None]:
-        """Brings the UAV to where it may be left: a take-off or landing ends first, any other task and reference is
-        cancelled, and the autopilot is told to hold its position by itself. Refuses new commands from now on.
+        """Hands the UAV over to its autopilot, and refuses new commands from now on.
+
+        A take-off or landing ends first, any other task and reference is cancelled, and the autopilot is commanded to
+        hold the position by itself. The future ends when this is done.
         """
         return self._flight.prepare_shutdown()
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
     def info(self) -> Info:
-        """Who it is, and what it can do."""
+        """Returns its identity, and what it can do."""
         vehicle = self.backend.info()
         return Info(
             namespace=self.ns,
@@ -103,59 +104,61 @@ class Vehicle:
         )
 
     def state(self) -> State:
-        """The state, estimated now."""
+        """Returns the state, estimated now."""
         return self._flight.estimate(self.backend.snapshot()).state
 
     def telemetry(self) -> Telemetry:
-        """The newest sample of everything known."""
+        """Returns the newest sample of everything known."""
         snapshot = self.backend.snapshot()
         return self._sample(snapshot, self._flight.estimate(snapshot))
 
     def subscribe(
         self, callback: Callable[[Telemetry], None], is_due: Callable[[], bool] = lambda: True
     ) -> Callable[[], None]:
-        """Calls back at each update for which `is_due` says so. Returns what ends it.
+        """Calls back at each update for which `is_due` returns True. Returns the function that ends it.
 
-        Both run on the update thread and must not block. A sample that is due for nobody is not made.
+        Both run on the update thread and must not block. A sample is made only if it is due for a subscriber.
         """
-        subscriber = _Subscriber(callback, is_due)
-        with self._lock:
-            self._subscribers = (*self._subscribers, subscriber)
-
-        def unsubscribe() -> None:
-            with self._lock:
-                self._subscribers = tuple(other for other in self._subscribers if other is not subscriber)
-
-        return unsubscribe
+        return self._subscribers.add(_Subscriber(callback, is_due))
 
     def listen_to_state(self, callback: Callable[[State], None]) -> Callable[[], None]:
-        """Calls back with the new state whenever it has changed, on the update thread, before the sample that shows it:
-        the callback must not block. Returns what ends it.
+        """Calls back with the new state whenever it has changed. Returns the function that ends it.
+
+        The callback runs on the update thread, before the sample that shows the state, and must not block.
         """
-        with self._lock:
-            self._state_listeners = (*self._state_listeners, callback)
-
-        def end() -> None:
-            with self._lock:
-                self._state_listeners = tuple(other for other in self._state_listeners if other is not callback)
-
-        return end
+        return self._state_listeners.add(callback)
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        """What takes coordinates in the source frame (default the body) to the target (default ``map``)."""
+        """Returns the transform from the source frame (default: the body) to the target frame (default: ``map``).
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known yet where a frame is.
+
+        """
         snapshot = self.backend.snapshot()
         return replace(self._resolver.transform(target_frame_id, source_frame_id, snapshot), stamp_s=snapshot.stamp_s)
 
     def frames(self) -> list[Frame]:
-        """All frames."""
+        """Returns all frames."""
         return self._resolver.tree.frames(self._resolver.body(self.backend.snapshot()))
 
     def task(self, task_id: str) -> VehicleTask:
-        """Returns a task by its identifier, running or ended lately. Raises `InvalidArgumentError` if there is none."""
+        """Returns a task by its identifier, running or ended lately.
+
+        Raises:
+            InvalidArgumentError: There is no such task.
+
+        """
         return self._tasks.get(task_id)
 
     def simulation(self) -> Simulation:
-        """The world around a simulated UAV."""
+        """Returns the world around a simulated UAV.
+
+        Raises:
+            NotSupportedError: The backend is not a simulation of UAL.
+
+        """
         found = self.backend.simulation()
         if found is None:
             raise NotSupportedError(f"{self.ns} ({self.backend.name}) is not a simulation of ours")
@@ -172,12 +175,12 @@ class Vehicle:
         return self._flight.is_busy or any(each.is_due() for each in self._subscribers)
 
     def _on_update(self, snapshot: Snapshot) -> None:
-        """One update, on the backend's update thread. An error here must not end the thread that flies the UAV."""
+        """Makes one update, on the backend's update thread. An error must not end the thread that flies the UAV."""
         if self.log_name:
             logs.uav.set(self.log_name)
         try:
             self._update(snapshot)
-        except Exception:  # noqa: BLE001  told loudly; the next update goes on
+        except Exception:  # noqa: BLE001  logged; the next update goes on
             _log.exception("an update failed; this is a defect of UAL, please report it")
 
     def _update(self, snapshot: Snapshot) -> None:

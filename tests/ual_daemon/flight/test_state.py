@@ -170,7 +170,7 @@ def test_transitions(
     assert (state(*before), state(*after)) == expected, what_happens
 
 
-def test_an_autopilot_that_never_says_whether_it_is_landed_can_fly() -> None:
+def test_an_autopilot_without_a_landed_state_can_fly() -> None:
     assert state(snapshot(landed=None)) is State.FLYING_AUTO
     assert state(snapshot(landed=UNKNOWN)) is State.FLYING_AUTO
 
@@ -186,7 +186,7 @@ def test_an_autopilot_that_never_says_whether_it_is_landed_can_fly() -> None:
         ("landed", FRESHNESS.landed_s, "the autopilot has not said whether it is landed for"),
     ],
 )
-def test_a_value_counts_up_to_its_limit_and_no_longer(value: str, limit_s: float, why: str) -> None:
+def test_a_value_is_used_up_to_its_age_limit(value: str, limit_s: float, why: str) -> None:
     def aged(age_s: float) -> Estimate:
         now = getattr(HEALTHY, value)
         old = NOW_S - age_s if value == "heard_s" else Sample(now.value, NOW_S - age_s)
@@ -210,18 +210,18 @@ def test_a_value_counts_up_to_its_limit_and_no_longer(value: str, limit_s: float
         ("pose", "the autopilot has not said its pose"),
     ],
 )
-def test_what_was_never_said_makes_it_uninitialized(value: str, why: str) -> None:
+def test_a_value_that_never_came_makes_the_state_uninitialized(value: str, why: str) -> None:
     unsaid: dict[str, Any] = {value: None}
     found = estimate(HEALTHY._replace(**unsaid), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
 
 
-def test_what_will_be_said_but_was_not_yet_makes_it_uninitialized() -> None:
+def test_a_value_that_has_not_come_yet_makes_the_state_uninitialized() -> None:
     found = estimate(HEALTHY._replace(landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
-def test_a_position_that_the_autopilot_does_not_trust_is_none_and_says_why() -> None:
+def test_a_position_that_the_autopilot_does_not_trust_makes_the_state_uninitialized_and_says_why() -> None:
     found = estimate(HEALTHY._replace(estimator=Sample(Estimator(False, "no GPS"), NOW_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has no good position: no GPS")
 
@@ -239,7 +239,7 @@ def test_a_position_that_the_autopilot_does_not_trust_is_none_and_says_why() -> 
         (snapshot(control=PILOT), None, "in the air, mode a mode does not take our references"),
     ],
 )
-def test_each_state_says_what_it_follows_from(given_snapshot: Snapshot, manoeuvre: State | None, why: str) -> None:
+def test_each_state_says_why_it_is_that_state(given_snapshot: Snapshot, manoeuvre: State | None, why: str) -> None:
     assert estimate(given_snapshot, FRESHNESS, manoeuvre).why == why
 
 

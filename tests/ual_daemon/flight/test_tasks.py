@@ -35,12 +35,12 @@ def test_a_new_task_runs_and_nothing_is_known_of_its_progress(task: VehicleTask)
     assert info.description == "go to 1, 2, 3"
 
 
-def test_no_two_tasks_have_one_id(clock: HandClock) -> None:
+def test_each_task_has_an_id_of_its_own(clock: HandClock) -> None:
     ids = {VehicleTask(TaskKind.LAND, "", clock).id for _ in range(100)}
     assert len(ids) == 100
 
 
-def test_time_passes_until_it_ends_and_then_no_more(task: VehicleTask, clock: HandClock) -> None:
+def test_the_elapsed_time_grows_until_the_task_ends(task: VehicleTask, clock: HandClock) -> None:
     clock.time_s = 103.0
     assert task.info().elapsed_s == pytest.approx(3.0)
     task.end(None)
@@ -65,7 +65,7 @@ def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTas
         (RejectedByAutopilotError("no"), TaskStatus.FAILED),
     ],
 )
-def test_how_it_ended_shows_in_its_status_and_its_future(
+def test_the_end_of_a_task_shows_in_its_status_and_its_future(
     task: VehicleTask, error: UalError | None, status: TaskStatus
 ) -> None:
     task.report(lambda: Progress(0.5))
@@ -76,7 +76,7 @@ def test_how_it_ended_shows_in_its_status_and_its_future(
     assert task.future.exception(timeout=0) is error
 
 
-def test_only_what_flies_can_end_it(task: VehicleTask) -> None:
+def test_a_waiting_caller_cannot_cancel_the_future_of_a_task(task: VehicleTask) -> None:
     assert not task.future.cancel()
     assert not task.future.done()
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.strategies import POSES, TRANSFORMS
 from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
-from ual_daemon.frames.tree import CARRIED_ON_S, MAP, FrameTree, horizontal
+from ual_daemon.frames.tree import EXTRAPOLATION_S, MAP, FrameTree, horizontal
 from ual_daemon.settings import ConfigError, FrameSettings, VehicleSettings
 
 ODOM, BODY = "uav_1/odom", "uav_1/base_link"
@@ -28,7 +28,7 @@ def at(x: float, y: float, z: float, parent: str, child: str, yaw_rad: float = 0
     return Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw_rad), parent, child)
 
 
-def assert_same_place(found: Transform, expected: Transform, size_m: float = 1e3) -> None:
+def assert_same_transform(found: Transform, expected: Transform, size_m: float = 1e3) -> None:
     assert (found.frame_id, found.child_frame_id) == (expected.frame_id, expected.child_frame_id)
     assert (found.translation - expected.translation).norm() <= 1e-12 * size_m
     # A quaternion and its negative are the same rotation.
@@ -37,7 +37,7 @@ def assert_same_place(found: Transform, expected: Transform, size_m: float = 1e3
 
 
 @given(POSES)
-def test_a_levelled_pose_has_the_same_heading_and_no_tilt(pose: Pose) -> None:
+def test_a_horizontal_pose_has_the_same_heading_and_no_tilt(pose: Pose) -> None:
     level = horizontal(pose)
     roll, pitch, yaw = level.orientation.to_euler()
     assert level.position == pose.position
@@ -62,24 +62,24 @@ def test_home_pose_places_odom_in_its_parent() -> None:
     field = FrameSettings(frame_id="field", translation=(10.0, 0.0, 0.0), yaw_rad=math.pi / 2)
     settings = VehicleSettings(home_pose=(1.0, 2.0, 3.0), home_pose_parent_frame="field", frames=(field,))
     found = tree(settings).lookup(MAP, ODOM, None)
-    # One ahead of the field's origin is one to the north; two to its left are two to the west.
-    assert_same_place(found, at(8.0, 1.0, 3.0, MAP, ODOM, math.pi / 2))
+    # 1 m ahead of the field's origin is 1 m to the north; 2 m to its left are 2 m to the west.
+    assert_same_transform(found, at(8.0, 1.0, 3.0, MAP, ODOM, math.pi / 2))
 
 
-def test_a_frame_seen_from_itself_is_where_it_is() -> None:
+def test_the_transform_of_a_frame_to_itself_is_the_identity() -> None:
     assert tree().lookup(BODY, BODY, None) == Transform(Vector3(), IDENTITY, BODY, BODY)
 
 
-def test_what_hangs_on_the_body_moves_with_it() -> None:
+def test_a_frame_below_the_body_moves_with_it() -> None:
     frames = tree()
     frames.add(at(0.2, 0.0, -0.1, BODY, "uav_1/camera"))
     body = Pose(Vector3(5, 5, 5), Quaternion.from_yaw(math.pi / 2))
-    assert_same_place(frames.lookup(MAP, "uav_1/camera", body), at(5.0, 5.2, 4.9, MAP, "uav_1/camera", math.pi / 2))
+    assert_same_transform(frames.lookup(MAP, "uav_1/camera", body), at(5.0, 5.2, 4.9, MAP, "uav_1/camera", math.pi / 2))
 
 
 @st.composite
 def random_trees(draw: st.DrawFn) -> tuple[list[Transform], Pose]:
-    """Frames f0, f1, ..., each in one that is there before; and where the body is."""
+    """Frames f0, f1, ..., each in an earlier one; and the pose of the body."""
     names = [MAP, ODOM, BODY]
     frames = []
     for index in range(draw(st.integers(1, 8))):
@@ -107,16 +107,16 @@ def test_a_lookup_is_the_product_of_the_chain(drawn: tuple[list[Transform], Pose
 
     names = [MAP, *links]
     source, target = data.draw(st.sampled_from(names)), data.draw(st.sampled_from(names))
-    assert_same_place(frames.lookup(target, source, body), to_map(target).inverse().compose(to_map(source)), 1e5)
-    assert_same_place(frames.lookup(target, source, body), frames.lookup(source, target, body).inverse(), 1e5)
+    assert_same_transform(frames.lookup(target, source, body), to_map(target).inverse().compose(to_map(source)), 1e5)
+    assert_same_transform(frames.lookup(target, source, body), frames.lookup(source, target, body).inverse(), 1e5)
 
 
-def test_an_added_frame_can_be_moved_and_hung_elsewhere() -> None:
+def test_an_added_frame_can_be_moved_and_given_another_parent() -> None:
     frames = tree()
     frames.add(at(1, 0, 0, "", "box"))
     frames.add(at(0, 0, 2, "box", "lid"))
     frames.add(at(0, 5, 0, ODOM, "box"))
-    assert_same_place(frames.lookup(MAP, "lid", None), at(0, 5, 2, MAP, "lid"))
+    assert_same_transform(frames.lookup(MAP, "lid", None), at(0, 5, 2, MAP, "lid"))
     assert frames.names() == [MAP, ODOM, BODY, "box", "lid"]
 
 
@@ -150,40 +150,40 @@ def test_a_frame_cannot_hang_below_itself(parent: str) -> None:
     with pytest.raises(InvalidArgumentError, match="a cannot hang below itself") as caught:
         frames.add(at(0, 0, 0, parent, "a"))
     assert caught.value.metadata["field"] == "transform.header.frame_id"
-    assert_same_place(frames.lookup(MAP, "c", None), at(3, 0, 0, MAP, "c"))
+    assert_same_transform(frames.lookup(MAP, "c", None), at(3, 0, 0, MAP, "c"))
 
 
-def test_where_the_body_is_not_known_only_chains_past_it_fail() -> None:
+def test_only_lookups_through_the_body_fail_while_its_pose_is_not_known() -> None:
     frames = tree()
     frames.add(at(1, 0, 0, BODY, "arm"))
     with pytest.raises(WrongStateError, match=f"not known yet where the frame {BODY} is in {ODOM}"):
         frames.lookup(MAP, "arm", None)
-    assert_same_place(frames.lookup(BODY, "arm", None), at(1, 0, 0, BODY, "arm"))
+    assert_same_transform(frames.lookup(BODY, "arm", None), at(1, 0, 0, BODY, "arm"))
     assert {frame.frame_id: frame.transform for frame in frames.frames(None)}[BODY] is None
 
 
-def test_with_a_geographic_origin_odom_is_known_once_it_is_placed() -> None:
+def test_with_a_geographic_origin_odom_is_known_once_home_is_set() -> None:
     frames = tree(VehicleSettings(map_origin_geo=(37.0, -6.0, 0.0)))
     assert not frames.has_home()
     with pytest.raises(WrongStateError, match=f"where the frame {ODOM} is in map"):
         frames.lookup(MAP, BODY, ORIGIN)
-    assert_same_place(frames.lookup(ODOM, BODY, ORIGIN), at(0, 0, 0, ODOM, BODY))
+    assert_same_transform(frames.lookup(ODOM, BODY, ORIGIN), at(0, 0, 0, ODOM, BODY))
     frames.set_home(Vector3(3, 2, 1))
     assert frames.has_home()
-    assert_same_place(frames.lookup(MAP, BODY, ORIGIN), at(3, 2, 1, MAP, BODY))
+    assert_same_transform(frames.lookup(MAP, BODY, ORIGIN), at(3, 2, 1, MAP, BODY))
 
 
-def test_a_frame_that_is_moved_meanwhile_is_seen_where_it_was_or_where_it_is() -> None:
+def test_a_lookup_during_a_move_sees_the_frame_before_or_after_the_move() -> None:
     frames = tree()
     frames.add(at(1, 0, 0, MAP, "near"))
-    places = (at(1, 0, 0, MAP, "box"), at(2, 0, 0, "near", "box"))
-    frames.add(places[0])
+    transforms = (at(1, 0, 0, MAP, "box"), at(2, 0, 0, "near", "box"))
+    frames.add(transforms[0])
     is_over = threading.Event()
 
     def move() -> None:
         while not is_over.is_set():
-            for place in places:
-                frames.add(place)
+            for transform in transforms:
+                frames.add(transform)
 
     mover = threading.Thread(target=move)
     mover.start()
@@ -201,10 +201,10 @@ def test_a_frame_that_is_moved_meanwhile_is_seen_where_it_was_or_where_it_is() -
 def moved(tree: FrameTree, times_s: Sequence[float], x: Callable[[float], float], *, stamped: bool = False) -> None:
     """A car that drives along the x axis, and turns at 0.1 rad/s."""
     for time_s in times_s:
-        turn = Quaternion.from_yaw(0.1 * time_s)
+        rotation = Quaternion.from_yaw(0.1 * time_s)
         stamp_s = 1000.0 + time_s if stamped else 0.0
-        late_s = 0.03 * (time_s * 1000 % 3) if stamped else 0.0  # a network that is late now and then
-        tree.add(Transform(Vector3(x(time_s), 0.0, 0.0), turn, MAP, "car", stamp_s), time_s + late_s)
+        late_s = 0.03 * (time_s * 1000 % 3) if stamped else 0.0  # sometimes the network is late
+        tree.add(Transform(Vector3(x(time_s), 0.0, 0.0), rotation, MAP, "car", stamp_s), time_s + late_s)
 
 
 def every(period_s: float, until_s: float) -> list[float]:
@@ -212,31 +212,31 @@ def every(period_s: float, until_s: float) -> list[float]:
 
 
 @pytest.mark.parametrize("stamped", [False, True])
-def test_a_frame_that_is_moved_goes_on_until_it_is_told_no_more(stamped: bool) -> None:
+def test_a_moved_frame_goes_on_for_a_while_after_its_last_update(stamped: bool) -> None:
     frames = tree()
     moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=stamped)
-    for later_s, x in ((0.2, 6.4), (CARRIED_ON_S, 7.0), (9.0, 7.0)):
+    for later_s, x in ((0.2, 6.4), (EXTRAPOLATION_S, 7.0), (9.0, 7.0)):
         found = frames.lookup(MAP, "car", None, 3.0 + later_s)
         assert found.translation.x == pytest.approx(x, abs=0.13 if stamped else 1e-4)
-    turned = frames.lookup(MAP, "car", None, 3.2).rotation.yaw_rad
-    assert turned == pytest.approx(0.32, abs=0.01 if stamped else 1e-4)
+    yaw_rad_later = frames.lookup(MAP, "car", None, 3.2).rotation.yaw_rad
+    assert yaw_rad_later == pytest.approx(0.32, abs=0.01 if stamped else 1e-4)
 
 
-def test_without_a_time_it_is_where_it_was_told_to_be() -> None:
+def test_without_a_time_a_frame_is_where_its_last_update_put_it() -> None:
     frames = tree()
     moved(frames, every(0.1, 1.0), lambda t: 2.0 * t)
     assert frames.lookup(MAP, "car", None).translation.x == pytest.approx(2.0)
 
 
-def test_noise_of_where_it_is_does_not_throw_it_about() -> None:
+def test_noisy_updates_do_not_spoil_the_extrapolation() -> None:
     frames = tree()
     rng = random.Random(1)
     moved(frames, every(0.02, 5.0), lambda t: 3.0 * t + rng.gauss(0.0, 0.02))
-    ahead = frames.lookup(MAP, "car", None, 5.0 + CARRIED_ON_S).translation.x
-    assert ahead == pytest.approx(15.0 + 3.0 * CARRIED_ON_S, abs=0.5)
+    ahead = frames.lookup(MAP, "car", None, 5.0 + EXTRAPOLATION_S).translation.x
+    assert ahead == pytest.approx(15.0 + 3.0 * EXTRAPOLATION_S, abs=0.5)
 
 
-def test_two_places_close_in_time_are_no_velocity_yet() -> None:
+def test_two_updates_close_in_time_do_not_give_a_velocity_yet() -> None:
     frames = tree()
     for x, now_s in ((0.0, 0.0), (0.5, 0.02)):
         frames.add(at(x, 0, 0, MAP, "car"), now_s)
@@ -244,12 +244,12 @@ def test_two_places_close_in_time_are_no_velocity_yet() -> None:
 
 
 @pytest.mark.parametrize("pause_s", [0.1, 5.0])
-def test_what_is_put_elsewhere_stands_there(pause_s: float) -> None:
+def test_a_frame_that_is_put_elsewhere_stands_still_there(pause_s: float) -> None:
     frames = tree()
     moved(frames, every(0.1, 1.0), lambda t: t)
     frames.add(at(100.0 if pause_s < 1.0 else 2.0, 0, 0, MAP, "car"), 1.0 + pause_s)
-    place = frames.lookup(MAP, "car", None).translation
-    assert frames.lookup(MAP, "car", None, 1.0 + pause_s + 0.4).translation == place
+    position = frames.lookup(MAP, "car", None).translation
+    assert frames.lookup(MAP, "car", None, 1.0 + pause_s + 0.4).translation == position
 
 
 def test_which_frames_move() -> None:
@@ -275,7 +275,7 @@ CONFIGURED = (
 @given(st.permutations(CONFIGURED))
 def test_configured_frames_may_come_in_any_order(order: list[FrameSettings]) -> None:
     settings = VehicleSettings(frames=tuple(order), home_pose_parent_frame="site/hall/gate", pose_frame_id="site/hall")
-    assert_same_place(tree(settings).lookup(MAP, "camera", ORIGIN), at(4, 0, 0, MAP, "camera"))
+    assert_same_transform(tree(settings).lookup(MAP, "camera", ORIGIN), at(4, 0, 0, MAP, "camera"))
 
 
 @pytest.mark.parametrize(
@@ -313,7 +313,9 @@ def test_configured_frames_may_come_in_any_order(order: list[FrameSettings]) -> 
         (VehicleSettings(pose_frame_id="a"), "pose_frame_id", "the frame a is not known"),
     ],
 )
-def test_a_tree_that_cannot_be_names_the_setting_at_fault(settings: VehicleSettings, key: str, message: str) -> None:
+def test_the_error_of_an_impossible_tree_names_the_setting_at_fault(
+    settings: VehicleSettings, key: str, message: str
+) -> None:
     with pytest.raises(ConfigError) as caught:
         tree(settings)
     assert caught.value.key == key

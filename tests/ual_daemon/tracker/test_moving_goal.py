@@ -17,31 +17,31 @@ from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 CAR = "car/base_link"
 FAST = {"horizontal_speed_m_s": 8.0, "vertical_speed_m_s": 3.0, "horizontal_acceleration_m_s2": 3.0}
-Place = Callable[[float], tuple[float, float, float]]
+CarPose = Callable[[float], tuple[float, float, float]]
 """x, y and heading of the car at a time."""
 
 
 class Followed:
-    """A UAV in the air, and a car that is driven while time passes; it tells where it is ten times a second."""
+    """A UAV in the air, and a car that is driven while time passes; its frame is updated ten times a second."""
 
-    def __init__(self, uav: Stepped, place: Place) -> None:
+    def __init__(self, uav: Stepped, pose: CarPose) -> None:
         self.uav = uav
-        self._place = place
+        self._pose = pose
         self.time_s = 0.0
-        self.is_telling = True
-        self._tell()
-        self._tell()  # twice: it is a frame that moves
+        self.is_updating = True
+        self._update_frame()
+        self._update_frame()  # twice, so that it is a frame that moves
 
-    def _tell(self) -> None:
-        x, y, yaw = self._place(self.time_s)
+    def _update_frame(self) -> None:
+        x, y, yaw = self._pose(self.time_s)
         self.uav.vehicle.commands.add_frame(Transform(Vector3(x, y, 0.0), Quaternion.from_yaw(yaw), "map", CAR))
 
     def run(self, duration_s: float) -> None:
         for _ in range(round(duration_s / STEP_S)):
             self.uav.run(STEP_S)
             self.time_s += STEP_S
-            if self.is_telling and round(self.time_s / STEP_S) % 5 == 0:
-                self._tell()
+            if self.is_updating and round(self.time_s / STEP_S) % 5 == 0:
+                self._update_frame()
 
     def until_done(self, task: VehicleTask, limit_s: float = 90.0) -> None:
         for _ in range(round(limit_s / 0.1)):
@@ -51,11 +51,11 @@ class Followed:
             self.run(0.1)
         raise AssertionError("not done")
 
-    def off(self, over_m: float = 4.0, behind_m: float = 0.0) -> float:
-        """How far the UAV is from its place above, and behind, the car."""
-        x, y, yaw = self._place(self.time_s)
-        place = Vector3(x - behind_m * math.cos(yaw), y - behind_m * math.sin(yaw), over_m)
-        return (self.uav.pose.position - place).norm()
+    def distance_m(self, over_m: float = 4.0, behind_m: float = 0.0) -> float:
+        """Returns how far the UAV is from its goal above, and behind, the car."""
+        x, y, yaw = self._pose(self.time_s)
+        goal = Vector3(x - behind_m * math.cos(yaw), y - behind_m * math.sin(yaw), over_m)
+        return (self.uav.pose.position - goal).norm()
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def uav() -> Iterator[Stepped]:
         yield it
 
 
-def steady(speed_m_s: float) -> Place:
+def steady(speed_m_s: float) -> CarPose:
     return lambda t: (speed_m_s * t, 5.0, 0.0)
 
 
@@ -74,7 +74,7 @@ def over_the_car(z: float = 4.0, x: float = 0.0) -> PoseStamped:
 
 
 @pytest.mark.parametrize("car_m_s", [0.0, 0.2])
-def test_a_speed_that_is_not_to_be_exceeded_is_kept_on_a_diagonal_too(uav: Stepped, car_m_s: float) -> None:
+def test_the_maximum_speed_holds_on_a_diagonal_too(uav: Stepped, car_m_s: float) -> None:
     car = Followed(uav, steady(car_m_s))
     car.run(1.0)
     task = uav.prepare.go_to_waypoint(over_the_car(8.0), max_speed_m_s=0.5).begin()
@@ -83,7 +83,7 @@ def test_a_speed_that_is_not_to_be_exceeded_is_kept_on_a_diagonal_too(uav: Stepp
     assert max(sample.velocity.linear.norm() for sample in uav.samples if sample.velocity) <= 0.52
 
 
-def test_a_slow_way_to_a_car_has_the_time_that_it_takes(uav: Stepped) -> None:
+def test_a_slow_way_to_a_car_does_not_time_out(uav: Stepped) -> None:
     car = Followed(uav, steady(0.0))
     car.run(1.0)
     task = uav.prepare.go_to_waypoint(over_the_car(), max_speed_m_s=0.05).begin()
@@ -98,26 +98,26 @@ def test_a_car_at_a_steady_speed_is_met_and_followed_without_lag(uav: Stepped, s
     car.until_done(task)
     assert task.info().status is TaskStatus.SUCCEEDED
     car.run(3.0)
-    offs = []
+    distances_m = []
     for _ in range(50):
         car.run(0.1)
-        offs.append(car.off())
-    assert max(offs) < 0.1 + 0.02 * speed_m_s
+        distances_m.append(car.distance_m())
+    assert max(distances_m) < 0.1 + 0.02 * speed_m_s
 
 
-def test_a_place_behind_a_car_that_turns_is_kept_with_the_nose_to_it(uav: Stepped) -> None:
+def test_a_goal_behind_a_car_that_turns_is_followed_in_position_and_heading(uav: Stepped) -> None:
     car = Followed(uav, lambda t: (12.0 * math.sin(0.2 * t), 12.0 * (1.0 - math.cos(0.2 * t)), 0.2 * t))
     car.run(0.5)
     car.until_done(uav.prepare.go_to_waypoint(over_the_car(x=-3.0)).begin())
     car.run(2.0)
     for _ in range(100):
         car.run(0.1)
-        assert car.off(behind_m=3.0) < 0.7
+        assert car.distance_m(behind_m=3.0) < 0.7
         assert abs(wrap_angle(uav.pose.yaw_rad - 0.2 * car.time_s)) < 0.15
 
 
-def test_what_is_sent_makes_no_step(uav: Stepped) -> None:
-    """Not at the begin, nor where the car stops or is put elsewhere."""
+def test_the_reference_has_no_steps(uav: Stepped) -> None:
+    """Not at the beginning, and not where the car stops or is put elsewhere."""
     car = Followed(uav, lambda t: (min(3.0 * t, 30.0) + (25.0 if t > 16.0 else 0.0), 5.0, 0.0))
     uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(30.0)
@@ -126,24 +126,24 @@ def test_what_is_sent_makes_no_step(uav: Stepped) -> None:
     for (v0, t0), (v1, t1) in itertools.pairwise(speeds):
         assert v1.horizontal_norm() <= 8.0 * 1.01
         assert (v1 - v0).horizontal_norm() / (t1 - t0) <= 3.0 * 1.5
-    assert car.off() < 0.2
+    assert car.distance_m() < 0.2
 
 
-def test_where_the_car_is_told_no_more_it_waits_there(uav: Stepped) -> None:
+def test_the_uav_waits_when_the_frame_of_the_car_is_updated_no_more(uav: Stepped) -> None:
     car = Followed(uav, steady(3.0))
     car.until_done(uav.prepare.go_to_waypoint(over_the_car()).begin())
-    car.is_telling = False
+    car.is_updating = False
     car.run(5.0)
-    stands = uav.pose.position
+    rest = uav.pose.position
     car.run(3.0)
-    assert (uav.pose.position - stands).norm() < 0.05
+    assert (uav.pose.position - rest).norm() < 0.05
 
 
 def test_a_pose_in_a_moving_frame_is_followed_too_and_another_command_ends_that(uav: Stepped) -> None:
     car = Followed(uav, steady(2.0))
     uav.vehicle.commands.setpoints.set_pose(over_the_car())
     car.run(15.0)
-    assert car.off() < 0.2
+    assert car.distance_m() < 0.2
     car.until_done(uav.prepare.go_to_waypoint(at(0.0, 0.0, 3.0)).begin())
     assert (uav.pose.position - Vector3(0.0, 0.0, 3.0)).norm() < 0.2
 
@@ -156,9 +156,9 @@ def test_it_is_a_task_that_can_be_cancelled(uav: Stepped) -> None:
     with pytest.raises(TaskAbortedError):
         task.future.result()
     car.run(4.0)
-    stands = uav.pose.position
+    rest = uav.pose.position
     car.run(2.0)
-    assert (uav.pose.position - stands).norm() < 0.05
+    assert (uav.pose.position - rest).norm() < 0.05
 
 
 def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
@@ -178,25 +178,25 @@ def test_a_car_that_leaves_the_geofence_is_followed_to_its_edge() -> None:
             uav.prepare.go_to_waypoint(over_the_car())
         while car.time_s < 28.0:  # it has come back, and is followed again
             car.run(0.1)
-        assert car.off() < 0.3
+        assert car.distance_m() < 0.3
 
 
-def test_a_goal_without_a_heading_keeps_the_uavs(uav: Stepped) -> None:
+def test_a_goal_without_a_heading_keeps_the_heading_of_the_uav(uav: Stepped) -> None:
     car = Followed(uav, lambda t: (t, 5.0, 0.3 * t))
     car.until_done(uav.prepare.go_to_waypoint(at(0.0, 0.0, 4.0, None, CAR)).begin())
     assert uav.pose.yaw_rad == pytest.approx(0.0, abs=0.02)
 
 
-def hang_below_the_body(uav: Stepped) -> None:
+def move_below_the_body(uav: Stepped) -> None:
     uav.vehicle.commands.add_frame(Transform(Vector3(1.0, 0.0, 0.0), Quaternion.from_yaw(0.0), "uav_1/base_link", CAR))
 
 
-def put_beyond_all_distances(uav: Stepped) -> None:
+def move_beyond_all_distances(uav: Stepped) -> None:
     uav.vehicle.commands.add_frame(Transform(Vector3(9_999_999.9, 0.0, 0.0), Quaternion.from_yaw(0.0), "map", CAR))
 
 
-@pytest.mark.parametrize("lose", [hang_below_the_body, put_beyond_all_distances])
-def test_where_the_goal_is_lost_it_stops_and_each_update_goes_on(
+@pytest.mark.parametrize("lose", [move_below_the_body, move_beyond_all_distances])
+def test_the_uav_stops_when_the_goal_is_lost_and_the_updates_go_on(
     uav: Stepped, lose: Callable[[Stepped], None], caplog: pytest.LogCaptureFixture
 ) -> None:
     car = Followed(uav, steady(3.0))
@@ -209,16 +209,16 @@ def test_where_the_goal_is_lost_it_stops_and_each_update_goes_on(
     uav.run(10.0)
     assert uav.speed < 0.05
     assert uav.pose.position.x - at_loss_m < 4.0
-    assert len(uav.samples) - count >= 450  # an update that failed would give none
+    assert len(uav.samples) - count >= 450  # a failed update would give no sample
     assert "defect" not in caplog.text
 
 
-def test_a_goto_whose_goal_is_lost_fails_by_why_and_the_uav_holds(uav: Stepped) -> None:
+def test_a_goto_fails_with_the_reason_when_its_goal_is_lost_and_the_uav_holds(uav: Stepped) -> None:
     car = Followed(uav, steady(3.0))
     car.run(1.0)
     task = uav.prepare.go_to_waypoint(over_the_car()).begin()
     car.run(1.0)
-    hang_below_the_body(uav)
+    move_below_the_body(uav)
     uav.run(STEP_S)
     with pytest.raises(WrongStateError, match="base_link"):
         task.future.result(0)

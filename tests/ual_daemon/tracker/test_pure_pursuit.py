@@ -32,36 +32,36 @@ def flying(request: pytest.FixtureRequest) -> Iterator[Stepped]:
 
 
 def distance_from_line(p: Vector3, a: Vector3, b: Vector3) -> float:
-    way = b - a
-    along = max(0.0, min(1.0, (p - a).dot(way) / way.dot(way)))
-    return (p - a - way * along).norm()
+    line = b - a
+    along = max(0.0, min(1.0, (p - a).dot(line) / line.dot(line)))
+    return (p - a - line * along).norm()
 
 
 def test_a_waypoint_is_reached_straight_and_without_overshoot(flying: Stepped) -> None:
     begin, goal = flying.pose.position, Vector3(9.0, 6.0, 6.0)
     flying.end(flying.prepare.go_to_waypoint(at(goal.x, goal.y, goal.z, 1.2)).begin().future)
     flying.run(5.0)
-    flown = [sample.pose.position for sample in flying.samples if sample.pose]
-    assert max(distance_from_line(p, begin, goal) for p in flown) < 0.15
-    assert max((p - begin).dot(goal - begin) for p in flown) < (goal - begin).dot(goal - begin) * 1.01
+    positions = [sample.pose.position for sample in flying.samples if sample.pose]
+    assert max(distance_from_line(p, begin, goal) for p in positions) < 0.15
+    assert max((p - begin).dot(goal - begin) for p in positions) < (goal - begin).dot(goal - begin) * 1.01
     assert (flying.pose.position - goal).norm() < 0.05
     assert flying.pose.yaw_rad == pytest.approx(1.2, abs=0.05)
 
 
-def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_it_looks_ahead(flying: Stepped) -> None:
+def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_the_look_ahead(flying: Stepped) -> None:
     corners = [Vector3(6, 0, 3), Vector3(6, 6, 3), Vector3(0, 6, 3)]
     for radius_m, widest in ((0.0, 0.5), (1.0, 2.0)):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
         flying.samples.clear()
         task = flying.prepare.follow_path([at(*corner) for corner in corners], corner_radius_m=radius_m).begin()
         flying.end(task.future)
-        flown = [sample.pose.position for sample in flying.samples if sample.pose]
+        positions = [sample.pose.position for sample in flying.samples if sample.pose]
         for corner in corners:
-            assert min((p - corner).norm() for p in flown) < widest
+            assert min((p - corner).norm() for p in positions) < widest
 
 
 @pytest.mark.parametrize("max_speed_m_s", [0.2, 1.0])
-def test_a_speed_that_is_not_to_be_exceeded_is_kept(flying: Stepped, max_speed_m_s: float) -> None:
+def test_the_maximum_speed_holds(flying: Stepped, max_speed_m_s: float) -> None:
     flying.prepare.go_to_waypoint(at(5.0, 0.0, 3.0), max_speed_m_s=max_speed_m_s).begin()
     flying.run(8.0)
     speeds = [sample.velocity.linear.norm() for sample in flying.samples if sample.velocity]
@@ -72,11 +72,11 @@ def test_each_leg_keeps_its_own_speed_limit(flying: Stepped) -> None:
     path = [at(4.0, 0.0, 3.0), at(4.0, 4.0, 3.0)]
     flying.end(flying.prepare.follow_path(path, leg_speeds_m_s=[0.8, 0.3]).begin().future)
     moved = [(s.pose.position, s.velocity.linear.norm()) for s in flying.samples if s.pose and s.velocity]
-    assert 0.6 <= max(speed for place, speed in moved if place.x < 3.0) <= 0.88
-    assert 0.25 <= max(speed for place, speed in moved if place.y > 1.0) <= 0.33
+    assert 0.6 <= max(speed for position, speed in moved if position.x < 3.0) <= 0.88
+    assert 0.25 <= max(speed for position, speed in moved if position.y > 1.0) <= 0.33
 
 
-def test_what_is_pushed_off_comes_back_to_the_line(flying: Stepped) -> None:
+def test_a_uav_that_is_pushed_off_the_line_comes_back_to_it(flying: Stepped) -> None:
     task = flying.prepare.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.until(lambda: flying.pose.position.x > 5.0)
     flying.sim.set_wind(Vector3(0.0, 3.0, 0.0))
@@ -87,7 +87,7 @@ def test_what_is_pushed_off_comes_back_to_the_line(flying: Stepped) -> None:
     flying.end(task.future)
 
 
-def test_what_cannot_get_there_times_out_and_says_how_far_it_was(flying: Stepped) -> None:
+def test_a_uav_that_cannot_get_there_times_out_and_names_the_distance(flying: Stepped) -> None:
     flying.sim.begin_fault(MotorsWeak(0.0))
     task = flying.prepare.go_to_waypoint(at(4.0, 0.0, 3.0)).begin()
     flying.until(task.future.done)
@@ -98,9 +98,9 @@ def test_what_cannot_get_there_times_out_and_says_how_far_it_was(flying: Stepped
 
 def test_it_holds_brakes_and_lands(flying: Stepped) -> None:
     flying.run(5.0)
-    place = flying.pose.position
+    position = flying.pose.position
     flying.run(3.0)
-    assert (flying.pose.position - place).norm() < 0.05
+    assert (flying.pose.position - position).norm() < 0.05
     task = flying.prepare.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.run(6.0)
     flying.vehicle.commands.cancel(task)
@@ -115,7 +115,7 @@ def test_it_holds_brakes_and_lands(flying: Stepped) -> None:
     flying.until(lambda: flying.state is State.LANDED_DISARMED)
 
 
-def test_only_positions_means_no_velocities() -> None:
+def test_an_autopilot_that_takes_positions_only_refuses_velocities() -> None:
     with stepped(light={"takes": "positions"}) as uav:
         uav.fly()
         with pytest.raises(NotSupportedError):
@@ -128,12 +128,12 @@ HERE = Snapshot(0.0, pose=Sample(Pose(Vector3(1.0, 2.0, 3.0), Quaternion.from_ya
 MOVING = PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0, Vector3(0.5), Vector3(0.1), 0.2)
 
 
-def test_positions_are_bared_for_an_autopilot_that_takes_no_more() -> None:
+def test_an_autopilot_that_takes_positions_gets_no_feed_forward() -> None:
     assert adapted(MOVING, Takes.ALL, HERE, Limits()) is MOVING
     assert adapted(MOVING, Takes.POSITIONS, HERE, Limits()) == PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0)
 
 
-def test_positions_become_velocities_towards_them_within_the_limits() -> None:
+def test_an_autopilot_that_takes_velocities_gets_one_towards_the_position_within_the_limits() -> None:
     near = adapted(MOVING, Takes.VELOCITIES, HERE, Limits())
     assert isinstance(near, VelocitySetpoint)
     assert 0.5 < near.velocity.x < 1.6
@@ -144,6 +144,6 @@ def test_positions_become_velocities_towards_them_within_the_limits() -> None:
     assert math.isclose(far.velocity.x, far.velocity.z)
 
 
-def test_velocities_stay_as_they_are() -> None:
+def test_velocities_are_sent_as_they_are() -> None:
     velocity = VelocitySetpoint(Vector3(1.0), 0.1)
     assert all(adapted(velocity, takes, HERE, Limits()) is velocity for takes in Takes)

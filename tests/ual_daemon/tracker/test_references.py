@@ -7,7 +7,7 @@ import pytest
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, VelocitySetpoint
-from ual_daemon.tracker.references import Follow, Hold, Velocity, brake, measured_motion
+from ual_daemon.tracker.references import Hold, TrajectoryReference, Velocity, brake, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
 LIMITS = Limits()
@@ -15,13 +15,17 @@ STEP_S = 0.02
 
 
 def at(
-    position: Vector3, time_s: float = 0.0, yaw_rad: float = 0.0, velocity: Vector3 | None = None, turn: float = 0.0
+    position: Vector3,
+    time_s: float = 0.0,
+    yaw_rad: float = 0.0,
+    velocity: Vector3 | None = None,
+    yaw_rate_rad_s: float = 0.0,
 ) -> Snapshot:
-    twist = None if velocity is None else Sample(Twist(velocity, Vector3(0.0, 0.0, turn)), time_s)
+    twist = None if velocity is None else Sample(Twist(velocity, Vector3(0.0, 0.0, yaw_rate_rad_s)), time_s)
     return Snapshot(time_s=time_s, pose=Sample(Pose(position, Quaternion.from_yaw(yaw_rad)), time_s), velocity=twist)
 
 
-def test_a_hold_is_sent_as_it_is_from_wherever() -> None:
+def test_a_hold_is_sent_as_it_is_wherever_the_uav_is() -> None:
     hold = Hold(Vector3(1, 2, 3), 0.5)
     for position in (Vector3(), Vector3(100, 0, 0)):
         assert hold.setpoint(at(position)) == PositionSetpoint(Vector3(1, 2, 3), 0.5)
@@ -47,8 +51,8 @@ def test_a_velocity_outside_the_body_is_sent_as_it_is() -> None:
     assert velocity.setpoint(at(Vector3(), yaw_rad=1.0)) == VelocitySetpoint(Vector3(1, 0, 0))
 
 
-def test_what_is_measured_is_a_motion() -> None:
-    snapshot = at(Vector3(1, 2, 3), yaw_rad=0.5, velocity=Vector3(1, 0, 0), turn=0.2)
+def test_the_measured_motion_is_that_of_the_snapshot() -> None:
+    snapshot = at(Vector3(1, 2, 3), yaw_rad=0.5, velocity=Vector3(1, 0, 0), yaw_rate_rad_s=0.2)
     found = measured_motion(snapshot)
     assert (found.position, found.velocity, found.yaw_rate_rad_s) == (Vector3(1, 2, 3), Vector3(1, 0, 0), 0.2)
     assert found.yaw_rad == pytest.approx(0.5)
@@ -59,40 +63,40 @@ def line() -> Line:
     return Line(Motion(Vector3(), 0.0), Vector3(10, 0, 0), 1.0, LIMITS)
 
 
-def test_a_uav_that_keeps_up_is_led_in_real_time() -> None:
-    follow = Follow(line(), now_s=0.0)
-    place, time_s = Vector3(), 0.0
+def test_a_uav_that_keeps_up_gets_the_trajectory_in_real_time() -> None:
+    follow = TrajectoryReference(line(), now_s=0.0)
+    position, time_s = Vector3(), 0.0
     while not follow.is_finished:
         time_s += STEP_S
-        setpoint = follow.setpoint(at(place, time_s))
+        setpoint = follow.setpoint(at(position, time_s))
         assert isinstance(setpoint, PositionSetpoint)
-        place = setpoint.position
+        position = setpoint.position
         assert follow.time_s == pytest.approx(min(time_s, line().duration_s))
-    assert place == Vector3(10, 0, 0)
+    assert position == Vector3(10, 0, 0)
     pose = follow.pose()
     assert pose is not None
     assert pose.yaw_rad == pytest.approx(1.0)
 
 
-def test_a_uav_that_is_stuck_is_waited_for_and_led_on_once_it_moves() -> None:
-    follow = Follow(line(), now_s=0.0)
+def test_the_reference_waits_for_a_uav_that_is_stuck_and_goes_on_once_it_moves() -> None:
+    follow = TrajectoryReference(line(), now_s=0.0)
     setpoint = None
     for i in range(1, 3000):
         setpoint = follow.setpoint(at(Vector3(), i * STEP_S))
     assert isinstance(setpoint, PositionSetpoint)
     assert not follow.is_finished
-    # The reference stands, not far away, and asks for no speed.
+    # The reference stands still, not far away, and commands no speed.
     assert 0.5 < setpoint.position.x < 4.5
     assert setpoint.velocity.norm() < 0.01
     waited_s = follow.time_s
     for i in range(3000, 3300):
         setpoint = follow.setpoint(at(setpoint.position, i * STEP_S))
         assert isinstance(setpoint, PositionSetpoint)
-    assert follow.time_s > waited_s + 4.0  # after it has gathered speed, in real time again
+    assert follow.time_s > waited_s + 4.0  # after it has sped up, in real time again
 
 
 def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     follow.setpoint(at(Vector3(), 5.0))
     assert follow.time_s <= 0.2
     follow.setpoint(at(Vector3(), 4.0))  # nor does a clock that goes back
@@ -100,7 +104,7 @@ def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
 
 
 def test_without_a_pose_the_reference_waits() -> None:
-    follow = Follow(line(), now_s=0.0)
+    follow = TrajectoryReference(line(), now_s=0.0)
     follow.setpoint(at(Vector3(), 0.1)._replace(pose=None))
     assert follow.time_s == 0.0
 

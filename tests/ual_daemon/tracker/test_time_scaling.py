@@ -14,18 +14,18 @@ from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, STEP_S, assert_
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.tracker.references import Follow
+from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
 from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
 
 LIMITS = Limits()
 SLACK = 2e-3
-"""What a change of the pace may be over between the places where it is looked at."""
+"""By how much a change of the time scale may exceed a limit between the motions that are checked."""
 
 
-def led(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
+def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
     """What is sent to a UAV that falls behind, catches up, and is measured with noise."""
-    follow = Follow(trajectory, 0.0)
+    follow = TrajectoryReference(trajectory, 0.0)
     behind_m, target_m, sent = 0.0, 0.0, [trajectory.at(0.0)]
     snapshot = Snapshot(time_s=0.0)
     for index in range(1, int(duration_s / STEP_S)):
@@ -33,8 +33,8 @@ def led(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
             target_m = lag.choice([0.0, 0.0, 1.0, 3.0, 8.0])
         behind_m += 0.02 * (target_m - behind_m)
         noise = Vector3(*(lag.gauss(0.0, 0.1) for _ in range(3)))
-        place = follow.motion(snapshot).position + Vector3(-behind_m, 0.0, 0.0) + noise
-        pose = Sample(Pose(place, Quaternion.from_yaw(0.0)), index * STEP_S)
+        position = follow.motion(snapshot).position + Vector3(-behind_m, 0.0, 0.0) + noise
+        pose = Sample(Pose(position, Quaternion.from_yaw(0.0)), index * STEP_S)
         snapshot = Snapshot(time_s=index * STEP_S, pose=pose)
         follow.setpoint(snapshot)
         sent.append(follow.motion(snapshot))
@@ -44,7 +44,7 @@ def led(trajectory: Trajectory, lag: Random, duration_s: float) -> list[Motion]:
 @settings(max_examples=10)
 @given(vectors(60.0), st.integers(0, 10_000), LIMIT_SETS)
 def test_a_line_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
-    assert_kept(led(Line(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK)
+    assert_kept(sent_motions(Line(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK)
 
 
 @settings(max_examples=15)
@@ -59,32 +59,32 @@ def test_a_path_that_waits_keeps_its_limits(
     goals: list[Waypoint], seed: int, radius_m: float, heading: PathHeading, limits: Limits
 ) -> None:
     found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))
-    assert_kept(led(found, Random(seed), 20.0), limits, slack=SLACK)
+    assert_kept(sent_motions(found, Random(seed), 20.0), limits, slack=SLACK)
 
 
 @pytest.mark.parametrize("wait_s", [0.3, 2.0, 5.9, 6.5, 7.0, 12.0])
-def test_it_waits_at_any_place_and_goes_on_in_time(wait_s: float) -> None:
+def test_it_stops_at_any_time_and_goes_on_soon_enough(wait_s: float) -> None:
     found = path(Motion(Vector3(), 0.0), waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0)), 1.0, LIMITS)
-    pace = TimeScaling(found)
+    scaling = TimeScaling(found)
     for _ in range(round(wait_s / STEP_S)):
-        pace.go_on(STEP_S, math.inf, 1.0)
+        scaling.advance(STEP_S, math.inf, 1.0)
     for _ in range(300):
-        pace.go_on(STEP_S, math.inf, 0.0)
-    stopped_s = pace.time_s
-    assert pace.motion.velocity.norm() <= 1e-9
+        scaling.advance(STEP_S, math.inf, 0.0)
+    stopped_s = scaling.time_s
+    assert scaling.motion.velocity.norm() <= 1e-9
     assert stopped_s - wait_s <= 4.5
     for _ in range(250):
-        pace.go_on(STEP_S, math.inf, 1.0)
-    assert pace.time_s >= min(found.duration_s, stopped_s + 2.5)
+        scaling.advance(STEP_S, math.inf, 1.0)
+    assert scaling.time_s >= min(found.duration_s, stopped_s + 2.5)
 
 
-def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
+def test_velocity_and_acceleration_are_the_derivatives_of_the_position_while_the_scale_changes() -> None:
     line = Line(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
-    pace, step_s = TimeScaling(line), 1e-3
+    scaling, step_s = TimeScaling(line), 1e-3
     motions = []
     for index in range(6000):
-        pace.go_on(step_s, math.inf, 1.0 if index < 2000 else 0.4)
-        motions.append(pace.motion)
+        scaling.advance(step_s, math.inf, 1.0 if index < 2000 else 0.4)
+        motions.append(scaling.motion)
     for before, now, after in zip(motions, motions[1:], motions[2:], strict=False):
         velocity = (after.position - before.position) / (2 * step_s)
         acceleration = (after.velocity - before.velocity) / (2 * step_s)
@@ -93,7 +93,7 @@ def test_the_motion_of_a_changing_pace_is_that_of_its_positions() -> None:
     assert motions[-1].velocity.x == pytest.approx(0.4 * 1.6)
 
 
-def test_at_full_pace_a_motion_is_itself() -> None:
+def test_a_motion_in_real_time_is_not_changed() -> None:
     motion = Motion(Vector3(), 0.0, Vector3(1, 0, 0), Vector3(0, 1, 0), 0.5, 0.1)
     assert scaled(motion, 1.0, 0.0) is motion
     assert scaled(motion, 0.5, 0.0).acceleration == Vector3(0, 0.25, 0)

@@ -1,4 +1,4 @@
-"""The tracker on the light simulation: how straight, how fast, how far over; and all that is sent."""
+"""The tracker on the light simulation: how straight, how fast, how much overshoot; and all setpoints that are sent."""
 
 from __future__ import annotations
 
@@ -47,22 +47,24 @@ def follow(uav: Stepped, goals: Sequence[PoseStamped], corner_radius_m: float) -
     return uav.prepare.follow_path(goals, corner_radius_m=corner_radius_m).begin()
 
 
-def places(samples: Sequence[Telemetry]) -> list[Vector3]:
+def positions(samples: Sequence[Telemetry]) -> list[Vector3]:
     return [sample.pose.position for sample in samples if sample.pose is not None]
 
 
 def fly_line(uav: Stepped, goal: Vector3, yaw_rad: float) -> tuple[float, float, float]:
-    """How far off the line it was at most, how far over the goal, and how long it took."""
+    """Returns the largest distance from the line, the overshoot, and the duration."""
     begin = uav.pose.position
     begun_s = uav.vehicle.backend.clock.now_s()
     uav.samples.clear()
     uav.end(go_to(uav, at(goal.x, goal.y, goal.z, yaw_rad)).future)
     took_s = uav.vehicle.backend.clock.now_s() - begun_s
     uav.run(3.0)
-    flown = places(uav.samples)
+    flown_positions = positions(uav.samples)
     way = goal - begin
-    off = [offset - way * (offset.dot(way) / way.dot(way)) for offset in (place - begin for place in flown)]
-    over = max((place - goal).dot(way) / way.norm() for place in flown)
+    off = [
+        offset - way * (offset.dot(way) / way.dot(way)) for offset in (position - begin for position in flown_positions)
+    ]
+    over = max((position - goal).dot(way) / way.norm() for position in flown_positions)
     return max(offset.norm() for offset in off), over, took_s
 
 
@@ -77,7 +79,7 @@ LINES = [
 
 @pytest.mark.parametrize("light", [{}, FAST], ids=["slow", "fast"])
 @pytest.mark.parametrize(("goal", "yaw_rad"), LINES)
-def test_a_go_to_is_straight_time_optimal_and_stops_where_it_shall(
+def test_a_go_to_is_straight_and_time_optimal_and_does_not_overshoot(
     goal: Vector3, yaw_rad: float, light: Mapping[str, Any]
 ) -> None:
     with flying(light) as uav:
@@ -108,12 +110,12 @@ def test_a_zigzag_of_50_corners_at_3_m_s_stays_near_the_rounded_path(radius_m: f
         line = [wanted.at(0.05 * i).position for i in range(int(wanted.duration_s / 0.05) + 2)]
         future = follow(uav, [at(c.x, c.y, c.z) for c in corners], radius_m).future
         uav.end(future, 400.0)
-        flown = places(uav.samples)
-        assert len(flown) > 1000
-        near = 200  # of the line, around where it should be by then
+        flown_positions = positions(uav.samples)
+        assert len(flown_positions) > 1000
+        near = 200  # points of the line, around the expected one
         off = [
-            distance_from_path(place, line[max(0, i * 2 // 5 - near) : i * 2 // 5 + near])
-            for i, place in enumerate(flown)
+            distance_from_path(position, line[max(0, i * 2 // 5 - near) : i * 2 // 5 + near])
+            for i, position in enumerate(flown_positions)
             if i % 5 == 0
         ]
         assert max(off) <= 0.2
@@ -122,7 +124,7 @@ def test_a_zigzag_of_50_corners_at_3_m_s_stays_near_the_rounded_path(radius_m: f
 
 @contextmanager
 def wiretap(uav: Stepped) -> Iterator[list[tuple[float, PositionSetpoint]]]:
-    """What is sent, and when; of two at one moment the later."""
+    """Records the setpoints that are sent, and when; of two at the same time, the later one."""
     backend, sent = uav.vehicle.backend, list[tuple[float, PositionSetpoint]]()
     send = backend.send
 
@@ -194,7 +196,7 @@ def test_waiting_for_a_uav_that_is_blown_back_sends_nothing_beyond_the_limits() 
         uav.end(task.future)
 
 
-def test_a_uav_that_cannot_get_there_times_out_and_says_how_far_it_was() -> None:
+def test_a_uav_that_cannot_get_there_times_out_and_names_the_distance() -> None:
     with flying() as uav:
         uav.sim.set_wind(Vector3(-40.0, 0.0, 0.0))
         task = go_to(uav, at(20.0, 0.0, 5.0))
@@ -207,15 +209,18 @@ def test_a_start_in_motion_bends_smoothly_to_a_new_goal() -> None:
     with flying() as uav:
         go_to(uav, at(10.0, 0.0, 5.0))
         uav.run(3.0)
-        turned = uav.pose.position
-        task = go_to(uav, at(turned.x + 5.0, 8.0, 5.0))
+        turning_point = uav.pose.position
+        task = go_to(uav, at(turning_point.x + 5.0, 8.0, 5.0))
         uav.samples.clear()
         uav.end(task.future)
         speeds = [sample.velocity.linear.norm() for sample in uav.samples if sample.velocity is not None]
         assert min(speeds[: len(speeds) // 2]) > 0.8
-        flown = places(uav.samples)
-        late = flown[len(flown) // 2 :]
-        assert max(distance_from_line(place, late[0], Vector3(turned.x + 5.0, 8.0, 5.0)) for place in late) <= 0.02
+        flown_positions = positions(uav.samples)
+        late = flown_positions[len(flown_positions) // 2 :]
+        assert (
+            max(distance_from_line(position, late[0], Vector3(turning_point.x + 5.0, 8.0, 5.0)) for position in late)
+            <= 0.02
+        )
 
 
 def test_an_abort_comes_to_rest_as_fast_as_the_limits_allow() -> None:

@@ -52,7 +52,7 @@ class Case:
 
 
 def reference(uav: Stepped, setpoint: PoseStamped | TwistStamped) -> Prepared[None]:
-    """A setpoint as a motion that may begin."""
+    """A setpoint as a command that may begin."""
     setpoints = uav.vehicle.commands.setpoints
     if isinstance(setpoint, TwistStamped):
         return Prepared(setpoints.plan_velocity(setpoint), lambda: setpoints.set_velocity(setpoint))
@@ -72,12 +72,12 @@ MOTIONS = {
 
 
 def near(uav: Stepped) -> tuple[float, float, float]:
-    """3 m to the east, 4 m to the north and 3 m above where the local frame begins."""
+    """3 m to the east, 4 m to the north and 3 m above the origin of the local frame."""
     projection = uav.vehicle.backend.snapshot().projection
     assert projection is not None
-    place = projection.to_geo(Vector3(3, 4, 3))
-    assert place.altitude_amsl_m is not None
-    return place.latitude_deg, place.longitude_deg, place.altitude_amsl_m
+    point = projection.to_geo(Vector3(3, 4, 3))
+    assert point.altitude_amsl_m is not None
+    return point.latitude_deg, point.longitude_deg, point.altitude_amsl_m
 
 
 def bring_to(uav: Stepped, state: State) -> None:
@@ -91,7 +91,7 @@ def bring_to(uav: Stepped, state: State) -> None:
 
 
 class Recorder:
-    """What goes out to the autopilot."""
+    """Records what is sent to the autopilot."""
 
     def __init__(self, uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
         self.sent: list[str] = []
@@ -106,10 +106,10 @@ class Recorder:
         return record
 
 
-# --- From the checks to the beginning ---------------------------------------------------------------------------------
+# --- Between the checks and the beginning -----------------------------------------------------------------------------
 
 
-def test_a_way_that_was_planned_while_another_command_came_does_not_begin(flying: Stepped) -> None:
+def test_a_path_does_not_begin_if_another_command_came_while_it_was_planned(flying: Stepped) -> None:
     prepared = flying.prepare.follow_path([at(5, 0, 3), at(5, 5, 3)])
     flying.vehicle.commands.abort()  # by another thread, while the path is planned
     with pytest.raises(TaskAbortedError, match="replaced by abort"):
@@ -119,7 +119,7 @@ def test_a_way_that_was_planned_while_another_command_came_does_not_begin(flying
     assert flying.pose.position.x < 0.1
 
 
-def test_a_way_that_was_planned_while_the_uav_flew_on_does_not_make_it_jump_back(flying: Stepped) -> None:
+def test_a_path_does_not_begin_if_the_uav_flew_on_while_it_was_planned(flying: Stepped) -> None:
     task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(2.0)
     prepared = flying.prepare.follow_path([at(9, 0, 3), at(9, 9, 3)])
@@ -129,7 +129,7 @@ def test_a_way_that_was_planned_while_the_uav_flew_on_does_not_make_it_jump_back
     assert task.info().status is TaskStatus.RUNNING
 
 
-def test_a_way_that_was_planned_while_the_safety_pilot_took_over_does_not_begin(flying: Stepped) -> None:
+def test_a_path_does_not_begin_if_the_safety_pilot_took_over_while_it_was_planned(flying: Stepped) -> None:
     prepared = flying.prepare.go_to_waypoint(at(9, 0, 3))
     flying.sim.pilot_take_over()
     with pytest.raises(WrongStateError, match="FLYING_MANUAL"):
@@ -156,7 +156,7 @@ REFUSED_VELOCITIES = {
 
 
 def refusal(begin: Callable[[], object], caplog: pytest.LogCaptureFixture) -> tuple[type[UalError], str, list[str]]:
-    """What a setpoint is refused by, and what is logged of it."""
+    """Returns the error by which a setpoint is refused, and its log lines."""
     caplog.clear()
     with pytest.raises(UalError) as refused, caplog.at_level(logging.WARNING, "ual_daemon"):
         begin()
@@ -164,7 +164,7 @@ def refusal(begin: Callable[[], object], caplog: pytest.LogCaptureFixture) -> tu
 
 
 def both_ways(uav: Stepped, name: str, setpoint: Any) -> tuple[Callable[[], object], Callable[[], object]]:
-    """As a dry run, and as a setpoint that is sent."""
+    """Returns the setpoint as a dry run, and as a command."""
     setpoints = uav.vehicle.commands.setpoints
     if name == "set_pose":
         return lambda: setpoints.plan_pose(setpoint), lambda: setpoints.set_pose(setpoint)
@@ -190,7 +190,7 @@ def test_a_setpoint_is_refused_as_its_dry_run_is_and_nothing_is_sent(
 
 @pytest.mark.parametrize("state", [State.LANDED_ARMED, State.FLYING_MANUAL])
 @pytest.mark.parametrize(("name", "setpoint"), [("set_pose", at(1, 1, 3)), ("set_velocity", velocity(1.0))])
-def test_no_setpoint_is_sent_where_the_uav_is_not_ours(
+def test_no_setpoint_is_sent_unless_the_uav_is_ours(
     uav: Stepped, name: str, setpoint: Any, state: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bring_to(uav, state)
@@ -206,7 +206,7 @@ def test_no_setpoint_is_sent_where_the_uav_is_not_ours(
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_what_is_only_prepared_moves_nothing(uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_prepared_command_sends_nothing(uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bring_to(uav, MOTIONS[name].state)
     before = uav.vehicle.telemetry()
     recorder = Recorder(uav, monkeypatch)
@@ -221,7 +221,7 @@ def test_what_is_only_prepared_moves_nothing(uav: Stepped, name: str, monkeypatc
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_what_is_begun_sends_something(uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_begun_command_sends_something(uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bring_to(uav, MOTIONS[name].state)
     recorder = Recorder(uav, monkeypatch)
     MOTIONS[name].prepare(uav).begin()
@@ -231,7 +231,7 @@ def test_what_is_begun_sends_something(uav: Stepped, name: str, monkeypatch: pyt
 
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("state", [State.LANDED_ARMED, State.FLYING_AUTO, State.FLYING_MANUAL])
-def test_it_is_refused_in_the_states_in_which_the_motion_is(uav: Stepped, name: str, state: State) -> None:
+def test_a_dry_run_is_refused_in_the_same_states_as_the_command(uav: Stepped, name: str, state: State) -> None:
     bring_to(uav, state)
     if state is MOTIONS[name].state:
         MOTIONS[name].prepare(uav)
@@ -252,7 +252,7 @@ def test_a_dry_run_leaves_the_running_task_alone(flying: Stepped) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name, case in MOTIONS.items() if case.state is State.FLYING_AUTO])
-def test_it_is_refused_while_a_landing_cannot_be_replaced(flying: Stepped, name: str) -> None:
+def test_a_dry_run_is_refused_while_a_landing_cannot_be_replaced(flying: Stepped, name: str) -> None:
     flying.prepare.land().begin()
     with pytest.raises(WrongStateError) as refused:
         MOTIONS[name].prepare(flying)
@@ -260,7 +260,7 @@ def test_it_is_refused_while_a_landing_cannot_be_replaced(flying: Stepped, name:
 
 
 @pytest.mark.parametrize("name", ["set_pose", "set_velocity", "go_to_waypoint", "follow_path"])
-def test_it_is_refused_while_something_is_flown_that_cannot_be_replaced(
+def test_a_dry_run_is_refused_while_a_manoeuvre_cannot_be_replaced(
     flying: Stepped, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def not_now(command: str) -> None:
@@ -272,7 +272,9 @@ def test_it_is_refused_while_something_is_flown_that_cannot_be_replaced(
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_it_is_refused_where_the_backend_cannot(uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dry_run_is_refused_if_the_backend_cannot_do_it(
+    uav: Stepped, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bring_to(uav, MOTIONS[name].state)
     less = replace(uav.vehicle.backend.info(), capabilities=frozenset({Capability.ARM}))
     monkeypatch.setattr(uav.vehicle.backend, "info", lambda: less)
@@ -292,7 +294,7 @@ def test_it_is_refused_where_the_backend_cannot(uav: Stepped, name: str, monkeyp
         (lambda uav: uav.prepare.take_off(0.0), InvalidArgumentError),
     ],
 )
-def test_it_is_refused_for_what_cannot_be_meant(
+def test_a_dry_run_is_refused_for_invalid_values(
     flying: Stepped, prepare: Callable[[Stepped], object], kind: type[UalError]
 ) -> None:
     with pytest.raises(kind):
@@ -303,7 +305,7 @@ def test_it_is_refused_for_what_cannot_be_meant(
 
 
 @pytest.mark.parametrize("name", ["take_off", "go_to_waypoint", "go_to_waypoint_geo", "follow_path"])
-def test_a_plan_is_what_is_then_flown(uav: Stepped, name: str) -> None:
+def test_the_flight_agrees_with_the_plan(uav: Stepped, name: str) -> None:
     bring_to(uav, MOTIONS[name].state)
     begin_position, begin_s = uav.pose.position, uav.vehicle.telemetry().stamp_s
     prepared = MOTIONS[name].prepare(uav)
@@ -317,11 +319,11 @@ def test_a_plan_is_what_is_then_flown(uav: Stepped, name: str) -> None:
     took_s = uav.vehicle.telemetry().stamp_s - begin_s
     flown_m = sum((b - a).norm() for a, b in itertools.pairwise(positions))
     assert prepared.plan.length_m == pytest.approx(flown_m, rel=0.05)
-    # A take-off ends a little below the top; the rest settles there, and a path at its stop, on top of their own time.
+    # A take-off ends a little below the top. The others settle at their ends, a path at its stop, too: this adds time.
     assert 0.8 * prepared.plan.duration_s <= took_s <= prepared.plan.duration_s + 4.0
 
 
-def test_what_cannot_be_told_is_left_out(flying: Stepped) -> None:
+def test_a_plan_leaves_out_what_is_not_known(flying: Stepped) -> None:
     for name in ("land", "set_pose", "set_velocity"):
         assert MOTIONS[name].prepare(flying).plan == Plan()
 
@@ -341,7 +343,7 @@ def fastest(uav: Stepped) -> float:
 
 
 @pytest.mark.parametrize("goal", [(6, 0, 3), (0, -6, 3), (0, 0, 8), (0, 0, 1), (4, 3, 6)])
-def test_a_waypoint_is_flown_to_no_faster_than_asked(flying: Stepped, goal: tuple[float, float, float]) -> None:
+def test_a_go_to_keeps_its_maximum_speed(flying: Stepped, goal: tuple[float, float, float]) -> None:
     slow = flying.prepare.go_to_waypoint(at(*goal), max_speed_m_s=0.5)
     quick = flying.prepare.go_to_waypoint(at(*goal))
     assert slow.plan.duration_s is not None
@@ -357,7 +359,7 @@ def test_a_speed_beyond_the_limits_changes_nothing(flying: Stepped) -> None:
     assert prepare.go_to_waypoint(at(6, 0, 3), max_speed_m_s=900.0).plan == prepare.go_to_waypoint(at(6, 0, 3)).plan
 
 
-def test_a_geographic_waypoint_and_a_path_are_flown_no_faster_than_asked(flying: Stepped) -> None:
+def test_a_geographic_go_to_and_a_path_keep_their_maximum_speed(flying: Stepped) -> None:
     prepare = flying.prepare
     flying.end(prepare.go_to_waypoint_geo(*near(flying), AltitudeReference.AMSL, max_speed_m_s=0.6).begin().future)
     flying.end(prepare.follow_path([at(3, 0, 3), at(0, 0, 4)], max_speed_m_s=0.6).begin().future)
@@ -365,7 +367,7 @@ def test_a_geographic_waypoint_and_a_path_are_flown_no_faster_than_asked(flying:
 
 
 @pytest.mark.parametrize("speed_m_s", [0.0, 1e-9, -1.0, math.nan, math.inf, 1001.0, "fast"])
-def test_speeds_that_cannot_be_meant_are_refused(flying: Stepped, speed_m_s: float) -> None:
+def test_invalid_speeds_are_refused(flying: Stepped, speed_m_s: float) -> None:
     prepare = flying.prepare
     calls: list[Callable[[], object]] = [
         lambda: prepare.go_to_waypoint(at(1, 0, 3), max_speed_m_s=speed_m_s),
@@ -378,7 +380,7 @@ def test_speeds_that_cannot_be_meant_are_refused(flying: Stepped, speed_m_s: flo
         assert refused.value.metadata["field"] == "max_speed_m_s"
 
 
-def test_limits_are_narrowed_where_the_speed_is_below_them() -> None:
+def test_the_maximum_speed_narrows_the_limits_that_are_above_it() -> None:
     own = Limits(5.0, 3.0, 1.0, 2.0, 1.5, 1.0)
     assert limits.at_most(own, None) is own
     assert limits.at_most(own, 2.0) == Limits(2.0, 2.0, 1.0, 2.0, 1.5, 1.0)
@@ -410,7 +412,7 @@ def test_limits_are_narrowed_where_the_speed_is_below_them() -> None:
         ),
     ],
 )
-def test_what_cannot_be_meant_of_a_path_is_refused(flying: Stepped, options: dict[str, Any], field: str) -> None:
+def test_invalid_path_options_are_refused(flying: Stepped, options: dict[str, Any], field: str) -> None:
     with pytest.raises(InvalidArgumentError) as refused:
         flying.prepare.follow_path([at(1, 0, 3), at(2, 0, 3)], **options)
     assert refused.value.metadata["field"] == field
@@ -441,7 +443,7 @@ def test_a_path_looks_at_a_point_in_any_frame(flying: Stepped) -> None:
 
 
 @pytest.mark.parametrize(("heading", "yaw_rad"), [(PathHeading.FIXED, 0.0), (PathHeading.ALONG_PATH, math.pi / 2)])
-def test_a_path_points_as_asked_whatever_the_waypoints_say(
+def test_the_heading_of_the_request_wins_over_those_of_the_waypoints(
     flying: Stepped, heading: PathHeading, yaw_rad: float
 ) -> None:
     flying.end(flying.prepare.follow_path([at(0, 4, 3, 2.5)], heading=heading).begin().future)
@@ -478,7 +480,7 @@ def test_a_path_of_geographic_waypoints_is_flown_where_they_are(flying: Stepped)
         ([GeoWaypoint(37.0, -6.0, 3.0, yaw_rad=math.inf)], "geo_waypoints[0].yaw_rad"),
     ],
 )
-def test_geographic_waypoints_that_cannot_be_meant_are_refused(
+def test_invalid_geographic_waypoints_are_refused(
     flying: Stepped, waypoints: list[PoseStamped | GeoWaypoint], field: str
 ) -> None:
     with pytest.raises(InvalidArgumentError) as refused:
@@ -492,8 +494,8 @@ def test_geographic_waypoints_that_cannot_be_meant_are_refused(
 def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO):
         for i in range(50):
-            place = Vector3(0.1 * i, 0.0, 2.0)
-            uav.vehicle.commands.add_frame(Transform(place, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
+            point = Vector3(0.1 * i, 0.0, 2.0)
+            uav.vehicle.commands.add_frame(Transform(point, Quaternion(), "map", "car/base_link", 1000.0 + 0.02 * i))
     added = [record for record in caplog.records if record.getMessage() == "command"]
     assert len(added) == 1
     (found,) = [frame for frame in uav.vehicle.frames() if frame.frame_id == "car/base_link"]
@@ -503,12 +505,12 @@ def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: 
 
 
 @pytest.mark.parametrize("stamp_s", [math.nan, -1.0, math.inf, 1e300])
-def test_a_stamp_that_is_no_time_is_refused(uav: Stepped, stamp_s: float) -> None:
+def test_an_invalid_stamp_is_refused(uav: Stepped, stamp_s: float) -> None:
     with pytest.raises(InvalidArgumentError, match=r"transform\.header\.stamp"):
         uav.vehicle.commands.add_frame(Transform(Vector3(), Quaternion(), "map", "car/base_link", stamp_s))
 
 
-def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
+def test_a_command_that_comes_while_waypoints_are_read_is_newer_than_the_path(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = FrameResolver.goal
@@ -524,8 +526,8 @@ def test_what_is_commanded_while_waypoints_are_read_is_newer_than_the_path(
         path.begin()
 
 
-def test_a_go_to_that_replaces_one_at_once_goes_on_from_its_reference() -> None:
-    with stepped(light={"response_s": 1.0}) as uav:  # it lags
+def test_a_go_to_that_replaces_another_at_once_begins_with_its_reference() -> None:
+    with stepped(light={"response_s": 1.0}) as uav:  # the UAV lags
         uav.fly()
         uav.prepare.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
         uav.run(0.7)

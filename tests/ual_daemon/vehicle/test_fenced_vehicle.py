@@ -1,4 +1,4 @@
-"""The geofence as a caller meets it: what is refused, and where a UAV that flies against it stops. In stepped time."""
+"""The geofence for a caller: what is refused, and where a UAV that flies towards it stops. In stepped time."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_take_off_beyond_the_height_band_is_refused(uav: Stepped) -> None:
     ],
     ids=["goal outside", "goal too low", "pose outside", "leg outside between corners inside", "waypoint outside"],
 )
-def test_what_would_leave_is_refused_dry_or_not_and_nothing_moves(
+def test_a_motion_that_would_leave_is_refused_and_nothing_moves(
     flying: Stepped, move: Callable[[Stepped], object]
 ) -> None:
     before = flying.pose.position
@@ -85,28 +85,28 @@ def test_a_refusal_names_the_goal_that_lies_outside(flying: Stepped) -> None:
     ],
     ids=["far", "slow, at the edge", "far path at the edge", "far path outside", "far goal outside"],
 )
-def test_how_often_the_fence_is_looked_at_does_not_depend_on_how_far_or_slow_the_way_is(
+def test_the_number_of_checked_points_does_not_depend_on_the_length_or_speed_of_the_way(
     move: Callable[[Stepped], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is looked at on the thread that answers everybody."""
-    looks: list[Vector3] = []
+    """They are checked on the thread that serves all callers."""
+    checked: list[Vector3] = []
     is_inside = Fence.is_inside
 
-    def count(fence: Fence, place: Vector3) -> bool:
-        looks.append(place)
-        return is_inside(fence, place)
+    def count(fence: Fence, point: Vector3) -> bool:
+        checked.append(point)
+        return is_inside(fence, point)
 
     with stepped(VehicleSettings(geofence=GeofenceSettings(max_height_m=10.0))) as uav:
         uav.fly()
         for velocity_m_s in (0.0, 1.0):  # from rest, and in motion
             uav.vehicle.commands.setpoints.set_velocity(velocity(0.0, velocity_m_s))
             uav.run(0.4)
-            looks.clear()
+            checked.clear()
             monkeypatch.setattr(Fence, "is_inside", count)
             with contextlib.suppress(GeofenceError):
                 move(uav)
             monkeypatch.undo()
-            assert 0 < len(looks) < 1000
+            assert 0 < len(checked) < 1000
 
 
 def test_a_path_around_the_corner_is_flown(flying: Stepped) -> None:
@@ -119,11 +119,11 @@ def test_a_path_around_the_corner_is_flown(flying: Stepped) -> None:
     ("heading", "frame_id"), [(0.4, ""), (math.pi / 2, ""), (-2.0, ""), (math.pi, "uav_1/base_link")]
 )
 def test_a_velocity_against_the_fence_is_stopped_at_its_edge(flying: Stepped, heading: float, frame_id: str) -> None:
-    told = velocity(1.5 * math.cos(heading), 1.5 * math.sin(heading), 0.0, frame_id)
+    commanded = velocity(1.5 * math.cos(heading), 1.5 * math.sin(heading), 0.0, frame_id)
     refused = False
     for _ in range(round(12.0 / STEP_S)):
         try:
-            flying.vehicle.commands.setpoints.set_velocity(told)
+            flying.vehicle.commands.setpoints.set_velocity(commanded)
         except GeofenceError:
             refused = True
         flying.run(STEP_S)
@@ -137,8 +137,8 @@ def test_a_velocity_against_the_fence_is_stopped_at_its_edge(flying: Stepped, he
     flying.end(flying.prepare.go_to_waypoint(at(-5.0, -5.0, 3.0)).begin().future)
 
 
-def test_a_velocity_that_nobody_renews_is_stopped_at_the_edge_too(flying: Stepped) -> None:
-    """One that was accepted a moment before the edge must not go on for its half second."""
+def test_a_velocity_that_is_not_renewed_is_stopped_at_the_edge_too(flying: Stepped) -> None:
+    """A velocity that was accepted just before the edge must not go on for its half second."""
     flying.end(flying.prepare.go_to_waypoint(at(-5.0, -9.0, 3.0)).begin().future)
     flying.vehicle.commands.setpoints.set_velocity(velocity(0.0, -0.8))
     lowest = 0.0
@@ -149,17 +149,19 @@ def test_a_velocity_that_nobody_renews_is_stopped_at_the_edge_too(flying: Steppe
 
 
 @pytest.mark.parametrize("across", [(0.0, 1.0), (-0.2, 1.0), (0.2, -1.0)])
-def test_a_velocity_across_does_not_carry_it_outside_by_its_momentum(across: tuple[float, float]) -> None:
+def test_the_uav_does_not_leave_by_its_momentum_when_its_velocity_changes_to_one_along_the_edge(
+    across: tuple[float, float],
+) -> None:
     fence = GeofenceSettings(polygon=((-60.0, -200.0), (60.0, -200.0), (60.0, 200.0), (-60.0, 200.0)))
     light = {"horizontal_speed_m_s": 10.0, "horizontal_acceleration_m_s2": 3.0}
     with stepped(VehicleSettings(geofence=fence), light=light) as uav:
         uav.fly()
-        told, furthest, was_refused = velocity(10.0), 0.0, False
+        commanded, furthest, was_refused = velocity(10.0), 0.0, False
         for _ in range(round(20.0 / STEP_S)):
             try:
-                uav.vehicle.commands.setpoints.set_velocity(told)
+                uav.vehicle.commands.setpoints.set_velocity(commanded)
             except GeofenceError:
-                told, was_refused = velocity(10.0 * across[0], 10.0 * across[1]), True
+                commanded, was_refused = velocity(10.0 * across[0], 10.0 * across[1]), True
             uav.run(STEP_S)
             furthest = max(furthest, uav.pose.position.x)
         assert was_refused
@@ -183,8 +185,8 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown
             uav.run(STEP_S)
             reference = uav.vehicle.telemetry().reference_pose
             assert reference is not None
-            for place in (reference.position, uav.pose.position):
-                assert place.y >= max(0.0, (place.x - 60.0) * slope) - 0.55
+            for point in (reference.position, uav.pose.position):
+                assert point.y >= max(0.0, (point.x - 60.0) * slope) - 0.55
         assert uav.speed < 0.05
         assert uav.pose.position.x < 90.0  # before the end of the path
         uav.end(uav.prepare.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
@@ -200,7 +202,7 @@ def test_climbing_and_descending_stop_at_the_heights(flying: Stepped) -> None:
         assert 1.0 <= flying.pose.position.z <= 10.0
 
 
-def test_the_safety_pilot_is_not_fenced_and_what_he_left_outside_holds_there_and_comes_back(flying: Stepped) -> None:
+def test_the_safety_pilot_is_not_fenced_and_a_uav_left_outside_holds_there_and_comes_back(flying: Stepped) -> None:
     flying.sim.pilot_take_over()
     flying.sim.pilot_move_sticks(forward=1.0)
     flying.until(lambda: flying.pose.position.x > 12.0)
@@ -219,7 +221,7 @@ def test_the_safety_pilot_is_not_fenced_and_what_he_left_outside_holds_there_and
 
 
 @pytest.mark.parametrize("legs", [10, 1000])
-def test_a_short_way_out_in_a_long_path_is_seen(flying: Stepped, legs: int) -> None:
+def test_a_short_exit_in_a_long_path_is_found(flying: Stepped, legs: int) -> None:
     inside = [at(-5.0 if leg % 2 else 5.0, -5.0, 3.0) for leg in range(legs)]
     flying.prepare.follow_path(inside)
     with pytest.raises(GeofenceError):

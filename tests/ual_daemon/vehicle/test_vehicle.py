@@ -51,8 +51,8 @@ def flying(uav: Stepped) -> Stepped:
     return uav
 
 
-def velocity(x: float, y: float = 0.0, z: float = 0.0, turn: float = 0.0, frame_id: str = "") -> TwistStamped:
-    return TwistStamped(Twist(Vector3(x, y, z), Vector3(0.0, 0.0, turn)), frame_id)
+def velocity(x: float, y: float = 0.0, z: float = 0.0, yaw_rate_rad_s: float = 0.0, frame_id: str = "") -> TwistStamped:
+    return TwistStamped(Twist(Vector3(x, y, z), Vector3(0.0, 0.0, yaw_rate_rad_s)), frame_id)
 
 
 def failure(task: VehicleTask) -> UalError:
@@ -61,7 +61,7 @@ def failure(task: VehicleTask) -> UalError:
     return error
 
 
-# --- Take-off and landing -------------------------------------------------------------------------------------------
+# --- Take-off and landing ---------------------------------------------------------------------------------------------
 
 
 def test_a_flight_goes_through_its_states(uav: Stepped) -> None:
@@ -95,14 +95,14 @@ def test_take_off_ends_within_5_percent_of_its_height_and_slow(uav: Stepped, hei
 
 @pytest.mark.parametrize("height_m", [0.05, 0.1, 0.2])
 def test_a_low_take_off_ends_in_the_air(uav: Stepped, height_m: float) -> None:
-    """The ground it stands on is within its tolerance."""
+    """The ground is within the tolerance of a low height."""
     uav.arm()
     uav.end(uav.prepare.take_off(height_m).begin().future)
     assert uav.state is State.FLYING_AUTO
     assert uav.pose.position.z == pytest.approx(height_m, abs=0.03)
 
 
-def test_take_off_height_is_above_where_it_stands() -> None:
+def test_take_off_height_is_above_the_ground_under_the_uav() -> None:
     with stepped(light={"start": [5.0, -2.0, 0.0]}) as uav:
         uav.fly(2.0)
         p = uav.pose.position
@@ -155,10 +155,10 @@ def test_the_safety_pilot_aborts_take_off_and_landing(uav: Stepped, phase: str) 
     assert uav.is_in(State.FLYING_MANUAL)
 
 
-# --- Going places ---------------------------------------------------------------------------------------------------
+# --- Go-tos and paths -------------------------------------------------------------------------------------------------
 
 
-def test_go_to_is_straight_in_step_and_does_not_overshoot(flying: Stepped) -> None:
+def test_go_to_is_straight_with_a_synchronized_heading_and_does_not_overshoot(flying: Stepped) -> None:
     task = flying.prepare.go_to_waypoint(at(4, 2, 5, math.pi / 2)).begin()
     flying.end(task.future)
     start, goal = Vector3(0, 0, 3), Vector3(4, 2, 5)
@@ -169,7 +169,7 @@ def test_go_to_is_straight_in_step_and_does_not_overshoot(flying: Stepped) -> No
         way = sample.pose.position - start
         assert (way - along * way.dot(along)).norm() < 0.05
         assert way.dot(along) < length + 0.05
-        # The heading turns in step with the way.
+        # The heading turns in proportion to the distance.
         if 0.3 * length < way.dot(along) < 0.7 * length:
             turned = sample.pose.yaw_rad / (math.pi / 2)
             assert turned == pytest.approx(way.dot(along) / length, abs=0.15)
@@ -190,7 +190,7 @@ def test_a_goal_without_orientation_keeps_the_heading(flying: Stepped) -> None:
     assert flying.pose.yaw_rad == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_goal_that_is_here_ends_at_once_and_well(flying: Stepped) -> None:
+def test_a_goal_at_the_present_pose_succeeds_at_once(flying: Stepped) -> None:
     task = flying.prepare.go_to_waypoint(at(0, 0, 3)).begin()
     flying.end(task.future, limit_s=3.0)
     assert task.info().status is TaskStatus.SUCCEEDED
@@ -206,7 +206,7 @@ def test_goals_in_other_frames(flying: Stepped) -> None:
     assert tuple(flying.pose.position) == pytest.approx((3, 3, 4), abs=0.03)
 
 
-def test_a_geographic_goal_is_where_the_autopilot_then_is(flying: Stepped) -> None:
+def test_the_autopilot_is_at_a_geographic_goal_in_the_end(flying: Stepped) -> None:
     origin = flying.vehicle.backend.snapshot().projection
     assert origin is not None
     goal = origin.to_geo(Vector3(5, 4, 6))
@@ -260,7 +260,7 @@ def test_an_empty_path_is_refused(flying: Stepped) -> None:
         flying.prepare.follow_path([]).begin()
 
 
-def test_the_users_limits_hold() -> None:
+def test_the_limits_of_the_user_hold() -> None:
     slow = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=0.5, climb_speed_m_s=0.4))
     with stepped(slow) as uav:
         uav.arm()
@@ -280,13 +280,13 @@ def test_a_moving_start_bends_smoothly_to_a_new_goal(flying: Stepped) -> None:
     assert isinstance(failure(first), TaskAbortedError)
     assert failure(first).metadata["by"] == "go_to_waypoint"
     flying.end(second.future)
-    places = [s.pose.position for s in flying.samples if s.pose]
-    steps = [(b - a).norm() for a, b in itertools.pairwise(places)]
+    positions = [s.pose.position for s in flying.samples if s.pose]
+    steps = [(b - a).norm() for a, b in itertools.pairwise(positions)]
     assert max(steps) <= 1.6 * STEP_S * 1.05
     assert tuple(flying.pose.position) == pytest.approx((3, 4, 3), abs=0.03)
 
 
-# --- References -----------------------------------------------------------------------------------------------------
+# --- References -------------------------------------------------------------------------------------------------------
 
 
 def test_a_velocity_moves_and_then_its_watchdog_stops_and_holds(flying: Stepped) -> None:
@@ -316,11 +316,11 @@ def test_a_velocity_beyond_the_limits_is_scaled_and_keeps_its_direction(flying: 
     assert math.atan2(v.linear.y, v.linear.x) == pytest.approx(math.atan2(4, 3), abs=0.01)
 
 
-def test_what_a_caller_streams_is_not_sent_twice(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_setpoints_that_a_caller_streams_are_not_sent_twice(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
     sent: list[Setpoint] = []
     backend, snapshot = flying.vehicle.backend, flying.vehicle.backend.snapshot
     monkeypatch.setattr(backend, "send", sent.append)
-    # His come in the middle between two updates.
+    # The setpoints of the caller come in the middle between two updates.
     monkeypatch.setattr(backend, "snapshot", lambda: snapshot().at(backend.clock.now_s() + STEP_S / 2))
     for _ in range(20):
         flying.vehicle.commands.setpoints.set_velocity(velocity(1.0))
@@ -339,7 +339,7 @@ def test_a_velocity_in_the_body_turns_with_it(flying: Stepped) -> None:
     assert v is not None
     assert (v.linear.x, v.linear.y) == pytest.approx((0.0, 1.0), abs=0.1)
     for _ in range(10):
-        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, turn=0.8, frame_id="uav_1/base_link"))
+        flying.vehicle.commands.setpoints.set_velocity(velocity(1.0, yaw_rate_rad_s=0.8, frame_id="uav_1/base_link"))
         flying.run(0.1)
     later = flying.vehicle.telemetry().velocity
     assert later is not None
@@ -374,7 +374,7 @@ def test_a_reference_replaces_a_task(flying: Stepped) -> None:
     assert task.info().status is TaskStatus.ABORTED
 
 
-def test_abort_brakes_and_freeze_goes_back(flying: Stepped) -> None:
+def test_abort_brakes_and_freeze_returns_to_the_position_of_the_abort(flying: Stepped) -> None:
     for freeze in (False, True):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
         task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
@@ -402,7 +402,7 @@ def test_cancelling_a_task_holds_and_later_cancels_do_nothing(flying: Stepped) -
     flying.end(other.future)
 
 
-# --- Preconditions --------------------------------------------------------------------------------------------------
+# --- Preconditions ----------------------------------------------------------------------------------------------------
 
 FLYING: dict[str, Callable[[Stepped], object]] = {
     "land": lambda uav: uav.prepare.land().begin(),
@@ -531,7 +531,7 @@ def test_refusals_and_state_changes_are_logged(uav: Stepped, caplog: pytest.LogC
     assert "state" in events
 
 
-# --- The safety pilot and faults ------------------------------------------------------------------------------------
+# --- The safety pilot and faults --------------------------------------------------------------------------------------
 
 
 def test_the_safety_pilot_takes_over_and_recover_takes_back(flying: Stepped) -> None:
@@ -543,7 +543,7 @@ def test_the_safety_pilot_takes_over_and_recover_takes_back(flying: Stepped) -> 
     assert flying.is_in(State.FLYING_MANUAL)
     flying.sim.pilot_move_sticks(forward=0.5, up=0.2)
     flying.run(2.0)
-    assert flying.speed > 0.5  # he flies, nothing of ours interferes
+    assert flying.speed > 0.5  # the pilot flies, and UAL does not interfere
     flying.end(flying.vehicle.commands.recover_from_manual().begin(), limit_s=2.0)
     assert flying.is_in(State.FLYING_AUTO)
     flying.run(5.0)
@@ -601,7 +601,7 @@ def test_a_lost_position_is_uninitialized_and_says_why(flying: Stepped) -> None:
         (Command.TAKE_CONTROL, lambda uav: uav.vehicle.commands.recover_from_manual().begin()),
     ],
 )
-def test_refused_commands_carry_the_autopilots_words(
+def test_refusals_carry_the_text_of_the_autopilot(
     uav: Stepped, fault: Command, begin: Callable[[Stepped], object]
 ) -> None:
     if fault is Command.TAKE_OFF:
@@ -651,7 +651,7 @@ def test_weak_motors_still_arrive(flying: Stepped) -> None:
     assert tuple(flying.pose.position) == pytest.approx((6, 3, 5), abs=0.25)
 
 
-def test_motors_without_power_time_out_and_say_how_far_it_was(flying: Stepped) -> None:
+def test_motors_without_power_time_out_and_the_error_names_the_distance(flying: Stepped) -> None:
     flying.run(5.0)  # at rest: without power it would coast on
     flying.sim.begin_fault(MotorsWeak(0.0))
     task = flying.prepare.go_to_waypoint(at(6, 0, 3)).begin()
@@ -660,7 +660,7 @@ def test_motors_without_power_time_out_and_say_how_far_it_was(flying: Stepped) -
     assert task.info().status is TaskStatus.FAILED
 
 
-def test_wind_holds_up_nobody(flying: Stepped) -> None:
+def test_a_go_to_arrives_in_wind(flying: Stepped) -> None:
     flying.sim.set_wind(Vector3(0, 3.0, 0))
     flying.end(flying.prepare.go_to_waypoint(at(6, 0, 3)).begin().future)
     assert max(abs(s.pose.position.y) for s in flying.samples if s.pose) < 0.15
@@ -671,7 +671,7 @@ def test_estimator_jumps_end_well(flying: Stepped) -> None:
     flying.end(flying.prepare.go_to_waypoint(at(6, 0, 3)).begin().future)
 
 
-# --- Home, frames, telemetry ----------------------------------------------------------------------------------------
+# --- Home, frames, telemetry ------------------------------------------------------------------------------------------
 
 
 def test_set_home_moves_odom() -> None:
@@ -745,7 +745,7 @@ def test_telemetry_agrees_with_itself(flying: Stepped) -> None:
     assert stamps == sorted(stamps)
 
 
-# --- The end --------------------------------------------------------------------------------------------------------
+# --- The end ----------------------------------------------------------------------------------------------------------
 
 
 def test_shutdown_cancels_a_go_to_and_leaves_the_autopilot_holding(flying: Stepped) -> None:
@@ -759,7 +759,7 @@ def test_shutdown_cancels_a_go_to_and_leaves_the_autopilot_holding(flying: Stepp
         flying.vehicle.commands.recover_from_manual().begin()
 
 
-def test_what_was_checked_before_the_shutdown_does_not_begin_after_it(flying: Stepped) -> None:
+def test_a_command_that_was_prepared_before_the_shutdown_does_not_begin_after_it(flying: Stepped) -> None:
     begins: list[Callable[[], object]] = [
         flying.prepare.go_to_waypoint(at(9, 0, 3)).begin,
         lambda: flying.vehicle.commands.setpoints.set_pose(at(9, 0, 3)),
@@ -787,7 +787,7 @@ def test_a_hold_that_is_not_answered_is_not_repeated_once_the_safety_pilot_flies
     assert answer.cancelled()
 
 
-def test_shutdown_needs_no_time_to_pass_in_a_simulation_that_stands_still(flying: Stepped) -> None:
+def test_shutdown_of_a_stepped_simulation_needs_no_step(flying: Stepped) -> None:
     assert flying.vehicle.prepare_shutdown().done()
     assert flying.vehicle.telemetry().flight_mode == "HOLD"
 
@@ -841,15 +841,15 @@ def test_a_defect_in_a_reference_stops_the_uav_and_updates_go_on(
     assert flying.is_in(State.FLYING_AUTO)
 
 
-def test_a_reference_is_asked_by_one_thread_at_a_time(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
-    flown: list[bool] = []
+def test_only_one_thread_at_a_time_calls_a_reference(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    has_reference: list[bool] = []
 
     def setpoint(hold: Hold, snapshot: Snapshot) -> PositionSetpoint:
-        flown.append(flying.vehicle._flight._reference is hold)
+        has_reference.append(flying.vehicle._flight._reference is hold)
         return PositionSetpoint(hold.motion(snapshot).position, 0.0)
 
     monkeypatch.setattr(Hold, "setpoint", setpoint)
     flying.vehicle.commands.setpoints.set_pose(at(1, 0, 3))
-    assert flown == [False]  # by the caller, before the update thread knows of it
+    assert has_reference == [False]  # by the caller, before the update thread has the reference
     flying.run(STEP_S)
-    assert flown == [False, True]
+    assert has_reference == [False, True]

@@ -131,7 +131,7 @@ def test_the_safety_pilot_takes_over_in_the_middle_of_a_go_to_again_and_again(fl
         with flight.autopilot.lock:
             taken_s = flight.now_s
             flight.autopilot.pilot_take_over()
-        with pytest.raises(TaskAbortedError, match="taken by the safety pilot"):
+        with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
             task.wait(LIMIT_S)
         flight.wait_for_state(State.FLYING_MANUAL)
         ended_s = flight.first_s(lambda telemetry: telemetry.state is State.FLYING_MANUAL, taken_s)

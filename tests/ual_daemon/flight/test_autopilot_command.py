@@ -1,0 +1,68 @@
+"""Commands to the autopilot, judged by their effect."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+import pytest
+
+from tests.ual_daemon.flight.hand_made import Autopilot, sent
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCommand
+
+
+def later(autopilot: Autopilot, seconds: float) -> Snapshot:
+    return autopilot.snapshot().at(autopilot.time_s + seconds)
+
+
+def test_a_command_has_time_to_show_its_effect(autopilot: Autopilot, ack: Future[None]) -> None:
+    command = sent(ack, autopilot)
+    assert command.failure(later(autopilot, COMMAND_PATIENCE_S)) is None
+    assert isinstance(command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1)), UalTimeoutError)
+
+
+def test_an_accepted_command_without_effect_is_a_refusal_with_the_status_text(
+    autopilot: Autopilot, ack: Future[None]
+) -> None:
+    command = sent(ack, autopilot)
+    ack.set_result(None)
+    autopilot.status_text = "Preflight Fail: heading"
+    failure = command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1))
+    assert isinstance(failure, RejectedByAutopilotError)
+    assert "accepted to do it, but has not after 5 s" in failure.message
+    assert "Preflight Fail: heading" in failure.message
+
+
+def test_a_refusal_is_known_at_once(autopilot: Autopilot, ack: Future[None]) -> None:
+    command = sent(ack, autopilot)
+    ack.set_exception(RejectedByAutopilotError("no"))
+    assert str(command.failure(autopilot.snapshot())) == "no"
+    assert not command.is_accepted
+
+
+def test_an_error_of_the_backend_is_a_refusal(autopilot: Autopilot) -> None:
+    def refuse() -> Future[None]:
+        raise LinkLostError("the port is gone")
+
+    command = AutopilotCommand("do it", 0.0)
+    command.send(refuse)
+    assert isinstance(command.failure(autopilot.snapshot()), LinkLostError)
+
+
+def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
+    command = AutopilotCommand("arm", 0.0)
+    command.withdraw()
+    command.send(lambda: pytest.fail("it was sent"))
+    assert not command.is_answered
+
+
+def test_a_command_that_is_withdrawn_while_it_is_sent_is_cancelled(ack: Future[None]) -> None:
+    command = AutopilotCommand("arm", 0.0)
+
+    def send() -> Future[None]:
+        command.withdraw()  # by another thread, before there is a future
+        return ack
+
+    command.send(send)
+    assert ack.cancelled()

@@ -1,0 +1,56 @@
+"""Landing."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+from tests.ual_daemon.flight.hand_made import Autopilot, sent
+from ual.errors import TaskAbortedError, UalTimeoutError
+from ual.geometry import Vector3
+from ual.types import TaskKind
+from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.manoeuvre import Step
+from ual_daemon.tracker.references import Hold
+
+
+def land(autopilot: Autopilot, ack: Future[None]) -> Land:
+    hold = Hold(Vector3(1.0, 2.0, autopilot.z), 0.5)
+    return Land(autopilot.task(TaskKind.LAND), sent(ack, autopilot), hold, autopilot.snapshot())
+
+
+def test_a_landing_sends_references_only_until_the_autopilot_lands_by_itself(
+    flying: Autopilot, ack: Future[None]
+) -> None:
+    landing = land(flying, ack)
+    assert isinstance(flying.step(landing).setpoint, PositionSetpoint)
+    flying.landed = LandedState.LANDING  # its landed state may come before its mode
+    assert flying.step(landing) == Step()
+    flying.control, flying.climb_m_s = Control.LAND, -1.0
+    for _ in range(40):
+        assert flying.step(landing) == Step()
+    flying.landed = LandedState.ON_GROUND
+    assert flying.step(landing) == Step(has_ended=True)
+
+
+def test_a_landing_that_the_pilot_stops_is_aborted(flying: Autopilot, ack: Future[None]) -> None:
+    landing = land(flying, ack)
+    flying.control = Control.LAND
+    flying.step(landing)
+    flying.control = Control.OTHER
+    error = flying.step(landing).error
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"
+
+
+def test_a_landing_that_stops_in_the_air_times_out_and_a_slow_one_does_not(
+    flying: Autopilot, ack: Future[None]
+) -> None:
+    landing = land(flying, ack)
+    flying.control, flying.climb_m_s, flying.z = Control.LAND, -0.25, 100.0
+    landing = land(flying, ack)
+    flying.control = Control.LAND
+    for _ in range(3900):
+        assert flying.step(landing) == Step()
+    flying.climb_m_s = 0.0
+    assert isinstance(flying.until_end(landing, 600.0), UalTimeoutError)

@@ -1,0 +1,28 @@
+"""The errors of a command that may not begin, and of a manoeuvre that another command ended."""
+
+from __future__ import annotations
+
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.types import State
+from ual_daemon.flight.manoeuvre import Manoeuvre
+
+
+def shutting_down(command: str) -> WrongStateError:
+    """The refusal of a command that arrives after the shutdown has begun."""
+    return WrongStateError(f"{command}: UAL is shutting down and takes no more commands")
+
+
+def not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:
+    """The refusal of a command during a manoeuvre that only the safety pilot can abort."""
+    metadata = {"command": command}
+    if manoeuvre.declares is not None:
+        metadata["state"] = manoeuvre.declares.name
+    return WrongStateError(
+        f"{command}: {manoeuvre.name} is under way; only the safety pilot can abort it, else wait for its end", metadata
+    )
+
+
+def replaced(old: Manoeuvre, by: str) -> TaskAbortedError:
+    """The end of a manoeuvre that a newer command replaced or cancelled."""
+    how = "cancelled" if by in ("cancel", "abort") else f"replaced by {by}"
+    return TaskAbortedError(f"{old.name}: {how}", {"by": by, "state": State.FLYING_AUTO.name})

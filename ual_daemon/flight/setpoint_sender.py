@@ -1,0 +1,32 @@
+"""Sends setpoints to the autopilot."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.setpoint_adaptation import adapted
+
+_SEND_PERIOD_S = 0.018
+"""An update sends a setpoint if none was sent for so long (50 Hz, with a margin for the jitter of the updates)."""
+
+
+class SetpointSender:
+    """Sends setpoints in the form that the autopilot takes."""
+
+    def __init__(self, backend: Backend, limits: CurrentLimits) -> None:
+        self._backend = backend
+        self._limits = limits
+        self._sent_s = float("-inf")
+
+    def send_if_due(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
+        """Sends a setpoint, unless one was sent within the send period."""
+        if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
+            self.send(setpoint, snapshot)
+
+    def send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
+        """Sends a setpoint now."""
+        self._sent_s = snapshot.time_s
+        if not isinstance(setpoint, VelocitySetpoint):
+            setpoint = adapted(setpoint, self._backend.info().takes, snapshot, self._limits.get())
+        self._backend.send(setpoint)

@@ -1,0 +1,59 @@
+"""The shutdown: hands the UAV over to the autopilot, which then holds the position by itself."""
+
+from __future__ import annotations
+
+import logging
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
+
+from ual.types import State
+from ual_daemon import logs
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.state import estimate
+
+_log = logging.getLogger(__name__)
+
+_HOLD_PATIENCE_S = 5.0
+
+
+class Shutdown:
+    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL."""
+
+    def __init__(self, backend: Backend) -> None:
+        self.future: Future[None] = Future()
+        self._backend = backend
+        self._hold: AutopilotCommand | None = None
+
+    def step(self, snapshot: Snapshot) -> bool:
+        """Sends the hold command, once, if UAL flies the UAV. Returns whether the handover is over."""
+        if self._hold is None and self._state(snapshot) is State.FLYING_AUTO:
+            self._hold = self._send_hold(snapshot)
+            snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
+        if self._hold is None:
+            return True
+        state = self._state(snapshot)
+        if state is State.FLYING_AUTO:
+            if snapshot.time_s - self._hold.sent_s < _HOLD_PATIENCE_S:
+                return False
+            failure = self._hold.failure(snapshot)
+            logs.event(_log, logging.ERROR, "hold_failed", why=str(failure or "its mode did not change"))
+        elif state is State.FLYING_MANUAL:
+            # The autopilot holds, or the safety pilot flies: a repeated command would take control from the pilot.
+            self._hold.withdraw()
+        return True
+
+    def _state(self, snapshot: Snapshot) -> State:
+        return estimate(snapshot, self._backend.freshness).state
+
+    def _send_hold(self, snapshot: Snapshot) -> AutopilotCommand:
+        hold = AutopilotCommand("hold its position", snapshot.time_s)
+        logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
+        hold.send(self._backend.hold)
+        return hold
+
+    def finish(self) -> None:
+        """Ends the future, unless another thread has ended it."""
+        with suppress(InvalidStateError):
+            self.future.set_result(None)

@@ -1,0 +1,74 @@
+"""Where the next motion begins, and how the UAV comes to rest, given the reference that it follows now."""
+
+from __future__ import annotations
+
+from ual.errors import WrongStateError
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.geofence import Geofence
+from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.references import (
+    Hold,
+    Reference,
+    StopOnTrajectory,
+    TrajectoryReference,
+    brake,
+    measured_motion,
+)
+from ual_daemon.trajectory import Motion, Trajectory
+
+_NEAR_REFERENCE_M = 1.0
+_NEAR_REFERENCE_S = 0.5
+
+
+def next_start(current: Reference | None, snapshot: Snapshot) -> Motion:
+    """Returns the motion in which the next trajectory begins.
+
+    This is the motion of the current reference, so that references do not jump. If the UAV is far from the reference,
+    or follows none, it is the measured motion.
+    """
+    return _motion_if_near(current, snapshot) or measured_motion(snapshot)
+
+
+def _motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion | None:
+    """Returns the motion of a reference; None if there is no reference, or if the UAV is far from it."""
+    if reference is None:
+        return None
+    motion = reference.motion(snapshot)
+    near_m = _NEAR_REFERENCE_M + _NEAR_REFERENCE_S * motion.velocity.norm()  # the UAV may lag behind a fast reference
+    return motion if (motion.position - measured_motion(snapshot).position).norm() <= near_m else None
+
+
+class Stopping:
+    """How one UAV comes to rest within its limits and its geofence."""
+
+    def __init__(self, limits: CurrentLimits, geofence: Geofence | None) -> None:
+        self._limits = limits
+        self._geofence = geofence
+
+    def stop(self, current: Reference | None, snapshot: Snapshot) -> Reference:
+        """Returns the reference that brings the UAV to rest.
+
+        It begins with the motion of the current reference, except where that is only a pose: the UAV may be anywhere on
+        its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
+        trajectory where straight ahead would leave the geofence.
+        """
+        start = None if isinstance(current, Hold) else _motion_if_near(current, snapshot)
+        if (
+            start is not None
+            and isinstance(current, TrajectoryReference)
+            and self._straight_stop(start, snapshot) is None
+        ):
+            return StopOnTrajectory(current, self._straight_stop)
+        return brake(snapshot, self._limits.get(), start)
+
+    def _straight_stop(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference | None:
+        """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""
+        stop = brake(snapshot, self._limits.get(), start)
+        return None if self._leaves_geofence(stop.trajectory, snapshot) else stop
+
+    def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
+        """Whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""
+        try:
+            return self._geofence is not None and self._geofence.is_left_by(trajectory, self._limits.get(), snapshot)
+        except WrongStateError:
+            return False

@@ -1,0 +1,89 @@
+"""Commands to the autopilot that are not manoeuvres (arming, disarming), watched until their effect shows."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from ual.errors import UalError
+from ual_daemon import logs
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.refusals import shutting_down
+
+_log = logging.getLogger(__name__)
+
+
+class _Watched:
+    """A command, the condition that shows its effect, and the future that ends then."""
+
+    def __init__(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> None:
+        self.command = command
+        self.is_done = is_done
+        self.future = running_future()
+
+    def end(self, error: UalError | None) -> None:
+        """Withdraws the command and ends the future. Runs the callbacks of the future, so hold no lock."""
+        self.command.withdraw()
+        end_future(self.future, error)
+
+
+class WatchedCommands:
+    """The watched commands of one UAV. Any thread may call any member, except `step`: only the update thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._watched: tuple[_Watched, ...] = ()
+        self._is_closed = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no command is watched."""
+        return not self._watched
+
+    def add(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
+        """Watches a command. The future ends when `is_done` holds, or with the error by which the command failed.
+
+        Raises:
+            WrongStateError: UAL is shutting down.
+
+        """
+        watched = _Watched(command, is_done)
+        with self._lock:
+            if self._is_closed:
+                raise shutting_down(command.what)
+            self._watched = (*self._watched, watched)
+        return watched.future
+
+    def refuse_new(self) -> None:
+        """Refuses new commands from now on."""
+        with self._lock:
+            self._is_closed = True
+
+    def end_all(self, error: UalError) -> None:
+        """Ends all commands with an error, and refuses new ones."""
+        with self._lock:
+            ended, self._watched, self._is_closed = self._watched, (), True
+        for watched in ended:
+            watched.end(error)
+
+    def step(self, snapshot: Snapshot) -> None:
+        """Ends the commands whose effect shows in a snapshot, and those that have failed."""
+        for watched in self._watched:
+            is_done = watched.is_done(snapshot)
+            error = None if is_done else watched.command.failure(snapshot)
+            if (is_done or error is not None) and self._remove(watched):
+                if error is not None:
+                    logs.event(_log, logging.WARNING, "command_failed", reason=error.reason, why=str(error))
+                watched.end(error)
+
+    def _remove(self, watched: _Watched) -> bool:
+        """Returns whether it was still there: `end_all` may have ended it on another thread."""
+        with self._lock:
+            if watched not in self._watched:
+                return False
+            self._watched = tuple(other for other in self._watched if other is not watched)
+            return True
