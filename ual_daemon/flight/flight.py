@@ -41,10 +41,6 @@ class LastCommand(NamedTuple):
     number: int
     name: str
 
-    def followed_by(self, name: str) -> LastCommand:
-        """Returns the next one."""
-        return LastCommand(self.number + 1, name)
-
 
 class Flight:
     """What one UAV flies. Any thread may call any member, except `step`: only the update thread."""
@@ -147,7 +143,7 @@ class Flight:
             error = self._why_not_begin(manoeuvre.name, since)
             if error is None:
                 self._manoeuvre, self._reference = manoeuvre, None
-                self._last_command = self._last_command.followed_by(manoeuvre.name)
+                self._last_command = LastCommand(self._last_command.number + 1, manoeuvre.name)
         if error is not None:
             self._end(manoeuvre, error)
             raise error
@@ -184,7 +180,7 @@ class Flight:
             if error is not None:
                 raise error
             self._manoeuvre, self._reference = None, reference
-            self._last_command = self._last_command.followed_by(by)
+            self._last_command = LastCommand(self._last_command.number + 1, by)
         self._sender.send(setpoint, snapshot)
         if old is not None:
             self._end(old, replaced(old, by))

@@ -23,10 +23,11 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
 
     `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise.
     """
-    missing = _why_uninitialized(snapshot, freshness)
-    if missing is not None:
-        return missing
-    # _why_uninitialized has checked these.
+    if not _is_all_fresh(snapshot, freshness):
+        missing = _why_uninitialized(snapshot, freshness)
+        if missing is not None:
+            return missing
+    # Both functions have checked these.
     assert snapshot.armed is not None
     assert snapshot.mode is not None
     landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
@@ -56,8 +57,6 @@ def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
         return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
-    if _is_all_fresh(snapshot, freshness):
-        return None
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
         return Estimate(
