@@ -17,7 +17,7 @@ import click
 from click.core import ParameterSource
 
 from ual_daemon import __version__
-from ual_daemon.program import log_output
+from ual_daemon.program import lazy, log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
@@ -145,6 +145,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     # Saves one thread on the path of each message: docs/decisions/0010.
     os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
+    lazy.prepare()
     from ual_daemon.backends import registry
     from ual_daemon.server import tls
 
