@@ -75,7 +75,7 @@ class FrameResolver:
         """Validates a goal, as far as that is possible without the position of the UAV.
 
         Raises:
-            InvalidArgumentError: A value cannot be meant; `field` and the field in it are named.
+            InvalidArgumentError: A value is out of range; `field` and the field in it are named.
             UnknownFrameError: There is no such frame.
 
         """

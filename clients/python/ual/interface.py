@@ -323,7 +323,7 @@ class TaskCommands(ABC, Generic[T]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
-            InvalidArgumentError: A value is not finite, or cannot be meant.
+            InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame; the known ones are listed.
             GeofenceError: The goal or the way there lies outside the geofence.
             TaskAbortedError: It was replaced, cancelled, or the safety pilot took the UAV; the message says which.
@@ -399,7 +399,7 @@ class TaskCommands(ABC, Generic[T]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL, or flew on while the path was planned.
-            InvalidArgumentError: There are no waypoints, or a value cannot be meant; the field is named.
+            InvalidArgumentError: There are no waypoints, or a value is out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The path leaves the geofence.
             TaskAbortedError: As in `go_to_waypoint`.
@@ -616,7 +616,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
-            InvalidArgumentError: A value is not finite, or cannot be meant.
+            InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The pose lies outside the geofence.
 
@@ -635,7 +635,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
-            InvalidArgumentError: A value is not finite, or cannot be meant.
+            InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The UAV could not stop inside the geofence any more.
 
