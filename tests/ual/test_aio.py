@@ -96,6 +96,9 @@ def test_a_whole_flight(daemon: DaemonProcess) -> None:
         assert (await task.wait()).id == task.id
         assert ((await uav.pose()).pose.position - Vector3(4.0, 2.0, 3.0)).norm() < 0.3
         assert await uav.is_ready()
+        assert await uav.wait_for(State.LANDING, State.FLYING_AUTO, timeout_s=LIMIT_S) is State.FLYING_AUTO
+        with pytest.raises(errors.UalTimeoutError, match="not LANDING"):
+            await uav.wait_for(State.LANDING, timeout_s=0.01)
         assert await uav.is_idle()
         assert await uav.reference_pose() is not None
         assert (await uav.transform()).child_frame_id == "uav_1/base_link"

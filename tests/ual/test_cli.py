@@ -347,6 +347,18 @@ def test_a_geographic_waypoint_is_flown_to(flying: DaemonProcess) -> None:
     assert (position.x, position.y, position.z) == pytest.approx((0.0, 1.11, 4.0), abs=0.3)
 
 
+def test_wait_prints_the_state_that_came_and_fails_without_it(daemon: DaemonProcess) -> None:
+    del daemon
+    assert done("wait", "landed_armed", "FLYING_AUTO", "--timeout", str(LIMIT_S)) == "LANDED_ARMED\n"
+    (found,) = done_json("wait", "LANDED_ARMED")
+    assert found == {"ns": "uav_1", "state": "LANDED_ARMED"}
+    late = run("wait", "LANDING", "--timeout", "0.01")
+    assert late.exit_code == 1
+    assert late.stderr.startswith("ual: TIMEOUT: the state is not LANDING after 0.01 s, but LANDED_ARMED")
+    assert run("wait", "nowhere").exit_code == 2
+    assert run("wait").exit_code == 2
+
+
 def test_dry_runs_say_what_would_happen(daemon: DaemonProcess) -> None:
     del daemon
     wait_for_state(State.LANDED_ARMED)

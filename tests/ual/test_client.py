@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -496,3 +497,17 @@ def test_members_can_be_called_from_many_threads(daemon: DaemonProcess) -> None:
         for worker in workers:
             worker.join(LIMIT_S * 2)
     assert failures == []
+
+
+def test_it_waits_for_a_state(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav:
+        assert uav.wait_for(State.LANDED_ARMED, State.FLYING_AUTO, timeout_s=LIMIT_S) is State.LANDED_ARMED
+        uav.take_off(3.0, blocking=False)
+        assert uav.wait_for(State.FLYING_AUTO, timeout_s=LIMIT_S) is State.FLYING_AUTO
+        with pytest.raises(errors.UalTimeoutError, match=r"not LANDING after 0\.01 s, but FLYING_AUTO"):
+            uav.wait_for(State.LANDING, timeout_s=0.01)
+        wrongs: list[Any] = [(), ("FLYING_AUTO",), (State.LANDING, 5)]
+        for wrong in wrongs:
+            with pytest.raises(errors.InvalidArgumentError, match="LANDED_ARMED"):
+                uav.wait_for(*wrong)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.conftest import LIMIT_S
 from ual.errors import UalError, WrongStateError
 from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import State
@@ -128,3 +129,15 @@ def _wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < limit_s
         time.sleep(0.01)
+
+
+def test_a_thread_waits_for_a_state_that_another_one_brings() -> None:
+    with UAL(backend="light", backend_settings={"speed_factor": 20.0}) as uav:
+        uav.wait_for(State.LANDED_DISARMED, timeout_s=LIMIT_S)
+        found: list[State] = []
+        waiting = threading.Thread(target=lambda: found.append(uav.wait_for(State.FLYING_AUTO, timeout_s=LIMIT_S)))
+        waiting.start()
+        uav.arm()
+        uav.take_off(3.0)
+        waiting.join(LIMIT_S)
+        assert found == [State.FLYING_AUTO]

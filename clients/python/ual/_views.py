@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeVar
 
-from ual.errors import WrongStateError
+from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
 from ual.geometry import PoseStamped, TwistStamped
 from ual.types import Odometry, State, Telemetry
 
@@ -47,3 +48,19 @@ def _known(value: T | None, what: str, telemetry: Telemetry) -> T:
         state = telemetry.state.name
         raise WrongStateError(f"{what} is not known: state is {state} ({telemetry.state_reason})", {"state": state})
     return value
+
+
+def require_states(states: Sequence[State]) -> None:
+    """Raises `InvalidArgumentError` unless there is at least one state, and nothing else."""
+    if not states or not all(isinstance(state, State) for state in states):
+        known = ", ".join(state.name for state in State)
+        raise InvalidArgumentError(f"states: give at least one State ({known})", {"field": "states"})
+
+
+def not_reached(states: Sequence[State], telemetry: Telemetry, limit_s: float | None) -> UalTimeoutError:
+    """Returns the error of waiting for states that did not come in time."""
+    wanted = " or ".join(state.name for state in states)
+    return UalTimeoutError(
+        f"the state is not {wanted} after {limit_s:g} s, but {telemetry.state.name}: {telemetry.state_reason}",
+        {"state": telemetry.state.name, "needed": wanted},
+    )

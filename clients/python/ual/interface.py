@@ -13,9 +13,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ual import _views
+from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError
 from ual.geometry import (
     PointStamped,
@@ -465,6 +467,38 @@ class Uav(TaskCommands[Task]):
 
         """
         return self.telemetry().state
+
+    def wait_for(self, *states: State, timeout_s: float | None = None) -> State:
+        """Blocks until the UAV is in one of some states, and returns that one. It returns at once if it is already.
+
+        Args:
+            states: The states to wait for, at least one.
+            timeout_s: How long to wait, in seconds. None: for ever, also while the daemon cannot be reached any more.
+
+        Raises:
+            InvalidArgumentError: No state is given, or one is no `State`.
+            UalTimeoutError: None of the states came in time.
+
+        Example:
+            >>> uav.wait_for(ual.State.LANDED_ARMED, timeout_s=60.0)  # until the safety pilot has armed
+            >>> uav.take_off(3.0)
+        """
+        _views.require_states(states)
+        limit_s = time_limit(timeout_s)
+        reached: SimpleQueue[State] = SimpleQueue()
+
+        def note(sample: Telemetry) -> None:
+            if sample.state in states:
+                reached.put(sample.state)
+
+        with self.subscribe(note):
+            state = self.state()
+            if state in states:
+                return state
+            try:
+                return reached.get(timeout=limit_s)
+            except Empty:
+                raise _views.not_reached(states, self.telemetry(), limit_s) from None
 
     def is_ready(self) -> bool:
         """Returns True when the state is not UNINITIALIZED."""

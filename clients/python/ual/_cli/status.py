@@ -14,6 +14,8 @@ from ual._cli.tables import print_table
 from ual._cli.watch import watch
 from ual.types import State, Telemetry
 
+_STATES = [state.name for state in State]
+
 
 @command("list")
 @pass_session
@@ -88,9 +90,23 @@ def state(session: Session) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
+@command("wait")
+@click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
+@pass_session
+def wait(session: Session, states: tuple[str, ...]) -> None:
+    """Wait until the UAV is in a state, or in one of several, and print which.
+
+    With --timeout it fails (exit status 1) if none of them comes in time: `ual wait landed_armed --timeout 60`.
+    """
+    with session.connect() as uav:
+        reached = uav.wait_for(*(State[name] for name in states), timeout_s=session.timeout_s)
+        ns = uav.ns
+    session.emit({"ns": ns, "state": reached}, reached.name)
+
+
 def _state_text(telemetry: Telemetry) -> str:
     # A pipe gets only the name, so that scripts can compare it.
     return f"{telemetry.state.name}: {telemetry.state_reason}" if sys.stdout.isatty() else telemetry.state.name
 
 
-COMMANDS = (list_uavs, info, state, watch)
+COMMANDS = (list_uavs, info, state, wait, watch)

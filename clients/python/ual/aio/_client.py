@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Coroutine
+import asyncio
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from typing_extensions import Self, override
 from ual import _calls, _views
 from ual._calls import Call
 from ual._target import Target
+from ual._time_limit import time_limit
 from ual.aio._connection import Connection
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
@@ -77,6 +79,27 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
     async def state(self) -> State:
         """Returns the state, estimated from the newest data of the autopilot."""
         return (await self.telemetry()).state
+
+    async def wait_for(self, *states: State, timeout_s: float | None = None) -> State:
+        """Waits until the UAV is in one of some states, and returns that one; see `ual.interface.Uav.wait_for`.
+
+        Raises:
+            InvalidArgumentError: No state is given, or one is no `State`.
+            UalTimeoutError: None of the states came in time.
+        """
+        _views.require_states(states)
+        limit_s = time_limit(timeout_s)
+        try:
+            return await asyncio.wait_for(self._first_of(states), limit_s)
+        except asyncio.TimeoutError:
+            raise _views.not_reached(states, await self.telemetry(), limit_s) from None
+
+    async def _first_of(self, states: Sequence[State]) -> State:
+        async with self.subscribe() as samples:
+            async for sample in samples:
+                if sample.state in states:
+                    return sample.state
+        raise _calls.closed()
 
     async def is_ready(self) -> bool:
         """Returns True when the state is not UNINITIALIZED."""
