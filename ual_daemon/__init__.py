@@ -12,10 +12,16 @@ __all__ = ["UAL", "__version__"]
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> object:
-    """Imports the class on first use, so that programs that need only a part start faster."""
-    if name == "UAL":
-        from ual_daemon.ual import UAL
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
 
-        return UAL
-    raise AttributeError(name)
+    def __getattr__(name: str) -> object:
+        """Imports the class on first use, so that programs that need only a part start faster."""
+        if name == "UAL":
+            from ual_daemon.ual import UAL
+
+            return UAL
+        raise AttributeError(f"module 'ual_daemon' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

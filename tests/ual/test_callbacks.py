@@ -278,3 +278,21 @@ def test_closing_does_not_wait_for_a_callback_that_closed_itself_and_goes_on() -
     assert has_closed_itself.wait(LIMIT_S)
     second.close()
     may_return.set()
+
+
+def test_a_failure_that_comes_again_and_again_is_logged_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
+    group = Callbacks()
+    called = threading.Semaphore(0)
+
+    def fail(telemetry: Telemetry) -> None:
+        called.release()
+        raise ValueError("another one" if telemetry.sequence == 50 else "the same")
+
+    listener = group.open(fail)
+    for number in range(1, 51):
+        listener.put(sample(number))
+        assert called.acquire(timeout=LIMIT_S)
+    listener.close()
+    texts = [record.getMessage() for record in caplog.records]
+    assert sum("the subscription goes on" in text for text in texts) == 2  # one for each error
+    assert texts[-1] == "the callback of a telemetry subscription failed 50 times"

@@ -112,10 +112,16 @@ __all__ = [
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> object:
-    # Imported when used: gRPC takes longer to import than all the rest, and ``ual --help`` needs none of it.
-    if name == "Uav":
-        return importlib.import_module("ual._client").Uav
-    if name == "aio":
-        return importlib.import_module("ual.aio")
-    raise AttributeError(f"module 'ual' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+
+    def __getattr__(name: str) -> object:
+        # Imported when used: gRPC takes longer to import than all the rest, and ``ual --help`` needs none of it.
+        if name == "Uav":
+            return importlib.import_module("ual._client").Uav
+        if name == "aio":
+            return importlib.import_module("ual.aio")
+        raise AttributeError(f"module 'ual' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

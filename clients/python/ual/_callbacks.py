@@ -100,6 +100,8 @@ class Listener:
         self._called_by: int | None = None
         self._quick_calls_needed = 0
         """How many quick calls in a row it needs to count as quick."""
+        self._logged_failure = ""
+        self._failures_count = 0
         self._is_closed = False
         self._has_returned = threading.Event()
 
@@ -144,8 +146,8 @@ class Listener:
         begin_s = time.monotonic()
         try:
             self._callback(replace(sample, missed_count=sample.missed_count + missed_count) if missed_count else sample)
-        except BaseException:  # noqa: BLE001 (even a SystemExit of one callback must not end a thread that others use)
-            _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
+        except BaseException as error:  # noqa: BLE001 (even a SystemExit must not end a thread that others use)
+            self._log_failure(error)
         self._group.calling_thread_ids.discard(thread_id)
         if time.monotonic() - begin_s > SLOW_S:
             self._quick_calls_needed = _QUICK_CALLS_COUNT
@@ -158,6 +160,14 @@ class Listener:
             has_more = self._is_busy = self._newest is not None and not self._is_closed
         if has_more:
             self._group.schedule(self)
+
+    def _log_failure(self, error: BaseException) -> None:
+        """Logs a failure of the callback once: at 50 Hz the same one would fill the log."""
+        self._failures_count += 1
+        text = repr(error)
+        if text != self._logged_failure:
+            self._logged_failure = text
+            _log.exception("the callback of a telemetry subscription failed; the subscription goes on")
 
     def _take(self, sample: Telemetry) -> None:
         if self._newest is not None:
@@ -175,6 +185,8 @@ class Listener:
         if is_called and threading.get_ident() not in self._group.calling_thread_ids:
             self._has_returned.wait()
         self._group.remove(self)
+        if self._failures_count > 1:
+            _log.warning("the callback of a telemetry subscription failed %d times", self._failures_count)
 
 
 class _Worker:

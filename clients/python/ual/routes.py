@@ -50,7 +50,7 @@ class Route:
     left_out: Sequence[str] = ()
 
 
-def read(file: Path, *, frame_id: str = "", altitude_m: float | None = None) -> Route:
+def read(file: Path | str, *, frame_id: str = "", altitude_m: float | None = None) -> Route:
     """Reads a route; the file's ending says its format: ``.plan``, ``.kml``, else one waypoint a line.
 
     `frame_id` is the frame of waypoints (one a line) that name none. `altitude_m` (above home) is for a KML line that
@@ -59,6 +59,7 @@ def read(file: Path, *, frame_id: str = "", altitude_m: float | None = None) -> 
     Raises:
         RouteError: The file cannot be read or contains no valid route.
     """
+    file = Path(file)
     try:
         if file.stat().st_size > _MOST_BYTES:
             raise RouteError(f"{file} is too large for a route ({file.stat().st_size} bytes)")

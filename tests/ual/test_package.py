@@ -1,0 +1,41 @@
+"""The package as its first user meets it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ual
+import ual_daemon
+from ual import routes
+from ual.geometry import Pose
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("module", "names"), [(ual, {"Uav", "aio", "Pose"}), (ual_daemon, {"UAL"})])
+def test_dir_lists_what_is_imported_late(module: object, names: set[str]) -> None:
+    assert names | {"__version__"} <= set(dir(module))
+
+
+@pytest.mark.parametrize("package", ["ual", "ual_daemon"])
+def test_a_name_that_is_none_is_an_error_for_python_and_for_mypy(package: str, tmp_path: Path) -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'Poze'"):
+        __import__(package).__getattr__("Poze")
+    options = ["--config-file=", "--follow-imports=silent", "--ignore-missing-imports"]
+    command = [sys.executable, "-m", "mypy", *options, "-c", f"from {package} import Poze"]
+    environment = {**os.environ, "MYPYPATH": f"{ROOT / 'clients' / 'python'}:{ROOT}"}
+    ran = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert 'has no attribute "Poze"' in ran.stdout, ran.stdout + ran.stderr
+
+
+def test_a_route_is_read_by_a_name_as_by_a_path(tmp_path: Path) -> None:
+    file = tmp_path / "saved.jsonl"
+    file.write_text('{"x": 1.0, "y": 2.0, "z": 3.0}\n')
+    assert routes.read(str(file)) == routes.read(file)
+    (waypoint,) = routes.read(str(file)).waypoints
+    assert getattr(waypoint, "pose", waypoint) == Pose.at(1.0, 2.0, 3.0)
