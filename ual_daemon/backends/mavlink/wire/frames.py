@@ -105,6 +105,20 @@ class FrameReader:
         self._is_in_garbage = False
         return frames
 
+    def read_beginning(self, datagram: bytes) -> list[Frame]:
+        """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
+        frames: list[Frame] = []
+        at = 0
+        while _BEGINNING.match(datagram, at) and (size := _size_at(datagram, at)):
+            frame = _frame(datagram[at : at + size])
+            if frame is None:
+                break
+            frames.append(frame)
+            at += size
+        self._skip(len(datagram) - at)
+        self._is_in_garbage = False
+        return frames
+
     def _scan(self, data: bytes, *, goes_on: bool) -> list[Frame]:
         """Returns the frames in some bytes; an incomplete one at the end is kept where they go on."""
         frames: list[Frame] = []
