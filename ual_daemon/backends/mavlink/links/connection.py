@@ -16,6 +16,8 @@ _log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S = 0.2
 LONGEST_PAUSE_S = 3.0
+MOST_DISCARDED = 512
+"""So many batches are discarded at most. No system keeps more: 4 MiB, or in small datagrams 32,768."""
 SILENCE_S = 5.0
 """After a silence this long a connection counts as half-open: the other end is gone without having closed it. An
 autopilot sends a heartbeat each second."""
@@ -101,9 +103,10 @@ class Connection(Transport):
         self._fail(LinkError(f"{self._url}: opening the link anew"), now_s)
 
     def discard(self, now_s: float) -> None:
-        """Discards all data that have arrived and are not received yet."""
-        while self.receive(0.0, now_s):
-            pass
+        """Discards all data that have arrived and are not received yet; under a flood, about as many as fit."""
+        for _ in range(MOST_DISCARDED):
+            if not self.receive(0.0, now_s):
+                return
 
     def on_heard(self, heard_s: float) -> None:
         """Takes when the autopilot was last heard: if that is new, the link works."""

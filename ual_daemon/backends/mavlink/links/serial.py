@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, LinkError, StreamWriter
 from ual_daemon.backends.mavlink.links.endpoints import KEY, SerialEndpoint
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:
     from serial import Serial
 
-_CHUNK = 65536
 _HINTS = {
     errno.EACCES: "permission denied (may this user open it? Usually the group dialout may)",
     errno.ENOENT: "there is no such device (is it plugged in?)",
@@ -73,7 +72,7 @@ class SerialLink(Link):
         if self._line is None:
             return []
         try:
-            data = os.read(self._line.fileno(), _CHUNK)
+            data = os.read(self._line.fileno(), BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError:

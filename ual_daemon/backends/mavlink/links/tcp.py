@@ -12,13 +12,20 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, StreamWriter, cannot_listen
+from ual_daemon.backends.mavlink.links.base import (
+    BATCH_BYTES,
+    Address,
+    Chunk,
+    Link,
+    LinkError,
+    StreamWriter,
+    cannot_listen,
+)
 from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
-_CHUNK = 65536
 HANDOVER_S = 1.5
 """A connection that is silent for this long is replaced by a new one: an autopilot sends a heartbeat each second."""
 
@@ -73,7 +80,7 @@ class TcpClientLink(Link):
             self._finish_connecting(sock)
             return []
         try:
-            data = sock.recv(_CHUNK)
+            data = sock.recv(BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -171,7 +178,7 @@ class TcpServerLink(Link):
         if self._client is None:
             return b""
         try:
-            data = self._client.recv(_CHUNK)
+            data = self._client.recv(BATCH_BYTES)
         except BlockingIOError:
             return b""
         except OSError:

@@ -9,15 +9,16 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, cannot_listen
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
-_DATAGRAM_SIZE = 65536
+_DATAGRAM_SIZE = BATCH_BYTES
+"""The rest of a longer one is dropped: nothing that speaks MAVLink sends one, as frames have at most 293 bytes."""
 _BATCH = 64
-"""The most datagrams that are received at once, so that a flood cannot keep the thread from its other work."""
+"""The most datagrams that are received at once, for the same reason as `BATCH_BYTES`."""
 _RECEIVE_BUFFER = 1 << 20
 
 
@@ -82,9 +83,11 @@ class UdpLink(Link):
             return chunks
         try:
             chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
+            bytes_count = len(chunks[0][0])
             # Polled, as nearly always there is no more, and an exception for each datagram is expensive.
-            while len(chunks) < _BATCH and self._poll.poll(0):
+            while len(chunks) < _BATCH and bytes_count < BATCH_BYTES and self._poll.poll(0):
                 chunks.append(sock.recvfrom(_DATAGRAM_SIZE))
+                bytes_count += len(chunks[-1][0])
         except OSError:  # an ICMP error in answer to a datagram of ours: the other end is not there (yet)
             pass
         return chunks

@@ -22,6 +22,8 @@ from ual_daemon.backends.mavlink.wire.signing import Signer
 
 _log = logging.getLogger(__name__)
 
+_MOST_OTHERS = 8
+"""So many other autopilots are named in the log."""
 _CALLER_SYSTEM_ID = 245
 """Our system until the autopilot is found, whose system we then join."""
 
@@ -90,7 +92,10 @@ class Discovery(Selector):
 
     @override
     def on_other_heartbeat(self, system_id: int) -> None:
-        if self.session is None or self._settings.system_id is not None or system_id in self._other_system_ids:
+        others = self._other_system_ids
+        if self.session is None or self._settings.system_id is not None or system_id in others:
+            return
+        if len(others) >= _MOST_OTHERS:
             return
         self._other_system_ids.add(system_id)
         _log.warning(

@@ -16,6 +16,11 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map
     413: 77,  # RESPONSE_EVENT_ERROR
 }
 
+KNOWN_IDS = frozenset(_EXTRA)
+"""Ids of the messages whose checksum can be verified."""
+LONGEST_V1 = [mavlink.mavlink_map[each].unpacker.size if each in mavlink.mavlink_map else 255 for each in range(256)]
+"""For each id that MAVLink 1 can carry the longest content; 255 where it is not known."""
+
 _SEEDS = [bytes((each,)) for each in range(256)]
 _SEED_OF = {message_id: _SEEDS[extra] for message_id, extra in _EXTRA.items()}
 

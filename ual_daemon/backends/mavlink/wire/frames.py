@@ -2,17 +2,45 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import NamedTuple
 
 from ual_daemon.backends.mavlink.wire import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
-_MAGIC = re.compile(rb"[\xfd\xfe]")
 _MAGICS = (b"\xfd", b"\xfe")
 _HEADER_V1, _HEADER_V2 = 6, 10
 _CHECKSUM, _SIGNATURE = 2, 13
 _SIGNED = 0x01
+
+
+def _any_byte(values: set[int]) -> bytes:
+    """Returns the pattern of one byte that has one of these values."""
+    return b"[" + b"".join(b"\\x%02x" % value for value in sorted(values)) + b"]"
+
+
+def _beginning() -> re.Pattern[bytes]:
+    """Returns the pattern of a header that may be a frame's, or of the part of one at the end of the data.
+
+    MAVLink 2: no unknown flags, as the specification says that such a frame must be discarded. Both: a known message,
+    as far as one byte of its id shows it.
+    """
+    known = checksum.KNOWN_IDS
+    middle, high = _any_byte({each >> 8 & 0xFF for each in known}), _any_byte({each >> 16 for each in known})
+    v2 = rb"\xfd(?=.[\x00\x01](?:.{5}" + middle + high + rb"|.{0,6}\Z)|.?\Z)"
+    v1 = rb"\xfe(?=.{4}" + _any_byte({each for each in known if each < 256}) + rb"|.{0,4}\Z)"
+    return re.compile(v2 + b"|" + v1, re.DOTALL)
+
+
+_BEGINNING = _beginning()
+
+CREDIT_PER_BYTE = 4
+"""Each byte that is passed over or read pays for this much work on beginnings that turn out to be false."""
+LARGEST_CREDIT = 4096
+"""So much work may be saved up: for 14 false beginnings of the largest frame in a row."""
+_LOOK = 48
+"""The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
 
 
 class Frame(NamedTuple):
@@ -31,9 +59,15 @@ class Frame(NamedTuple):
 class FrameReader:
     """Finds the frames (MAVLink 1 and 2) in pieces of a stream, cut anywhere, or in whole datagrams.
 
-    Bytes that begin like a frame but are not one are searched again from the second byte on. So garbage never hides a
-    frame, however the stream is cut. `garbage_count` is the number of bytes that belong to no frame, `corrupt_count`
-    the number of uninterrupted runs of them: about the number of damaged frames.
+    Bytes that begin like a frame but are not one are searched again from the second byte on. So garbage hides no frame,
+    however the stream is cut, with one exception. The work on false beginnings is limited to `CREDIT_PER_BYTE` for each
+    byte, so that the time is linear in the number of bytes, whatever they are. Where false beginnings are so dense that
+    the credit is used up, up to 90 bytes are passed over unseen, and a frame that begins in them is lost. Damaged
+    frames alone do not use it up: one of n bytes pays for 4 n and costs n + 48, and the shortest that matter, the
+    heartbeats, have 17 and 21.
+
+    `garbage_count` is the number of bytes that belong to no frame, `corrupt_count` the number of uninterrupted runs of
+    them: about the number of damaged frames.
     """
 
     def __init__(self) -> None:
@@ -41,6 +75,7 @@ class FrameReader:
         self.corrupt_count = 0
         self._rest = b""
         self._is_in_garbage = False
+        self._credit = float(LARGEST_CREDIT)
 
     @property
     def is_waiting(self) -> bool:
@@ -49,36 +84,14 @@ class FrameReader:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Returns the frames that end in the next piece of a stream."""
-        frames: list[Frame] = []
-        data = self._rest + data
-        at = 0
-        while match := _MAGIC.search(data, at):
-            self._skip(match.start() - at)
-            at = match.start()
-            size = _size_at(data, at)
-            if size is None or len(data) - at < size:
-                self._rest = data[at:]
-                return frames
-            frame = _frame(data[at : at + size]) if size else None
-            if frame is None:
-                self._skip(1)
-                at += 1
-            else:
-                self._is_in_garbage = False
-                frames.append(frame)
-                at += size
-        self._skip(len(data) - at)
-        self._rest = b""
-        return frames
+        return self._scan(self._rest + data, goes_on=True)
 
     def finish(self) -> list[Frame]:
         """Gives up the incomplete frame. Returns the frames that were found within its bytes."""
-        frames: list[Frame] = []
-        while self._rest:
-            rest, self._rest = self._rest, b""
-            self._skip(1)
-            frames += self.feed(rest[1:])
-        return frames
+        if not self._rest:
+            return []
+        self._skip(1)
+        return self._scan(self._rest[1:], goes_on=False)
 
     def read(self, datagram: bytes) -> list[Frame]:
         """Returns the frames of a datagram, which contains only whole ones."""
@@ -86,8 +99,55 @@ class FrameReader:
         if frame is not None:  # nearly always: one frame
             self._is_in_garbage = False
             return [frame]
-        frames = [*self.feed(datagram), *self.finish()]
+        # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
+        self._credit = min(LARGEST_CREDIT, CREDIT_PER_BYTE * len(datagram))
+        frames = self._scan(datagram, goes_on=False)
         self._is_in_garbage = False
+        return frames
+
+    def read_beginning(self, datagram: bytes) -> list[Frame]:
+        """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
+        frames: list[Frame] = []
+        at = 0
+        while _BEGINNING.match(datagram, at) and (size := _size_at(datagram, at)):
+            frame = _frame(datagram[at : at + size])
+            if frame is None:
+                break
+            frames.append(frame)
+            at += size
+        self._skip(len(datagram) - at)
+        self._is_in_garbage = False
+        return frames
+
+    def _scan(self, data: bytes, *, goes_on: bool) -> list[Frame]:
+        """Returns the frames in some bytes; an incomplete one at the end is kept where they go on."""
+        frames: list[Frame] = []
+        self._rest = b""
+        begin = 0  # of the garbage that is not counted yet
+        at = self._blind_until(data, 0)
+        while match := _BEGINNING.search(data, at):
+            found = match.start()
+            size = _size_at(data, found)
+            if size is None or len(data) - found < size:
+                if goes_on:
+                    self._rest = data[found:]
+                    self._earn(found - at)
+                    self._skip(found - begin)
+                    return frames
+                size = 0
+            frame = _frame(data[found : found + size]) if size else None
+            if frame is None:
+                self._earn(found + 1 - at - (_LOOK + size) / CREDIT_PER_BYTE)
+                at = found + 1 if self._credit >= 0.0 else self._blind_until(data, found + 1)
+            else:
+                self._skip(found - begin)
+                self._is_in_garbage = False
+                frames.append(frame)
+                begin = found + size
+                self._earn(begin - at)
+                at = begin
+        self._earn(len(data) - at)
+        self._skip(len(data) - begin)
         return frames
 
     def _skip(self, count: int) -> None:
@@ -95,6 +155,17 @@ class FrameReader:
             self.garbage_count += count
             self.corrupt_count += not self._is_in_garbage
             self._is_in_garbage = True
+
+    def _earn(self, bytes_count: float) -> None:
+        self._credit = min(self._credit + CREDIT_PER_BYTE * bytes_count, LARGEST_CREDIT)
+
+    def _blind_until(self, data: bytes, at: int) -> int:
+        """Returns where to look for the next beginning: further on while the credit is used up."""
+        if self._credit >= 0.0:
+            return at
+        count = min(math.ceil(-self._credit / CREDIT_PER_BYTE), len(data) - at)
+        self._earn(count)
+        return at + count
 
 
 def split(datagram: bytes) -> tuple[list[Frame], int]:
@@ -104,28 +175,33 @@ def split(datagram: bytes) -> tuple[list[Frame], int]:
 
 
 def _size_at(data: bytes, at: int) -> int | None:
-    """Returns the size of the frame that begins there; None while it is incomplete, 0 when no frame begins so."""
-    left = len(data) - at
+    """Returns the size of the frame whose header matches there; None while that is incomplete, 0 if it is none."""
     if data[at] == MAGIC_V1:
-        return _HEADER_V1 + data[at + 1] + _CHECKSUM if left >= 2 else None
-    if left < 3:
+        if len(data) - at < _HEADER_V1:
+            return None
+        length = data[at + 1]
+        return _HEADER_V1 + length + _CHECKSUM if length <= checksum.LONGEST_V1[data[at + 5]] else 0
+    if len(data) - at < _HEADER_V2:
         return None
-    flags = data[at + 2]
-    if flags & ~_SIGNED:
-        return 0  # the specification: a frame with unknown flags must be discarded
-    return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0)
+    if data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16 not in checksum.KNOWN_IDS:
+        return 0
+    # Its length says nothing: zeros at the end are omitted, and a newer autopilot may add fields that we do not know.
+    return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED else 0)
 
 
 def _frame(data: bytes) -> Frame | None:
     """Returns the one frame that these bytes are, or None."""
-    if data[:1] not in _MAGICS or _size_at(data, 0) != len(data):
+    if len(data) < _HEADER_V1 + _CHECKSUM or data[:1] not in _MAGICS:
         return None
     if data[0] == MAGIC_V1:
         message_id, end = data[5], _HEADER_V1 + data[1]
-        if checksum.is_valid(message_id, data, end):
+        if len(data) == end + _CHECKSUM and checksum.is_valid(message_id, data, end):
             return Frame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
         return None
-    message_id, end = data[7] | data[8] << 8 | data[9] << 16, _HEADER_V2 + data[1]
+    is_signed, end = bool(data[2] & _SIGNED), _HEADER_V2 + data[1]
+    if data[2] & ~_SIGNED or len(data) != end + _CHECKSUM + _SIGNATURE * is_signed:
+        return None
+    message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):
-        return Frame(message_id, data[5], data[6], data[4], bool(data[2] & _SIGNED), data, data[_HEADER_V2:end])
+        return Frame(message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end])
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Set as AbstractSet
 from typing import Protocol
 
@@ -13,6 +14,10 @@ from ual_daemon.backends.mavlink.wire.signing import KEY, Signer, Verdict
 
 _log = logging.getLogger(__name__)
 
+PEER_SILENCE_S = 0.5
+"""Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
+_MOST_LOGGED = 32
+"""So many different troubles are logged, each once."""
 INCOMPLETE_FRAME_S = 0.5
 """What begins like a frame and is not completed within this time is not a frame."""
 
@@ -43,6 +48,9 @@ class Receiver:
 
     Not thread-safe: belongs to the thread that receives. Only frames of component 1 (autopilots) count. Before one is
     selected, only the autopilot with `system_id` can be (None: any). With a `signer` only signed messages are accepted.
+
+    Without signatures anyone can send as our autopilot. So while the peer is heard, frames from another host are
+    dropped. A new port of its host is followed at once: its router may have bound it anew.
     """
 
     def __init__(
@@ -55,6 +63,8 @@ class Receiver:
     ) -> None:
         self.unsigned_count = 0
         """Frames dropped for their signature."""
+        self.stranger_count = 0
+        """Frames of our autopilot's system dropped because another host sent them."""
         self._link = link
         self._codec = codec
         self._selector = selector
@@ -63,6 +73,8 @@ class Receiver:
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
         self._incomplete_since_s: float | None = None
+        self._peer_heard_s = -math.inf
+        self._other_system_ids: set[int] = set()
         self._utc_offset_s = 0.0
         self._undecodable_count = 0
         self._logged: set[str] = set()
@@ -81,8 +93,10 @@ class Receiver:
         if self._link.is_stream:
             frames = self._reader.feed(data)
             self._incomplete_since_s = now_s if self._reader.is_waiting else None
-        else:
+        elif self._link.peer in (None, address):
             frames = self._reader.read(data)
+        else:
+            frames = self._reader.read_beginning(data)
         self._take_all(frames, address, now_s, utc_now_s)
 
     def tick(self, now_s: float) -> None:
@@ -114,15 +128,33 @@ class Receiver:
             if handler is None:
                 return
         elif frame.system_id != self._system_id:
-            if self._autopilot_heartbeat(frame) is not None:
-                self._selector.on_other_heartbeat(frame.system_id)
+            self._take_other(frame)
             return
-        elif not self._is_accepted(frame, address):
+        elif not self._is_accepted(frame, address) or self._is_stranger(frame, address, now_s):
             return
         message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
         if self._link.peer != address:
             self._link.answer_to(address)
+        self._peer_heard_s = now_s
         handler.on_message(frame, message, now_s, utc_now_s)
+
+    def _take_other(self, frame: Frame) -> None:
+        """Takes a frame of another system; only the first heartbeat of each autopilot matters."""
+        system_id = frame.system_id
+        if system_id not in self._other_system_ids and self._autopilot_heartbeat(frame) is not None:
+            self._other_system_ids.add(system_id)
+            self._selector.on_other_heartbeat(system_id)
+
+    def _is_stranger(self, frame: Frame, address: Address | None, now_s: float) -> bool:
+        """Whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
+        peer = self._link.peer
+        if address is None or peer is None or address[0] == peer[0] or self._signer is not None:
+            return False
+        if now_s - self._peer_heard_s > PEER_SILENCE_S:
+            return False
+        self.stranger_count += 1
+        self._log_once(f"frames of system {frame.system_id} from another host than {peer[0]} are dropped")
+        return True
 
     def _select(self, frame: Frame, address: Address | None) -> MessageHandler | None:
         """Offers the sender of a heartbeat to the selector."""
@@ -160,6 +192,6 @@ class Receiver:
         return False
 
     def _log_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
-        if text not in self._logged:
+        if text not in self._logged and len(self._logged) < _MOST_LOGGED:
             self._logged.add(text)
             _log.log(level, "%s", text, exc_info=has_traceback)

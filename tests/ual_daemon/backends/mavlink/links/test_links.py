@@ -8,6 +8,7 @@ import itertools
 import logging
 import os
 import pty
+import select
 import socket
 import termios
 import threading
@@ -17,8 +18,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
+from typing_extensions import override
 
 from ual_daemon.backends.mavlink.links import Connection, make_link
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
 from ual_daemon.settings import ConfigError
@@ -478,3 +481,76 @@ def test_waking_ends_the_wait() -> None:
         begin_s = time.monotonic()
         assert run.connection.receive(PATIENCE_S, 0.0) == []
         assert time.monotonic() - begin_s < PATIENCE_S / 2
+
+
+def test_a_flood_of_datagrams_is_received_in_bounded_batches_and_none_is_lost_to_the_bound() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind((HERE, 0))
+        port = taken.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, running(f"udpin://{HERE}:{port}") as run:
+        run.step()
+        for size, sent in ((1400, 30), (10, 300), (0, 100)):
+            for _ in range(sent):
+                sender.sendto(b"x" * size, (HERE, port))
+            batches = []
+            while batch := run.connection.receive(0.1, 0.0):
+                batches.append(batch)
+            assert sum(map(len, batches)) == sent
+            for batch in batches:
+                assert len(batch) <= 64
+                assert sum(len(data) for data, _ in batch) <= BATCH_BYTES + size
+
+
+def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
+    with socket.create_server((HERE, 0)) as server, running(f"tcpout://{HERE}:{server.getsockname()[1]}") as run:
+        run.until(lambda: run.connections_count)
+        peer, _ = server.accept()
+        with peer:
+            peer.sendall(b"x" * 100_000)
+            pieces: list[bytes] = []
+            run.until(lambda: pieces.append(run.step()) or len(run.got) == 100_000)  # type: ignore[func-returns-value]
+            assert max(map(len, pieces)) <= BATCH_BYTES
+
+
+class Endless(Link):
+    """A link on which there is always more."""
+
+    def __init__(self) -> None:
+        self.batches_count = 0
+        self._ours, self._theirs = socket.socketpair()
+        self._theirs.send(b"x")
+
+    @override
+    def open(self) -> None:
+        pass
+
+    @override
+    def close(self) -> None:
+        self._ours.close()
+        self._theirs.close()
+
+    @override
+    def descriptors(self) -> dict[int, int]:
+        return {self._ours.fileno(): select.POLLIN}
+
+    @override
+    def receive(self, now_s: float) -> list[Chunk]:
+        self.batches_count += 1
+        assert self.batches_count < 10_000, "it never ends"
+        return [(b"\xfd\xff\x00" * 1000, None)]
+
+    @override
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        return True
+
+    @property
+    @override
+    def peer(self) -> Address | None:
+        return None
+
+
+def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:
+    link = Endless()
+    with contextlib.closing(Connection(link, "test")) as connection:
+        connection.discard(0.0)
+        assert 100 < link.batches_count <= 1000

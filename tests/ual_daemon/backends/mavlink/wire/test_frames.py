@@ -1,12 +1,14 @@
 import itertools
 import random
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink import fakes
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, packer
-from ual_daemon.backends.mavlink.wire.frames import FrameReader, split
+from ual_daemon.backends.mavlink.wire import checksum, frames
+from ual_daemon.backends.mavlink.wire.frames import CREDIT_PER_BYTE, LARGEST_CREDIT, FrameReader, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
 
@@ -109,7 +111,7 @@ def test_frames_come_as_soon_as_they_are_whole() -> None:
 def test_what_only_looks_like_a_beginning_does_not_hold_a_frame_up_for_ever() -> None:
     """A heartbeat a second takes many to complete a false beginning that announces 280 bytes."""
     harness = Harness(is_stream=True)
-    harness.receive(data=b"\xfd\xff\x00")
+    harness.receive(data=b"\xfd\xff\0\0\0\1\1\0\0\0")
     harness.receive(heartbeat())
     assert harness.discovery.session is None
     harness.run(0.6)
@@ -194,3 +196,108 @@ def _frame(message_id: int, crc_extra: int, payload: bytes) -> bytes:
     body = bytes((len(payload), 0, 0, 0, 1, 1, *message_id.to_bytes(3, "little"))) + payload
     crc = mavlink.x25crc(body + bytes((crc_extra,))).crc
     return b"\xfd" + body + int(crc).to_bytes(2, "little")
+
+
+class Work:
+    """What a reader did: beginnings that it looked at, checksums, and the bytes that they covered."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.looks_count = self.checks_count = self.bytes_count = 0
+        look, check = frames._size_at, checksum.is_valid
+
+        def counted_look(data: bytes, at: int) -> int | None:
+            self.looks_count += 1
+            return look(data, at)
+
+        def counted_check(message_id: int, data: bytes, end: int) -> bool:
+            self.checks_count += 1
+            self.bytes_count += end
+            return check(message_id, data, end)
+
+        monkeypatch.setattr(frames, "_size_at", counted_look)
+        monkeypatch.setattr(checksum, "is_valid", counted_check)
+
+
+NASTY = {
+    "fd ff 00": b"\xfd\xff\x00",
+    "fd": b"\xfd",
+    "fe": b"\xfe",
+    "fd fd 00 00": b"\xfd\xfd\x00\x00",
+    "headers of the largest frame": bytes((0xFD, 0xFF, 0, 0, 0, 0xFD, 0xFF, 0, 0, 0)),
+    "fe, id and length alike": b"\xfe\x1c",
+    "fe of the largest": bytes((0xFE, 0xFE, 0, 0, 0, 0xFC)),
+    "v1 of a message without a known length": bytes((0xFE, 0xFF, 0, 0, 0, 8)),
+    "flags that nobody knows": b"\xfd\xff\x02",
+    "a frame with a wrong checksum": FRAMES[1][:-1] + b"\x00",
+    "a magic in zeros": b"\xfd" + b"\0" * 12,
+}
+
+
+@pytest.mark.parametrize("is_stream", [False, True])
+@pytest.mark.parametrize("name", NASTY)
+def test_the_work_grows_with_the_bytes_whatever_they_are(
+    name: str, is_stream: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def work(size: int) -> tuple[int, int]:
+        garbage = (NASTY[name] * (size // len(NASTY[name]) + 1))[:size]
+        reader, counted = FrameReader(), Work(monkeypatch)
+        pieces = [garbage[at : at + 1000] for at in range(0, size, 1000)] if is_stream else [garbage]
+        for piece in pieces:
+            reader.feed(piece) if is_stream else reader.read(piece)
+        reader.finish()
+        assert reader.garbage_count == size
+        monkeypatch.undo()
+        return counted.looks_count, counted.bytes_count
+
+    looks, covered = work(20_000)
+    assert looks <= 20_000 / 12 + 400
+    assert covered <= 20_000 * CREDIT_PER_BYTE + LARGEST_CREDIT + 280
+    more_looks, more_covered = work(40_000)
+    assert more_looks <= 2.1 * looks + 50
+    assert more_covered <= 2.1 * covered + 2 * LARGEST_CREDIT
+
+
+@given(st.lists(st.sampled_from([b"\xfd", b"\xfe", b"\x00", b"\x1c", b"\xff", FRAMES[0][:9]]), max_size=400))
+def test_no_bytes_cost_more_work_than_they_pay_for(pieces: list[bytes]) -> None:
+    data = b"".join(pieces)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        counted = Work(monkeypatch)
+        split(data)
+    assert counted.bytes_count + 48 * counted.looks_count <= 2 * CREDIT_PER_BYTE * len(data) + 600
+
+
+def test_a_frame_after_much_garbage_is_found_in_a_datagram_and_in_a_stream() -> None:
+    for garbage in NASTY.values():
+        noise = garbage * 40 + b"\0" * 400
+        reader = FrameReader()
+        found = [*reader.feed(noise + FRAMES[0]), *reader.finish()]
+        assert [frame.data for frame in found] == [FRAMES[0]]
+        assert [frame.data for frame in split(noise + FRAMES[0])[0]] == [FRAMES[0]]
+
+
+def test_every_whole_frame_is_found_however_many_are_damaged() -> None:
+    """As on a radio that damages nine of ten: a damaged frame pays for the work on it."""
+    noise = random.Random(5)
+    stream, sent = [], []
+    for _ in range(3000):
+        frame = noise.choice(FRAMES)
+        if noise.random() < 0.9:
+            damaged = bytearray(frame)
+            end = len(frame) - 13 if frame is FRAMES[3] else len(frame)  # no checksum covers a signature
+            damaged[noise.randrange(10, end)] ^= noise.randrange(1, 256)
+            frame = bytes(damaged)
+        else:
+            sent.append(frame)
+        stream.append(frame)
+    reader = FrameReader()
+    found = [*reader.feed(b"".join(stream)), *reader.finish()]
+    assert [frame.data for frame in found] == sent
+    assert len(sent) > 200
+
+
+def test_fields_that_a_newer_autopilot_adds_do_not_cost_a_frame() -> None:
+    kind = mavlink.mavlink_map[32]
+    data = _frame(32, kind.crc_extra, bytes(range(1, kind.unpacker.size + 21)))
+    ((frame,), garbage) = split(b"\0" + data)
+    assert (frame.message_id, garbage) == (32, 1)
+    assert Codec(1).decode(frame).time_boot_ms == 0x04030201

@@ -1,0 +1,111 @@
+"""The thread that receives, on a clock moved by hand, under a flood that never ends."""
+
+import itertools
+import select
+import socket
+
+import pytest
+from typing_extensions import override
+
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, heartbeat, packer, position
+from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
+from ual_daemon.backends.mavlink.links.base import Link
+from ual_daemon.backends.mavlink.session.clock import MonotonicClock
+from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.wire.messages import Message
+from ual_daemon.backends.values import Snapshot
+
+BATCH_S = 0.01
+"""How long a batch takes, on a slow computer."""
+BATCHES_COUNT = 500
+
+
+class Clock(MonotonicClock):
+    """Moved by hand."""
+
+    time_s = 0.0
+
+    @override
+    def now_s(self) -> float:
+        return self.time_s
+
+    @override
+    def utc_s(self) -> float:
+        return UTC_S + self.time_s
+
+
+class Flood(Link):
+    """A link on which there is always more: a batch of garbage, with few messages of the autopilot between."""
+
+    is_stream = False
+    connections_count = 1
+    peer = ADDRESS
+
+    def __init__(self, clock: Clock, garbage: bytes, *, moves: bool) -> None:
+        self.batches_count = 0
+        self.loop: ReceiveLoop
+        self.called_s: list[tuple[float, float]] = []
+        self.sent: list[bytes] = []
+        self._clock = clock
+        self._garbage = garbage
+        self._moves = moves
+        self._pack = packer()
+        self._ours, self._theirs = socket.socketpair()
+        self._theirs.send(b"x")  # never read: there is always more
+
+    @override
+    def open(self) -> None:
+        pass
+
+    @override
+    def close(self) -> None:
+        self._ours.close()
+        self._theirs.close()
+
+    @override
+    def descriptors(self) -> dict[int, int]:
+        return {self._ours.fileno(): select.POLLIN}
+
+    @override
+    def answer_to(self, address: Address | None) -> None:
+        pass
+
+    @override
+    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
+        self.sent.append(data)
+        return True
+
+    @override
+    def receive(self, now_s: float) -> list[Chunk]:
+        self.batches_count += 1
+        if self.batches_count == BATCHES_COUNT:
+            self.loop.close()
+        posted_s = self._clock.time_s
+        if self.batches_count % 7 == 0:
+            self.loop.post(lambda called_s: self.called_s.append((posted_s, called_s)))
+        self._clock.time_s += BATCH_S
+        said: list[Message] = [heartbeat()]
+        if self._moves:
+            said += [attitude(), position(self._clock.time_s)]
+        return [(data, ADDRESS) for data in (*[self._garbage] * 6, *map(self._pack, said))]
+
+
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("garbage", [b"\xfd\xff\x00" * 400, b"\xfd" * 1200, b"\xfe" * 1200, b""])
+def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage: bytes, *, moves: bool) -> None:
+    clock = Clock()
+    flood = Flood(clock, garbage, moves=moves)
+    connection = Connection(flood, "test")
+    discovery = Discovery(MavlinkSettings(), connection, "test", lambda _: 0.0)
+    updates: list[Snapshot] = []
+    flood.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, updates.append)
+    flood.loop.run()
+    gaps = [later.time_s - earlier.time_s for earlier, later in itertools.pairwise(updates)]
+    assert max(gaps) <= (BATCH_S if moves else TICK_S + BATCH_S) + 1e-9
+    assert len(updates) >= BATCHES_COUNT * BATCH_S / (TICK_S + BATCH_S)
+    assert len(flood.called_s) == BATCHES_COUNT // 7
+    assert all(called_s - posted_s <= BATCH_S + 1e-9 for posted_s, called_s in flood.called_s)
+    assert updates[-1].armed is not None
+    assert (updates[-1].pose is not None) is moves
