@@ -103,7 +103,11 @@ class Tracker(Enum):
 
 
 class VehicleSettings(Settings, frozen=True, kw_only=True):
-    """Frames, limits and tolerances of one UAV."""
+    """Frames, limits and tolerances of one UAV.
+
+    `floor_m` and `ceiling_m` are heights above the ground of the take-off, between which commands may lead; None: no
+    such limit.
+    """
 
     home_pose: Position = (0.0, 0.0, 0.0)
     home_pose_parent_frame: FrameId = "map"
@@ -113,6 +117,8 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     limits: LimitSettings = LimitSettings()
     tolerance: ToleranceSettings = ToleranceSettings()
     tracker: Tracker = Tracker.REFERENCE
+    floor_m: Coordinate | None = 0.0
+    ceiling_m: Coordinate | None = 120.0
     geofence: GeofenceSettings | None = None
 
 

@@ -245,6 +245,8 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
+        if self.geofence is not None:
+            self.geofence.observe(snapshot, raw)
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot)
@@ -309,9 +311,10 @@ class Flight:
         """Returns why a velocity may not go on; empty while it may."""
         if snapshot.time_s > velocity.expires_s:
             return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
-        if self.geofence is not None:
+        geofence, limits = self.geofence, self.limits.get()
+        if geofence is not None and not geofence.is_clear(velocity, limits, snapshot):
             try:
-                self.geofence.admit("velocity", velocity, self.limits.get(), snapshot)
+                geofence.admit("velocity", velocity, limits, snapshot)
             except UalError as error:  # it would leave the geofence, or it is not known any more where that lies
                 return str(error)
         return ""

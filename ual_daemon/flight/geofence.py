@@ -1,7 +1,8 @@
 """The geofence: what is refused because it would leave the fence. The safety pilot is never fenced.
 
 `ual_daemon.frames.fence.Fence` is the geometry: a polygon and a height band. `Geofence` knows where the configured
-fence lies in the backend's local frame, and which goals, paths and velocities would leave it.
+fence lies in the backend's local frame, and which goals, paths and velocities would leave it. The floor and the
+ceiling, which hold without any configuration, are edges of the same fence.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Transform, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.ground import Datum, Ground
+from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver
-from ual_daemon.settings import ConfigError, GeofenceSettings
-from ual_daemon.tracker.references import Reference, Velocity, measured_motion
+from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings
+from ual_daemon.tracker.references import Hold, Reference, Velocity, measured_motion
 from ual_daemon.trajectory import Brake, Motion, Trajectory, acceleration_limit
+from ual_daemon.trajectory.envelope import RAMP_S
 
 _REACTION_S = 0.4
 """How long a UAV flies on before it begins to brake: the age of its data, the delay of the setpoint, the tilting."""
@@ -27,19 +31,48 @@ _MAX_POINTS = 200
 """... unless the bend takes so long that these would be more. (Of a straight part, only the ends are checked.)"""
 _SPEED_MARGIN = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
+_GENTLE_M_S = 0.2
+"""A velocity that sinks more slowly may lead as far below the floor as the estimate may be off: a hover at low height
+must not be refused because of noise.
+"""
 _LEVEL = 1e-6
 _SAME_POINT_M = 1e-6
 
 
-class Geofence:
-    """The configured fence, in the local frame. Any thread may call."""
+def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence | None:
+    """Returns the geofence of a UAV; None if the configuration lifts the floor and the ceiling and has no fence.
 
-    def __init__(self, settings: GeofenceSettings, resolver: FrameResolver) -> None:
-        """Raises `ConfigError` if the settings do not make a fence."""
-        self._settings = settings
+    Raises:
+        ConfigError: The settings do not make a fence.
+
+    """
+    floor_m, ceiling_m = settings.floor_m, settings.ceiling_m
+    if floor_m is not None and ceiling_m is not None and floor_m >= ceiling_m:
+        raise ConfigError("is not above floor_m", "ceiling_m")
+    if settings.geofence is None and floor_m is None and ceiling_m is None:
+        return None
+    return Geofence(settings.geofence, resolver, floor_m, ceiling_m)
+
+
+class Geofence:
+    """The configured fence, the floor and the ceiling, in the local frame. Any thread may call, except `observe`."""
+
+    def __init__(
+        self,
+        settings: GeofenceSettings | None,
+        resolver: FrameResolver,
+        floor_m: float | None = None,
+        ceiling_m: float | None = None,
+    ) -> None:
+        """`settings` None: only the floor and the ceiling. Raises `ConfigError` if the settings do not make a fence."""
+        self._floor_m, self._ceiling_m = floor_m, ceiling_m
+        self._ground = Ground()
+        self._is_configured = settings is not None
+        self._settings = settings = settings or GeofenceSettings()
         self._resolver = resolver
         self._frame_id = settings.frame_id or resolver.tree.odom
-        self._check_settings()
+        if self._is_configured:
+            self._check_settings()
         # A fence in odom moves with `set_home`, as configured. Elsewhere it stays: otherwise any client could move it
         # away, one `set_home` after the other.
         is_carried = resolver.is_moved_by_set_home(self._frame_id) and not resolver.tree.is_below_odom(self._frame_id)
@@ -82,7 +115,9 @@ class Geofence:
         cached = self._cached
         if cached is None or cached[0] != key:
             cached = self._cached = (key, self._make(to_local, snapshot))
-        return cached[1]
+        datum = self._datum(snapshot)
+        lowest_m, highest_m = self._edges(datum)
+        return cached[1].narrowed(lowest_m - datum.noise_m, highest_m + datum.noise_m)
 
     def _make(self, to_local: Transform, snapshot: Snapshot) -> Fence:
         up = to_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
@@ -96,6 +131,41 @@ class Geofence:
         base_m = to_local.translation.z
         return Fence(
             [(corner.x, corner.y) for corner in corners], base_m + self._lowest_m(), base_m + self._highest_m()
+        )
+
+    # --- The floor and the ceiling ------------------------------------------------------------------------------------
+
+    def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Notes where the ground is. Called by the update thread at each update."""
+        self._ground.observe(snapshot, raw)
+
+    def _datum(self, snapshot: Snapshot) -> Datum:
+        return self._ground.datum(snapshot, self._resolver.frame_to_local(self._resolver.tree.odom).translation.z)
+
+    def _edges(self, datum: Datum) -> tuple[float, float]:
+        """Returns z of the floor and of the ceiling in the local frame."""
+        floor_m = -math.inf if self._floor_m is None else self._floor_m
+        ceiling_m = math.inf if self._ceiling_m is None else self._ceiling_m
+        return datum.z_m + floor_m, datum.z_m + ceiling_m
+
+    def is_clear(self, reference: Reference, limits: Limits, snapshot: Snapshot) -> bool:
+        """Returns whether a setpoint is so far from the floor and the ceiling that `admit` would certainly admit it.
+
+        It is no more than an estimate that is quick and on the safe side: every setpoint and update calls it. It is
+        False wherever a fence is configured or the ground has not been seen.
+        """
+        ground_m, pose = self._ground.z_m, snapshot.pose
+        if ground_m is None or pose is None or self._is_configured:
+            return False
+        z = pose.value.position.z
+        floor_m, ceiling_m = self._floor_m, self._ceiling_m
+        lowest_m = -math.inf if floor_m is None else ground_m + floor_m
+        highest_m = math.inf if ceiling_m is None else ground_m + ceiling_m
+        if isinstance(reference, Velocity):
+            room_m = _most_vertical_m(reference.twist.linear, snapshot, limits)
+            return lowest_m + room_m <= z <= highest_m - room_m
+        return (
+            isinstance(reference, Hold) and lowest_m <= z <= highest_m and lowest_m <= reference.position.z <= highest_m
         )
 
     # --- What is refused ----------------------------------------------------------------------------------------------
@@ -127,13 +197,13 @@ class Geofence:
     def require_goal_inside(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` if a goal lies outside."""
         if not self.fence(snapshot).is_inside(goal):
-            raise GeofenceError(f"{what}: {self._text(goal)} lies outside the geofence")
+            raise self._error(what, goal, snapshot)
 
     def require_inside(self, polyline: Iterable[Vector3], what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` if a polyline in the local frame leaves the fence."""
         exit_point = self.fence(snapshot).exit_point(polyline)
         if exit_point is not None:
-            raise GeofenceError(f"{what}: {self._text(exit_point)} lies outside the geofence, or the way there does")
+            raise self._error(what, exit_point, snapshot, ", or the way there does")
 
     def require_velocity(self, motion: Motion, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.
@@ -157,6 +227,7 @@ class Geofence:
         commanded_stop = here + fastest * _REACTION_S + _braking(fastest, limits)
         if fence.distance_m(commanded_stop) < fence.distance_m(here):  # it comes back
             return
+        self._require_stop_between(here, commanded_stop, velocity, snapshot)
         after_reaction = here + motion.velocity * _REACTION_S
         changed, changed_stop = _change(motion, velocity, limits)
         polylines = (
@@ -170,7 +241,54 @@ class Geofence:
             return
         _, soonest_stop = _change(motion, Vector3(), limits)
         if fence.signed_distance_m(changed_stop) > fence.signed_distance_m(soonest_stop) + _SAME_POINT_M:
-            raise GeofenceError(f"velocity: it would leave the geofence at about {self._text(exit_point)}")
+            raise self._velocity_error(exit_point, snapshot)
+
+    def _require_stop_between(self, here: Vector3, stop: Vector3, velocity: Vector3, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` if a velocity leads through the floor or the ceiling itself.
+
+        Goals may lie beyond them by as much as the estimate may be off, but a UAV must not meet the ground at the speed
+        of a descent.
+        """
+        lowest_m, highest_m = self._edges(self._datum(snapshot))
+        if velocity.z < -_GENTLE_M_S and stop.z < lowest_m:
+            raise GeofenceError(
+                f"velocity: from {self._text(here)} the UAV could not stop above the floor ({self._floor_text()})",
+                {"setting": "floor_m"},
+            )
+        if velocity.z > _GENTLE_M_S and stop.z > highest_m:
+            raise GeofenceError(
+                f"velocity: from {self._text(here)} the UAV could not stop below the ceiling ({self._ceiling_text()})",
+                {"setting": "ceiling_m"},
+            )
+
+    def _velocity_error(self, point: Vector3, snapshot: Snapshot) -> GeofenceError:
+        edge, metadata = self._broken_edge(point, snapshot)
+        at_edge = f": there it is {edge}" if edge else ""
+        return GeofenceError(f"velocity: it would leave the geofence at about {self._text(point)}{at_edge}", metadata)
+
+    def _error(self, what: str, point: Vector3, snapshot: Snapshot, or_way: str = "") -> GeofenceError:
+        edge, metadata = self._broken_edge(point, snapshot)
+        if edge:
+            return GeofenceError(f"{what}: {self._text(point)} is {edge}", metadata)
+        return GeofenceError(f"{what}: {self._text(point)} lies outside the geofence{or_way}")
+
+    def _broken_edge(self, point: Vector3, snapshot: Snapshot) -> tuple[str, dict[str, str]]:
+        """Returns how a point lies beyond the floor or the ceiling, in words and as metadata; empty if it does not."""
+        datum = self._datum(snapshot)
+        lowest_m, highest_m = self._edges(datum)
+        height_m = point.z - datum.z_m
+        where = f"{abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} {datum.name}"
+        if point.z < lowest_m - datum.noise_m:
+            return f"{where}, below the floor ({self._floor_text()})", {"setting": "floor_m"}
+        if point.z > highest_m + datum.noise_m:
+            return f"{where}, above the ceiling ({self._ceiling_text()})", {"setting": "ceiling_m"}
+        return "", {}
+
+    def _floor_text(self) -> str:
+        return f"floor_m: {self._floor_m:g} in the configuration; z is up"
+
+    def _ceiling_text(self) -> str:
+        return f"ceiling_m: {self._ceiling_m:g} in the configuration"
 
     def _text(self, local: Vector3) -> str:
         p = self._resolver.frame_to_local(self._resolver.tree.odom).inverse().apply(local)
@@ -197,6 +315,23 @@ def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limit
             time_s += max(period_s, fence.clearance_m(point) / fastest_m_s)
         yield trajectory.at(end_s).position
     yield trajectory.end().position
+
+
+def _most_vertical_m(velocity: Vector3, snapshot: Snapshot, limits: Limits) -> float:
+    """Returns the most by which a UAV can climb or sink before it comes to rest from a velocity, or from its own.
+
+    A stop from v takes v / 2 * (v / a + RAMP_S) at most (`ual_daemon.trajectory.pulse.change_m`), after the reaction.
+    """
+    commanded_m_s = math.hypot(velocity.x, velocity.y, velocity.z)
+    rise_m_s, fastest_m_s = abs(velocity.z), commanded_m_s
+    if snapshot.velocity is not None:
+        own = snapshot.velocity.value.linear
+        fastest_m_s = max(commanded_m_s, math.hypot(own.x, own.y, own.z))
+        if rise_m_s:  # the UAV may fly faster in the commanded direction
+            rise_m_s *= fastest_m_s / commanded_m_s
+        rise_m_s = max(rise_m_s, abs(own.z))
+    weakest_m_s2 = min(limits.horizontal_acceleration_m_s2, limits.vertical_acceleration_m_s2)
+    return rise_m_s * (_REACTION_S + RAMP_S / 2 + fastest_m_s / (2 * weakest_m_s2))
 
 
 def _change(motion: Motion, velocity: Vector3, limits: Limits) -> tuple[Vector3, Vector3]:

@@ -1,10 +1,11 @@
 """The geometry of a geofence: a polygon and a height band in the backend's local frame.
 
-The geometry of polygons is that of shapely (GEOS), which is loaded only if a fence is configured.
+The geometry of polygons is that of shapely (GEOS), which is loaded only if a polygon is configured.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
@@ -31,6 +32,13 @@ class Fence:
         """
         self._polygon = _polygon(corners) if corners else None
         self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
+
+    def narrowed(self, lowest_m: float, highest_m: float) -> Fence:
+        """Returns the part of the fence that is in another height band, too."""
+        part = copy.copy(self)  # with the same polygon, which is expensive to prepare
+        part._lowest_m = max(self._lowest_m, lowest_m - _MARGIN_M)  # noqa: SLF001  a Fence
+        part._highest_m = min(self._highest_m, highest_m + _MARGIN_M)  # noqa: SLF001  a Fence
+        return part
 
     def is_inside(self, point: Vector3) -> bool:
         """Returns whether a point lies inside, or on the edge."""
@@ -88,28 +96,30 @@ class Fence:
         return self._lowest_m <= point.z <= self._highest_m
 
     def _is_over_polygon(self, point: Vector3) -> bool:
+        if self._polygon is None:
+            return True
         from shapely import Point
 
-        return self._polygon is None or self._polygon.covers(Point(point.x, point.y))
+        return self._polygon.covers(Point(point.x, point.y))
 
     def _is_segment_over_polygon(self, a: Vector3, b: Vector3) -> bool:
+        if self._polygon is None:
+            return True
         from shapely import LineString
 
-        return self._polygon is None or self._polygon.covers(LineString([(a.x, a.y), (b.x, b.y)]))
+        return self._polygon.covers(LineString([(a.x, a.y), (b.x, b.y)]))
 
     def _comes_in_once(self, outside: Vector3, inside: Vector3) -> bool:
         """Whether a segment that ends inside comes in only once. (In height it always does.)"""
-        from shapely import LineString
-
         if self._polygon is None:
             return True
+        from shapely import LineString
+
         part = self._polygon.intersection(LineString([(outside.x, outside.y), (inside.x, inside.y)]))
         return part.geom_type in ("LineString", "Point")
 
     def _crosses(self, a: Vector3, b: Vector3) -> bool:
         """Whether a segment between two points outside goes through the inside."""
-        from shapely import LineString
-
         begin, end = 0.0, 1.0  # the part of the segment in the height band, as shares of its length
         rise_m = b.z - a.z
         if rise_m != 0.0:
@@ -119,6 +129,8 @@ class Fence:
             return False
         if self._polygon is None or begin > end:
             return begin <= end
+        from shapely import LineString
+
         c, d = a + (b - a) * begin, a + (b - a) * end
         return self._polygon.intersects(LineString([(c.x, c.y), (d.x, d.y)]))
 

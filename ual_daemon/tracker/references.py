@@ -46,6 +46,7 @@ class Hold(Reference):
     """A pose to hold, sent as it is."""
 
     def __init__(self, position: Vector3, yaw_rad: float) -> None:
+        self.position = position
         self._setpoint = PositionSetpoint(position, yaw_rad)
 
     @override
@@ -65,15 +66,15 @@ class Velocity(Reference):
     """A velocity until a time. In the body's axes (`in_body`) it turns with the heading and stays level."""
 
     def __init__(self, twist: Twist, *, in_body: bool, expires_s: float) -> None:
-        self._twist, self._in_body, self.expires_s = twist, in_body, expires_s
+        self.twist, self._in_body, self.expires_s = twist, in_body, expires_s
 
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
-        return VelocitySetpoint(self.velocity(snapshot), self._twist.angular.z)
+        return VelocitySetpoint(self.velocity(snapshot), self.twist.angular.z)
 
     def velocity(self, snapshot: Snapshot) -> Vector3:
         """Returns the velocity along the local axes."""
-        velocity = self._twist.linear
+        velocity = self.twist.linear
         if self._in_body and snapshot.pose is not None:
             return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
         return velocity

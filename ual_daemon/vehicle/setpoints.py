@@ -52,7 +52,8 @@ class Setpoints:
         # A try, not `logging_refusal`: a context manager costs each setpoint of a stream some microseconds.
         try:
             reference, snapshot = make(setpoint)
-            if self._flight.geofence is not None:
+            geofence = self._flight.geofence
+            if geofence is not None and not geofence.is_clear(reference, self._flight.limits.get(), snapshot):
                 require_inside(self._flight, name, reference, snapshot)
             self._flight.begin_reference(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
         except UalError as error:

@@ -16,7 +16,7 @@ from ual_daemon import __version__, logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.geofence import Geofence
+from ual_daemon.flight.geofence import geofence_of
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
@@ -53,9 +53,7 @@ class Vehicle:
         self._pose_frame_id = settings.pose_frame_id
         self._resolver = FrameResolver(self.ns, settings)
         self._limits = CurrentLimits(backend, settings.limits)
-        fence = settings.geofence
-        geofence = None if fence is None else Geofence(fence, self._resolver)
-        self._flight = Flight(backend, self._limits, geofence)
+        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver))
         self._tasks = Tasks(backend.clock)
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming

@@ -1,0 +1,61 @@
+"""The ground from which the UAV took off: what the floor and the ceiling are measured from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ual.types import State
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.state import Estimate
+
+SEEN_NOISE_M = 0.7
+"""How far the estimated height may be off: PX4's wanders by 0.3 to 0.7 m within a minute or two on the ground."""
+ASSUMED_NOISE_M = 2.0
+"""The same where the ground is assumed: PX4 corrects the altitude of its home by up to 1.7 m in flight."""
+_SAME_ORIGIN_M = 0.01
+
+
+class Datum(NamedTuple):
+    """The ground: its z in the local frame, its name for people, and how far it may be off."""
+
+    z_m: float
+    name: str
+    noise_m: float
+
+
+class Ground:
+    """The ground of the present or the last take-off, as the autopilot's data have shown it.
+
+    It is not known after the daemon was started in flight or the link was lost, since the UAV may have landed and taken
+    off elsewhere in the meantime, nor after the local frame has moved. The autopilot's home is then taken for it.
+    """
+
+    def __init__(self) -> None:
+        self.z_m: float | None = None
+        """Its z in the local frame; None if it is not known."""
+        self._origin_m: float | None = None
+
+    def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Notes what an update says of the ground."""
+        if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
+            assert snapshot.pose is not None
+            self.z_m, self._origin_m = snapshot.pose.value.position.z, _origin_m(snapshot)
+        elif self.z_m is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
+            self.z_m = None
+
+    def _has_origin_moved(self, snapshot: Snapshot) -> bool:
+        before_m, now_m = self._origin_m, _origin_m(snapshot)
+        return before_m is not None and now_m is not None and abs(now_m - before_m) > _SAME_ORIGIN_M
+
+    def datum(self, snapshot: Snapshot, odom_z_m: float) -> Datum:
+        """Returns what heights are measured from. `odom_z_m` is the z of the origin of ``<ns>/odom``."""
+        if self.z_m is not None:
+            return Datum(self.z_m, "the ground of the take-off", SEEN_NOISE_M)
+        if snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None:
+            home_z_m = snapshot.home_altitude_amsl_m - snapshot.projection.altitude_amsl_m
+            return Datum(home_z_m, "the autopilot's home (UAL has not seen the take-off)", ASSUMED_NOISE_M)
+        return Datum(odom_z_m, "the origin of odom (UAL has not seen the take-off, nor a home)", ASSUMED_NOISE_M)
+
+
+def _origin_m(snapshot: Snapshot) -> float | None:
+    return None if snapshot.projection is None else snapshot.projection.altitude_amsl_m
