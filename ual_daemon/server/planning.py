@@ -20,10 +20,11 @@ from ual_daemon import logs
 T = TypeVar("T")
 
 MOST_AT_ONCE = 2
-"""For one UAV; and so many for all UAVs of the process compute at the same time."""
+"""For one UAV."""
 
 _log = logging.getLogger(__name__)
-_computing = threading.BoundedSemaphore(MOST_AT_ONCE)
+_computing = threading.Lock()
+"""One plan of the process computes at a time: two would not be ready sooner, and take more from the flight."""
 
 
 class Planning:

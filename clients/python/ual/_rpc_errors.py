@@ -112,7 +112,7 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
         case grpc.StatusCode.CANCELLED:
             return UalError("the call was cancelled before it ended", metadata)
         case grpc.StatusCode.RESOURCE_EXHAUSTED:
-            return ResourceExhaustedError(details, metadata)
+            return ResourceExhaustedError(f"{code.name}: {details}", metadata)
         case grpc.StatusCode.UNAUTHENTICATED:
             return UnauthenticatedError(details, metadata)
         case grpc.StatusCode.PERMISSION_DENIED:
