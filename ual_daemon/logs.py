@@ -5,12 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ual.errors import UalError
 
 caller: ContextVar[Callable[[], str] | None] = ContextVar("ual_caller", default=None)
 """Returns the peer's address of whoever gave the present command; None for a command from this process."""
 
 uav: ContextVar[str] = ContextVar("ual_uav", default="")
 """The namespace of the UAV that the event is about, if the process flies several; else empty."""
+
+
+def refused(logger: logging.Logger, command: str, error: UalError) -> None:
+    """Logs that a command was refused."""
+    event(logger, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error))
 
 
 def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -> None:

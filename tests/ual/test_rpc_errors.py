@@ -23,6 +23,7 @@ CODES = {
     errors.LinkLostError: grpc.StatusCode.UNAVAILABLE,
     errors.UalTimeoutError: grpc.StatusCode.DEADLINE_EXCEEDED,
     errors.NotSupportedError: grpc.StatusCode.UNIMPLEMENTED,
+    errors.ResourceExhaustedError: grpc.StatusCode.RESOURCE_EXHAUSTED,
     errors.UnauthenticatedError: grpc.StatusCode.UNAUTHENTICATED,
     errors.PermissionDeniedError: grpc.StatusCode.PERMISSION_DENIED,
     errors.UalError: grpc.StatusCode.INTERNAL,
@@ -103,8 +104,8 @@ def test_a_reason_of_a_newer_daemon_is_a_plain_error(failing: tuple[Failing, pb_
         (grpc.StatusCode.UNIMPLEMENTED, errors.NotSupportedError),
         (grpc.StatusCode.UNAUTHENTICATED, errors.UnauthenticatedError),
         (grpc.StatusCode.PERMISSION_DENIED, errors.PermissionDeniedError),
+        (grpc.StatusCode.RESOURCE_EXHAUSTED, errors.ResourceExhaustedError),
         (grpc.StatusCode.CANCELLED, errors.UalError),
-        (grpc.StatusCode.RESOURCE_EXHAUSTED, errors.UalError),
     ],
 )
 def test_a_bare_code_says_what_it_can(

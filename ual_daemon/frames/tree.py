@@ -7,13 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
+from ual.errors import InvalidArgumentError, ResourceExhaustedError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3, wrap_angle
 from ual.types import Frame
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 MAP = "map"
 
+MOST_FRAMES = 200
+"""With ``map``. Each frame costs time with every answer that lists them, and with every move of one."""
+MOST_LEVELS = 32
+"""Levels below ``map``. Each level costs time with every pose that is asked for in a frame below it."""
 EXTRAPOLATION_S = 0.5
 """A frame that a client moves goes on at its velocity for so long after its last update; then it stands still."""
 _SMOOTHING_S = 0.2
@@ -156,6 +160,7 @@ class FrameTree:
         Raises:
             UnknownFrameError: There is no such parent.
             InvalidArgumentError: The frame is built in or configured, or would be below itself.
+            ResourceExhaustedError: There would be too many frames, or too many levels of them.
 
         """
         parent = transform.frame_id or MAP
@@ -172,6 +177,7 @@ class FrameTree:
                     f"transform.header.frame_id: {child} cannot hang below itself ({parent} lies below it)",
                     {"field": "transform.header.frame_id"},
                 )
+            _require_room(parent, child, self._links)
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
             self._replace(link, _estimated_motion(self._links.get(child), link, now_s), now_s)
 
@@ -265,6 +271,29 @@ def _require(name: str, links: _Links) -> None:
     if name != MAP and name not in links:
         known = ", ".join([MAP, *links])
         raise UnknownFrameError(f"there is no frame {name}; known are {known}", {"frame_id": name, "known": known})
+
+
+def _require_room(parent: str, child: str, links: _Links) -> None:
+    """Raises `ResourceExhaustedError` if a new link would exceed a limit of the tree."""
+    old = links.get(child)
+    if old is None and len(links) + 1 >= MOST_FRAMES:  # one more for the root, which has no link
+        raise ResourceExhaustedError(
+            f"{child}: there can be at most {MOST_FRAMES} frames; remove one first", {"limit": str(MOST_FRAMES)}
+        )
+    if old is not None and old.parent == parent:
+        return
+    levels = len(_chain(parent, links)) + (0 if old is None else _levels_below(child, links))
+    if levels > MOST_LEVELS:
+        raise ResourceExhaustedError(
+            f"{child}: frames can be at most {MOST_LEVELS} levels below {MAP}, and this would make {levels}",
+            {"limit": str(MOST_LEVELS)},
+        )
+
+
+def _levels_below(name: str, links: _Links) -> int:
+    """Returns how many levels of frames a frame has below it."""
+    chains = (_chain(each, links) for each in links)
+    return max(chain.index(name) for chain in chains if name in chain)
 
 
 def _chain(name: str, links: _Links) -> list[str]:

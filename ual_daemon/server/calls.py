@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 import grpc
 
-from ual.errors import InvalidArgumentError
+from ual.errors import InvalidArgumentError, ResourceExhaustedError
 from ual_daemon import logs
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
 from ual_daemon.server.transport.base import Call
 
 NAMESPACE_KEY = "ual-ns"
+MOST_OF_ONE_METHOD = 100
+"""Calls and streams of one method that are under way for one UAV. For each method by itself: a hundred readers of the
+telemetry must not keep out who lands the UAV."""
+
+_log = logging.getLogger(__name__)
 
 
 class Calls:
@@ -33,6 +40,7 @@ class Calls:
         self._methods: dict[str, Method] = {}
         self._lock = threading.Lock()
         self._answers: set[Answer] = set()
+        self._running: Counter[str] = Counter()
         self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
@@ -75,16 +83,42 @@ class Calls:
     # --- For the answers ----------------------------------------------------------------------------------------------
 
     def join(self, answer: Answer) -> None:
-        """Adds an answer that is under way: a shutdown ends it."""
+        """Adds an answer that is under way: a shutdown ends it.
+
+        Raises:
+            ResourceExhaustedError: It is a stream, and too many of its method are under way.
+
+        """
+        if answer.is_stream:
+            self.require_room(answer.method_name)
         with self._lock:
             self._answers.add(answer)
+            self._running[answer.method_name] += 1
         if self._has_ended_waiting and not answer.is_stream:  # it began before, but was not known yet
             answer.end()
 
     def leave(self, answer: Answer) -> None:
         """Removes an answer that has ended."""
         with self._lock:
-            self._answers.discard(answer)
+            if answer in self._answers:
+                self._answers.discard(answer)
+                self._running[answer.method_name] -= 1
+
+    def require_room(self, method: str) -> None:
+        """Refuses a call of a method of which too many are under way.
+
+        Raises:
+            ResourceExhaustedError: They are.
+
+        """
+        if self._running[method] < MOST_OF_ONE_METHOD:
+            return
+        error = ResourceExhaustedError(
+            f"{MOST_OF_ONE_METHOD} calls of {method} are under way for {self._ns}, which is the limit: end one of them",
+            {"limit": str(MOST_OF_ONE_METHOD)},
+        )
+        logs.refused(_log, method, error)
+        raise error
 
     def require_accepted(self, call: Call) -> None:
         """Refuses a call for another UAV, and after the shutdown has begun one that flies.

@@ -72,6 +72,7 @@ class Answer:
 
     def __init__(self, calls: Calls, method: Method, call: Call) -> None:
         self.is_stream = method.has_request_stream or method.has_response_stream
+        self.method_name = call.method
         self._calls = calls
         self._method = method
         self._call = call
@@ -151,9 +152,9 @@ class _LoopAnswer(Answer):
 
     def _watch(self) -> None:
         """From here on the call may be cancelled, or ended by a shutdown."""
+        self._calls.join(self)
         self._call.watch(lambda: self._calls.on_loop(self._cancel))
         self._call.peer()  # the call may end before a log line needs it
-        self._calls.join(self)
 
     def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
         """Awaits it on the loop, and ends the call with its result."""
@@ -197,6 +198,7 @@ class _UnaryAnswer(_LoopAnswer):
 
     @override
     def _answer(self, request: object) -> None:
+        self._calls.require_room(self._call.method)  # before anything begins
         response = self._method.serve(request, None)
         if inspect.iscoroutine(response):
             self._watch()
@@ -275,8 +277,8 @@ class _PushAnswer(Answer):
 
     @override
     def _begin(self) -> None:
-        self._call.watch(self._on_cancel)
         self._calls.join(self)
+        self._call.watch(self._on_cancel)
         super()._begin()
 
     @override

@@ -7,6 +7,7 @@ import logging
 import math
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from concurrent.futures import Future
+from functools import partial
 from typing import TypeAlias, TypeVar
 
 from typing_extensions import override
@@ -20,6 +21,7 @@ from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.server.planning import Planning
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
@@ -45,6 +47,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._commands = vehicle.commands
         self._setpoints = vehicle.commands.setpoints
         self._updates = updates
+        self._planning = Planning()
 
     # Names and order are those of the contract.
 
@@ -104,13 +107,18 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def FollowPath(self, request: pb.FollowPathRequest, context: object) -> Awaitable[pb.FollowPathResponse]:
-        return self._follow_path(request, self._commands.last_command)
+        # Planning takes a while where there are thousands of waypoints: what stops the UAV must get through meanwhile.
+        planned = self._planning.begin("follow_path", partial(self._prepare, request, self._commands.last_command))
+        return self._follow_path(request, planned)
 
-    async def _follow_path(self, request: pb.FollowPathRequest, since: LastCommand) -> pb.FollowPathResponse:
-        # Planning takes seconds where there are thousands of waypoints: what stops the UAV must get through meanwhile.
-        prepared = await asyncio.to_thread(self._commands.prepare, _convert.task_request_from_proto(request), since)
-        response = self._begun(prepared, request, pb.FollowPathResponse)
+    async def _follow_path(
+        self, request: pb.FollowPathRequest, planned: Future[Prepared[VehicleTask]]
+    ) -> pb.FollowPathResponse:
+        response = self._begun(await ended(planned), request, pb.FollowPathResponse)
         return await response if isinstance(response, Awaitable) else response
+
+    def _prepare(self, request: _convert.TaskRequestMessage, since: LastCommand) -> Prepared[VehicleTask]:
+        return self._commands.prepare(_convert.task_request_from_proto(request), since)
 
     def _task(self, request: _convert.TaskRequestMessage, make: Callable[..., R]) -> _Maybe[R]:
         prepared = self._commands.prepare(_convert.task_request_from_proto(request))

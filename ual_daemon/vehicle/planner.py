@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ual.errors import WrongStateError
+from ual.errors import ResourceExhaustedError, WrongStateError
 from ual.geometry import PoseStamped
 from ual.types import (
     Capability,
@@ -39,7 +39,8 @@ from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
 
-_MAX_WAYPOINTS = 100_000
+_MOST_WAYPOINTS = 10_000
+"""So many take about half a second to plan; a mission has some hundred."""
 _NEAR_START_M, _NEAR_START_S = 1.0, 0.5
 """How far a UAV may fly on while its next trajectory is planned: this distance, plus its speed times this time."""
 
@@ -198,8 +199,11 @@ class Planner:
 def _require_count(count: int) -> None:
     if not count:
         raise validation.refuse("waypoints", "there are none; a path needs at least one")
-    if count > _MAX_WAYPOINTS:
-        raise validation.refuse("waypoints", f"{count} are more than {_MAX_WAYPOINTS}")
+    if count > _MOST_WAYPOINTS:
+        raise ResourceExhaustedError(
+            f"waypoints: {count} are more than the limit of {_MOST_WAYPOINTS}: fly the path in parts",
+            {"field": "waypoints", "limit": str(_MOST_WAYPOINTS)},
+        )
 
 
 def _text(goal: Goal | GeoWaypoint) -> str:

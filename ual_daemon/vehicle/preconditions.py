@@ -59,7 +59,7 @@ class Preconditions:
         last_text, last_s = self._last_refusal
         if text != last_text or now_s - last_s > _REPEATED_REFUSAL_S:
             self._last_refusal = (text, now_s)
-            logs.event(_log, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error))
+            logs.refused(_log, command, error)
 
     def require_capability(self, capability: Capability, command: str) -> None:
         """Checks that the backend has a capability.

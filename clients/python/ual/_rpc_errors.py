@@ -24,6 +24,7 @@ from ual.errors import (
     NotSupportedError,
     PermissionDeniedError,
     RejectedByAutopilotError,
+    ResourceExhaustedError,
     TaskAbortedError,
     UalError,
     UalTimeoutError,
@@ -62,6 +63,7 @@ _CODES: Mapping[str, grpc.StatusCode] = {
     LinkLostError.reason: grpc.StatusCode.UNAVAILABLE,
     UalTimeoutError.reason: grpc.StatusCode.DEADLINE_EXCEEDED,
     NotSupportedError.reason: grpc.StatusCode.UNIMPLEMENTED,
+    ResourceExhaustedError.reason: grpc.StatusCode.RESOURCE_EXHAUSTED,
     UnauthenticatedError.reason: grpc.StatusCode.UNAUTHENTICATED,
     PermissionDeniedError.reason: grpc.StatusCode.PERMISSION_DENIED,
 }
@@ -109,6 +111,8 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
             return NotSupportedError(f"the daemon at {address} does not offer this ({details})", metadata)
         case grpc.StatusCode.CANCELLED:
             return UalError("the call was cancelled before it ended", metadata)
+        case grpc.StatusCode.RESOURCE_EXHAUSTED:
+            return ResourceExhaustedError(f"{code.name}: {details}", metadata)
         case grpc.StatusCode.UNAUTHENTICATED:
             return UnauthenticatedError(details, metadata)
         case grpc.StatusCode.PERMISSION_DENIED:

@@ -84,6 +84,12 @@ class NotSupportedError(UalError):
     reason = "NOT_SUPPORTED"
 
 
+class ResourceExhaustedError(UalError):
+    """A limit on number, size or rate is met; metadata ``limit`` has its value."""
+
+    reason = "RESOURCE_EXHAUSTED"
+
+
 class UnauthenticatedError(UalError):
     """The credentials are missing or wrong."""
 
@@ -114,6 +120,7 @@ _BY_REASON: Mapping[str, type[UalError]] = {
         LinkLostError,
         UalTimeoutError,
         NotSupportedError,
+        ResourceExhaustedError,
         UnauthenticatedError,
         PermissionDeniedError,
         DaemonUnreachableError,

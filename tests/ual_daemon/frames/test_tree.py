@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.strategies import POSES, TRANSFORMS
-from ual.errors import InvalidArgumentError, UnknownFrameError, WrongStateError
+from ual.errors import InvalidArgumentError, ResourceExhaustedError, UnknownFrameError, WrongStateError
 from ual.geometry import IDENTITY, Pose, Quaternion, Transform, Vector3
 from ual_daemon.frames.tree import EXTRAPOLATION_S, MAP, FrameTree, horizontal
 from ual_daemon.settings import ConfigError, FrameSettings, VehicleSettings
@@ -193,6 +193,47 @@ def test_a_lookup_during_a_move_sees_the_frame_before_or_after_the_move() -> Non
         is_over.set()
         mover.join()
     assert seen <= {0.0, 2.0}
+
+
+# --- Limits -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_number_of_frames_has_a_limit_and_those_that_are_there_can_be_moved() -> None:
+    frames = tree()
+    for i in range(200 - len(frames.names())):
+        frames.add(at(1, 0, 0, MAP, f"f{i}"))
+    with pytest.raises(ResourceExhaustedError, match="at most 200 frames") as caught:
+        frames.add(at(1, 0, 0, MAP, "one_more"))
+    assert caught.value.metadata["limit"] == "200"
+    assert len(frames.names()) == 200
+    frames.add(at(2, 0, 0, MAP, "f0"))
+    assert frames.lookup(MAP, "f0", None).translation.x == 2.0
+
+
+def chained(frames: FrameTree, prefix: str, count: int, parent: str = MAP) -> str:
+    """Adds frames, each below the one before. Returns the last one."""
+    for i in range(count):
+        frames.add(at(1, 0, 0, parent, f"{prefix}{i}"))
+        parent = f"{prefix}{i}"
+    return parent
+
+
+def test_the_depth_of_the_tree_has_a_limit() -> None:
+    frames = tree()
+    deepest = chained(frames, "f", 32)
+    with pytest.raises(ResourceExhaustedError, match="32 levels below map") as caught:
+        frames.add(at(1, 0, 0, deepest, "one_more"))
+    assert caught.value.metadata["limit"] == "32"
+    frames.add(at(2, 0, 0, "f30", deepest))
+
+
+def test_a_frame_that_is_moved_below_another_brings_those_below_it() -> None:
+    frames = tree()
+    deepest = chained(frames, "f", 20)
+    chained(frames, "g", 13)
+    with pytest.raises(ResourceExhaustedError, match="32 levels below map"):
+        frames.add(at(1, 0, 0, deepest, "g0"))
+    assert frames.lookup(MAP, "g0", None).translation.x == 1.0
 
 
 # --- Frames that a client moves ---------------------------------------------------------------------------------------

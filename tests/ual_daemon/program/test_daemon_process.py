@@ -314,6 +314,21 @@ def test_a_take_off_ends_before_a_signal_ends_the_daemon(daemon: DaemonProcess) 
     daemon.wait_for("hold_by_autopilot")
 
 
+def test_many_long_paths_are_refused_and_do_not_delay_the_end(daemon: DaemonProcess) -> None:
+    stub = flying(daemon)
+    path = pb.FollowPathRequest(dry_run=True, corner_radius_m=0.5)
+    for i in range(10_000):
+        pose = path.waypoints.add().pose
+        pose.position.x, pose.position.y, pose.position.z = 5.0 * (i % 2), 3.0 * (i % 7), 2.0
+    planned = [stub.FollowPath.future(path) for _ in range(30)]
+    codes = [each.code() for each in planned if each.exception(LIMIT_S) is not None]
+    assert set(codes) == {grpc.StatusCode.RESOURCE_EXHAUSTED}
+    assert len(codes) < len(planned)
+    planned = [stub.FollowPath.future(path) for _ in range(2)]
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 0
+
+
 def test_a_second_signal_ends_it_at_once(daemon: DaemonProcess) -> None:
     daemon.wait_for("state", new="LANDED_ARMED")
     stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=500.0, non_blocking=True), timeout=LIMIT_S)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -14,14 +14,14 @@ import pytest
 
 from tests.ual_daemon.server.serving import serving
 from ual import _rpc_errors
-from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, WrongStateError
+from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
 from ual.types import State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.server.calls import Calls
+from ual_daemon.server.calls import MOST_OF_ONE_METHOD, Calls
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
@@ -120,6 +120,11 @@ async def error_of(call: Any) -> UalError:
     return _rpc_errors.from_rpc_error(caught.value)
 
 
+async def until(condition: Callable[[], bool]) -> None:
+    while not condition():  # noqa: ASYNC110  nothing notifies of it
+        await asyncio.sleep(0.01)
+
+
 def speed(x: float) -> pb.TwistStamped:
     return pb.TwistStamped(twist=pb.Twist(linear=pb.Vector3(x=x), angular=pb.Vector3()))
 
@@ -131,6 +136,30 @@ def test_a_refusal_goes_out_as_status_with_reason_and_metadata(transport: Choice
             assert isinstance(error, WrongStateError)
             assert error.message == "set_home: not in FLYING_AUTO"
             assert error.state == "FLYING_AUTO"
+
+    asyncio.run(run())
+
+
+def test_streams_and_waiting_calls_of_one_method_are_bounded_and_others_get_through(transport: Choice) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            streams = [it.stub.StreamTelemetry(pb.StreamTelemetryRequest()) for _ in range(MOST_OF_ONE_METHOD)]
+            for stream in streams:
+                await stream.read()
+            error = await error_of(it.stub.StreamTelemetry(pb.StreamTelemetryRequest()).read())
+            assert isinstance(error, ResourceExhaustedError)
+            assert error.metadata["limit"] == "100"
+            assert "100 calls of /ual.v1.UalService/StreamTelemetry are under way for uav_1" in error.message
+            await it.stub.GetTelemetry(pb.GetTelemetryRequest())
+            arming = [asyncio.ensure_future(it.stub.Arm(pb.ArmRequest())) for _ in range(MOST_OF_ONE_METHOD)]
+            await until(lambda: it.calls.running_count == 2 * MOST_OF_ONE_METHOD)
+            assert isinstance(await error_of(it.stub.Arm(pb.ArmRequest())), ResourceExhaustedError)
+            await it.stub.SetVelocity(pb.SetVelocityRequest(velocity=speed(0.5)))
+            streams.pop().cancel()
+            await until(lambda: it.calls.running_count < 2 * MOST_OF_ONE_METHOD)
+            await it.stub.StreamTelemetry(pb.StreamTelemetryRequest()).read()
+            it.vehicle.arming.set_result(None)
+            await asyncio.gather(*arming)
 
     asyncio.run(run())
 

@@ -15,6 +15,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import (
     InvalidArgumentError,
     NotSupportedError,
+    ResourceExhaustedError,
     TaskAbortedError,
     UalError,
     UnknownFrameError,
@@ -489,6 +490,13 @@ def test_invalid_geographic_waypoints_are_refused(
 
 
 # --- Frames that a client moves ---------------------------------------------------------------------------------------
+
+
+def test_the_number_of_waypoints_has_a_limit(flying: Stepped) -> None:
+    flying.prepare.follow_path([at(0.1 * (i % 10), 0, 3) for i in range(20)])
+    with pytest.raises(ResourceExhaustedError, match="waypoints: 10001 are more than the limit of 10000") as caught:
+        flying.prepare.follow_path([at(1, 0, 3)] * 10_001)
+    assert dict(caught.value.metadata) == {"field": "waypoints", "limit": "10000"}
 
 
 def test_another_uavs_frame_is_moved_often_with_its_stamp(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from ual.errors import InvalidArgumentError, ResourceExhaustedError
+from ual_daemon import logs
+from ual_daemon.server.planning import MOST_AT_ONCE, Planning
+from ual_daemon.server.waiting import ended
+
+LIMIT_S = 30.0
+
+
+@pytest.fixture
+def gate() -> Iterator[threading.Event]:
+    """Plans that wait for it end with the test."""
+    gate = threading.Event()
+    yield gate
+    gate.set()
+
+
+def test_more_plans_than_a_few_at_once_are_refused_until_one_is_ready(gate: threading.Event) -> None:
+    planning = Planning()
+    running = [planning.begin("follow_path", gate.wait) for _ in range(MOST_AT_ONCE)]
+    with pytest.raises(ResourceExhaustedError, match="follow_path: 2 paths are being planned") as caught:
+        planning.begin("follow_path", gate.wait)
+    assert caught.value.metadata["limit"] == "2"
+    gate.set()
+    assert [each.result(LIMIT_S) for each in running] == [True, True]
+    assert planning.begin("follow_path", lambda: 3).result(LIMIT_S) == 3
+
+
+def test_a_plan_that_fails_gives_its_error_and_its_room() -> None:
+    planning = Planning()
+
+    def fail() -> None:
+        raise InvalidArgumentError("waypoints: none")
+
+    for _ in range(2 * MOST_AT_ONCE):
+        assert isinstance(planning.begin("follow_path", fail).exception(LIMIT_S), InvalidArgumentError)
+
+
+def test_the_log_lines_of_a_plan_name_the_caller() -> None:
+    token = logs.caller.set(lambda: "ipv4:127.0.0.1:1")
+    try:
+        who = Planning().begin("follow_path", logs.caller.get).result(LIMIT_S)
+    finally:
+        logs.caller.reset(token)
+    assert who is not None
+    assert who() == "ipv4:127.0.0.1:1"
+
+
+def test_an_event_loop_ends_while_paths_are_planned(gate: threading.Event) -> None:
+    async def serve() -> None:
+        waiting = asyncio.create_task(ended(Planning().begin("follow_path", gate.wait)))
+        await asyncio.sleep(0.0)
+        waiting.cancel()
+
+    daemon = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
+    daemon.start()
+    daemon.join(LIMIT_S)
+    assert not daemon.is_alive()
