@@ -33,13 +33,12 @@ class Fuzz:
     def __init__(self, kind: str, *, is_stream: bool, seed: int = 1) -> None:
         self.harness = Harness(is_stream=is_stream)
         self.bytes_count = 0
+        self._pack = packer(SYSTEM_ID)
         self._noise = random.Random(f"{kind} {seed}")
-        pack = packer(SYSTEM_ID)
-        self._heartbeat = lambda: pack(heartbeat())
         self._make: Callable[[], bytes] = getattr(self, f"_{kind}")
         self._frames = [data for name in TRACES for _, data in load(name).frames if data[0] == 0xFD and not data[2]]
         self._steps_count = 0
-        self.harness.receive(data=self._heartbeat())
+        self.harness.receive(data=self._pack(heartbeat()))
 
     def step(self) -> None:
         """Receives some datagrams, or pieces of a stream; does what is due."""
@@ -47,7 +46,7 @@ class Fuzz:
         self._steps_count += 1
         harness.now_s += TICK_S
         if self._steps_count % 50 == 0:
-            harness.receive(data=self._heartbeat())
+            harness.receive(data=self._pack(heartbeat()))
         for _ in range(4):
             data = self._make()
             self.bytes_count += len(data)
