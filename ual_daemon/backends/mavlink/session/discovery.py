@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from typing_extensions import override
 
@@ -78,7 +79,12 @@ class Discovery(Selector):
 
     def link_statistics(self, now_s: float) -> LinkStatistics:
         """Returns the quality of the link. From any thread."""
-        return self.supervision.statistics(now_s, self.receiver.corrupt_count, self.receiver.unsigned_count)
+        receiver, session = self.receiver, self.session
+        return replace(
+            self.supervision.statistics(now_s, receiver.corrupt_count, receiver.unsigned_count),
+            stranger_count=receiver.stranger_count,
+            impossible_count=0 if session is None else session.telemetry.plausibility.counts.total(),
+        )
 
     @override
     def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> Session:

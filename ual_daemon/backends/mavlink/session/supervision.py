@@ -39,8 +39,9 @@ class LinkStatistics:
 
     `rate_hz` is the autopilot's messages per second, `loss` the part of its messages that did not arrive (0 to 1), and
     `round_trip_s` the newest one measured by TIMESYNC (None: not measured). Counted are pieces that belong to no frame
-    (`corrupt_count`), frames dropped for their signature (`unsigned_count`), reboots of the autopilot, and how often
-    the link was lost.
+    (`corrupt_count`), frames dropped for their signature (`unsigned_count`) or because another host sent them
+    (`stranger_count`), values that cannot be true (`impossible_count`), reboots of the autopilot, and how often the
+    link was lost.
     """
 
     state: LinkState = LinkState.CONNECTING
@@ -49,6 +50,8 @@ class LinkStatistics:
     round_trip_s: float | None = None
     corrupt_count: int = 0
     unsigned_count: int = 0
+    stranger_count: int = 0
+    impossible_count: int = 0
     reboots_count: int = 0
     lost_count: int = 0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable
 
@@ -12,6 +11,7 @@ from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, 
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
+from ual_daemon.backends.mavlink.session.plausibility import Plausibility
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -36,6 +36,7 @@ class Telemetry:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
+        self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
         self._heard_s: float | None = None
         self._sequence = SequenceUnwrapper(LATE_S)
@@ -66,6 +67,7 @@ class Telemetry:
         self.is_ready_to_arm = False
         """Whether its own checks before arming pass, by its last SYS_STATUS."""
         self.parameters: dict[str, float] = {}
+        """Those of `Dialect.parameters` that it has sent."""
         self.message_counts: Counter[int] = Counter()
         """How many messages of each id came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -216,9 +218,9 @@ class Telemetry:
         if not self._is_newest("attitude", now_s):
             return
         w, x, y, z = message.q1, message.q2, message.q3, message.q4
-        roll, pitch, yaw = message.rollspeed, message.pitchspeed, message.yawspeed
-        if math.isfinite(w + x + y + z + roll + pitch + yaw) and (w, x, y, z) != (0.0, 0.0, 0.0, 0.0):
-            self._attitude = Sample((orientation_to_enu(w, x, y, z), frd_to_flu(roll, pitch, yaw)), now_s)
+        rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
+        if self.plausibility.accepts_rotation(Quaternion(x, y, z, w)) and self.plausibility.accepts_rates(rates):
+            self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if not self._is_newest("position", now_s):
@@ -227,33 +229,43 @@ class Telemetry:
         attitude = self._attitude
         if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
             return
-        x, y, z, vx, vy, vz = message.x, message.y, message.z, message.vx, message.vy, message.vz
-        if math.isfinite(x + y + z + vx + vy + vz):
+        place, velocity = ned_to_enu(message.x, message.y, message.z), ned_to_enu(message.vx, message.vy, message.vz)
+        if self.plausibility.accepts_position(place) and self.plausibility.accepts_velocity(velocity):
             orientation, rates = attitude.value
             self._stamp_s = stamp_s  # of the pose: where the pose is old, so is its stamp
-            self._pose = Sample(Pose(ned_to_enu(x, y, z), orientation), now_s)
-            self._velocity = Sample(Twist(ned_to_enu(vx, vy, vz), rates), now_s)
+            self._pose = Sample(Pose(place, orientation), now_s)
+            self._velocity = Sample(Twist(velocity, rates), now_s)
 
     def _on_global_position_int(self, message: Message, now_s: float, _: float) -> None:
         found = geo_point(message, self._geoid_separation_m)
-        self._position_geo = None if found is None else Sample(found, now_s)
+        if found is None:
+            self._position_geo = None
+        elif self.plausibility.accepts_geo_point(found):
+            self._position_geo = Sample(found, now_s)
 
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
-        self._projection = self._dialect.projection(
-            degrees(message.latitude), degrees(message.longitude), milli(message.altitude)
-        )
+        latitude_deg, longitude_deg = degrees(message.latitude), degrees(message.longitude)
+        altitude_m, judge = milli(message.altitude), self.plausibility
+        if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
+            self._projection = self._dialect.projection(latitude_deg, longitude_deg, altitude_m)
 
     def _on_home_position(self, message: Message, _now_s: float, _: float) -> None:
-        self._home_altitude_amsl_m = milli(message.altitude)
+        altitude_m = milli(message.altitude)
+        if self.plausibility.accepts_altitude(altitude_m):
+            self._home_altitude_amsl_m = altitude_m
 
     def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:
         self._gps = gps_info(message)
         if self._gps.fix >= GpsFix.FIX_3D and message.alt_ellipsoid:
-            self._geoid_separation_m = milli(message.alt_ellipsoid - message.alt)
+            separation_m = milli(message.alt_ellipsoid - message.alt)
+            if self.plausibility.accepts_geoid_separation(separation_m):
+                self._geoid_separation_m = separation_m
 
     def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
         self.is_ready_to_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
-        self._battery = battery(message)
+        found = battery(message)
+        if found is None or self.plausibility.accepts_battery(found):
+            self._battery = found
 
     def _on_statustext(self, message: Message, _now_s: float, _: float) -> None:
         self._status_text.update(message)
@@ -262,5 +274,9 @@ class Telemetry:
         self.version = message
 
     def _on_param_value(self, message: Message, _now_s: float, _: float) -> None:
-        if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 and math.isfinite(message.param_value):
-            self.parameters[message.param_id] = message.param_value
+        """Takes those that are used: a ground station may have it send a thousand others."""
+        name, value = message.param_id, message.param_value
+        if name not in self._dialect.parameters or message.param_type != mavlink.MAV_PARAM_TYPE_REAL32:
+            return
+        if self.plausibility.accepts_parameter(name, value):
+            self.parameters[name] = value

@@ -319,3 +319,104 @@ def test_a_landed_state_that_is_not_known_is_unknown() -> None:
     harness = Harness()
     harness.receive(heartbeat(), mavlink.MAVLink_extended_sys_state_message(0, 77))
     assert harness.snapshot().landed.value is LandedState.UNKNOWN
+
+
+def _attitude(norm: float, rate: float = 0.0) -> Message:
+    return mavlink.MAVLink_attitude_quaternion_message(BOOT_MS, norm, 0.0, 0.0, 0.0, rate, 0.0, 0.0)
+
+
+def _moving(north: float = 0.0, speed: float = 0.0) -> Message:
+    return mavlink.MAVLink_local_position_ned_message(BOOT_MS, north, 0.0, 0.0, speed, 0.0, 0.0)
+
+
+def _geo(latitude: float, longitude: float, altitude_m: float = 488.0, home_m: float = 3.0) -> Message:
+    degrees = round(latitude * 1e7), round(longitude * 1e7)
+    return mavlink.MAVLink_global_position_int_message(
+        BOOT_MS, *degrees, round(altitude_m * 1e3), round(home_m * 1e3), 0, 0, 0, 0
+    )
+
+
+def _origin(latitude: float, altitude_m: float = 0.0) -> Message:
+    return mavlink.MAVLink_gps_global_origin_message(round(latitude * 1e7), 1, round(altitude_m * 1e3))
+
+
+def _charge(percent: int) -> Message:
+    return mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 16200, 100, percent, 0, 0, 0, 0, 0, 0)
+
+
+def _ellipsoid(altitude_m: float) -> Message:
+    return mavlink.MAVLink_gps_raw_int_message(0, 3, 1, 1, 1000, 0, 0, 0, 0, 9, round(altitude_m * 1e3))
+
+
+def _home(altitude_m: float) -> Message:
+    return mavlink.MAVLink_home_position_message(1, 1, round(altitude_m * 1e3), 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+
+
+def _parameter(value: float, name: bytes = b"MPC_XY_VEL_MAX") -> Message:
+    return mavlink.MAVLink_param_value_message(name, value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0)
+
+
+IMPOSSIBLE = {
+    "position of 3e+38 m": _moving(3e38),
+    "position of 1.1e+07 m": _moving(-1.1e7),
+    "position of nan m": _moving(math.nan),
+    "velocity of 1.5e+03 m/s": _moving(1.0, 1500.0),
+    "velocity of inf m/s": _moving(1.0, math.inf),
+    "attitude with a quaternion of norm 0.9": _attitude(0.9),
+    "attitude with a quaternion of norm 0 ": _attitude(0.0),
+    "attitude with a quaternion of norm nan": _attitude(math.nan),
+    "angular velocity of 2e+03 rad/s": _attitude(1.0, 2000.0),
+    "place at latitude 214, longitude 8": _geo(214.0, 8.0),
+    "place at latitude 47, longitude -181": _geo(47.0, -181.0),
+    "altitude of 2e+06 m": _geo(47.0, 8.0, 2e6),
+    "altitude of -2e+06 m": _geo(47.0, 8.0, 1.0, -2e6),
+    "place at latitude -91,": _origin(-91.0),
+    "altitude of 1e+06 m": _origin(47.0, 1e6),
+    "altitude of 1.5e+06 m": _home(1.5e6),
+    "geoid separation of 999 m": _ellipsoid(1000.0),
+    "battery with 101 %": _charge(101),
+    "parameter MPC_XY_VEL_MAX of nan": _parameter(math.nan),
+    "parameter MPC_XY_VEL_MAX of 1e+30": _parameter(1e30),
+}
+
+
+@pytest.mark.parametrize("what", IMPOSSIBLE)
+def test_data_that_cannot_be_true_change_nothing_and_are_logged_once(
+    what: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    harness = Harness()
+    harness.receive(
+        heartbeat(), attitude(), position(0.0), _geo(47.0, 8.0), _origin(47.0), _charge(87), _ellipsoid(48.0),
+        _home(400.0), _parameter(12.0), on_ground(), estimator_status(),
+    )  # fmt: skip
+    before, info = harness.snapshot(), harness.session.info()
+    harness.now_s += 0.01
+    for _ in range(5):
+        harness.receive(IMPOSSIBLE[what])
+    after = harness.snapshot()
+    kept = ("pose", "velocity", "position_geo", "home_altitude_amsl_m", "geoid_separation_m", "battery", "stamp_s")
+    assert {name: getattr(after, name) for name in kept} == {name: getattr(before, name) for name in kept}
+    assert after.projection.latitude_deg == 47.0
+    assert harness.session.info() == info
+    assert [what in record.message for record in caplog.records if "cannot be true" in record.message] == [True]
+    assert harness.discovery.link_statistics(harness.now_s).impossible_count == 5
+    assert harness.discovery.receiver.corrupt_count == 0
+
+
+def test_an_autopilot_that_sends_only_impossible_positions_becomes_uninitialized() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), attitude(), position(0.0), on_ground(), estimator_status())
+    assert state(harness) is State.LANDED_DISARMED
+    for _ in range(20):
+        harness.now_s += 0.1
+        harness.receive(heartbeat(), attitude(), _moving(3e38), on_ground(), estimator_status())
+    found = estimate(harness.snapshot(), MavlinkBackend.freshness)
+    assert (found.state, found.is_link_up) == (State.UNINITIALIZED, True)
+
+
+def test_only_the_parameters_that_are_used_are_kept() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), _parameter(12.0))
+    for number in range(2000):
+        harness.receive(_parameter(1.0, b"P%d" % number))
+    assert harness.session.telemetry.parameters == {"MPC_XY_VEL_MAX": 12.0}

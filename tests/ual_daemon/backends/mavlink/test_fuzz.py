@@ -1,0 +1,47 @@
+"""Whatever bytes come: no exception, no traceback, no data that cannot be true, and no container that grows.
+
+`python -m benchmarks.fuzz` does the same with more bytes.
+"""
+
+import logging
+import math
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fuzz import KINDS, Fuzz, sizes
+from ual_daemon.backends.mavlink.session.plausibility import MAX_ALTITUDE_M
+from ual_daemon.validation import MAX_DISTANCE_M, MAX_SPEED_M_S
+
+BYTES_COUNT = 90_000
+"""For each kind, on datagrams and on a stream: some 10^6 in all."""
+
+
+@pytest.mark.parametrize("is_stream", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_bytes_break_the_session(kind: str, is_stream: bool, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING)
+    fuzz = Fuzz(kind, is_stream=is_stream)
+    while fuzz.bytes_count < BYTES_COUNT:
+        fuzz.step()
+        snapshot = fuzz.harness.snapshot()
+        if snapshot.pose is not None:
+            assert snapshot.pose.value.position.norm() <= MAX_DISTANCE_M
+            assert abs(snapshot.pose.value.orientation.norm() - 1.0) < 1e-6
+            assert snapshot.velocity.value.linear.norm() <= MAX_SPEED_M_S
+        if snapshot.position_geo is not None:
+            assert abs(snapshot.position_geo.latitude_deg) <= 90.0
+            assert abs(snapshot.position_geo.altitude_amsl_m) <= MAX_ALTITUDE_M
+        assert all(math.isfinite(value) for value in fuzz.harness.session.telemetry.parameters.values())
+    assert not [record for record in caplog.records if record.exc_info or record.levelno >= logging.ERROR]
+    found = sizes(fuzz.harness.discovery)
+    assert len(found) > 10
+    assert {name: size for name, size in found.items() if size > 600} == {}
+    impossible_count = fuzz.harness.discovery.link_statistics(fuzz.harness.now_s).impossible_count
+    assert (impossible_count > 0) is (kind in ("mutated", "invented"))
+    if kind in ("random", "magics"):
+        snapshot = fuzz.harness.snapshot()
+        assert (snapshot.armed.value, snapshot.mode.value.name, snapshot.pose) == (False, "AUTO.LOITER", None)
+        assert fuzz.harness.supervision.reboots_count == 0
+    elif kind != "damaged":
+        assert fuzz.harness.discovery.link_statistics(fuzz.harness.now_s).rate_hz > 50.0
+    assert len([record for record in caplog.records if "autopilot_rebooted" not in record.message]) < 40

@@ -1,0 +1,86 @@
+"""What an autopilot's data can be at all. Data beyond that are dropped; what they replace becomes old by itself."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import Counter
+
+from ual.geometry import Quaternion, Vector3
+from ual.types import Battery, GeoPoint
+from ual_daemon.validation import MAX_ANGULAR_SPEED_RAD_S, MAX_DISTANCE_M, MAX_SPEED_M_S
+
+_log = logging.getLogger(__name__)
+
+MAX_ALTITUDE_M = 100_000.0
+"""Above this is space."""
+MAX_GEOID_SEPARATION_M = 200.0
+"""Between the ellipsoid and mean sea level; on Earth it is between -107 and 86 m."""
+MAX_PARAMETER = 1e7
+"""Of the parameters that are used: speeds, accelerations and jerks, in m or cm."""
+NORM_TOLERANCE = 0.05
+"""A quaternion whose norm is within this of 1 is a rotation."""
+
+
+class Plausibility:
+    """Judges data, counts those that cannot be true, and logs the first of each kind. No comparison with NaN holds."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        """How many were dropped, of each kind."""
+
+    def accepts_position(self, position: Vector3) -> bool:
+        """Judges a position in the local frame."""
+        norm = position.norm()
+        return norm <= MAX_DISTANCE_M or self._drop("position", f"of {norm:.3g} m")
+
+    def accepts_velocity(self, velocity: Vector3) -> bool:
+        """Judges a velocity."""
+        norm = velocity.norm()
+        return norm <= MAX_SPEED_M_S or self._drop("velocity", f"of {norm:.3g} m/s")
+
+    def accepts_rates(self, rates: Vector3) -> bool:
+        """Judges angular speeds."""
+        norm = rates.norm()
+        return norm <= MAX_ANGULAR_SPEED_RAD_S or self._drop("angular velocity", f"of {norm:.3g} rad/s")
+
+    def accepts_rotation(self, rotation: Quaternion) -> bool:
+        """Judges a quaternion before it is normalized."""
+        norm = rotation.norm()
+        return abs(norm - 1.0) <= NORM_TOLERANCE or self._drop("attitude", f"with a quaternion of norm {norm:.3g}")
+
+    def accepts_place(self, latitude_deg: float, longitude_deg: float) -> bool:
+        """Judges a place on Earth."""
+        is_on_earth = abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+        return is_on_earth or self._drop("place", f"at latitude {latitude_deg:.7g}, longitude {longitude_deg:.7g}")
+
+    def accepts_altitude(self, altitude_m: float) -> bool:
+        """Judges an altitude above whatever."""
+        return abs(altitude_m) <= MAX_ALTITUDE_M or self._drop("altitude", f"of {altitude_m:.3g} m")
+
+    def accepts_geo_point(self, point: GeoPoint) -> bool:
+        """Judges a position on Earth."""
+        altitudes_m = (point.altitude_amsl_m, point.altitude_home_m)
+        is_on_earth = self.accepts_place(point.latitude_deg, point.longitude_deg)
+        return is_on_earth and all(each is None or self.accepts_altitude(each) for each in altitudes_m)
+
+    def accepts_geoid_separation(self, separation_m: float) -> bool:
+        """Judges how far mean sea level is from the ellipsoid."""
+        is_possible = abs(separation_m) <= MAX_GEOID_SEPARATION_M
+        return is_possible or self._drop("geoid separation", f"of {separation_m:.3g} m")
+
+    def accepts_battery(self, battery: Battery) -> bool:
+        """Judges a battery's charge."""
+        percent = battery.remaining_percent
+        return percent is None or 0.0 <= percent <= 100.0 or self._drop("battery", f"with {percent:g} %")
+
+    def accepts_parameter(self, name: str, value: float) -> bool:
+        """Judges the value of a parameter that is used."""
+        is_possible = math.isfinite(value) and abs(value) <= MAX_PARAMETER
+        return is_possible or self._drop("parameter", f"{name} of {value:.3g}")
+
+    def _drop(self, kind: str, what: str) -> bool:
+        if not self.counts[kind]:
+            _log.warning("dropped: %s %s cannot be true; more like it are counted, not logged", kind, what)
+        self.counts[kind] += 1
+        return False
