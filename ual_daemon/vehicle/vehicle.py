@@ -89,7 +89,7 @@ class Vehicle:
         fields: dict[str, object] = {"state": sample.state.name}
         task = sample.task
         if task is not None:
-            fields |= {"task": task.kind.name.lower(), "progress": round(task.progress, 2)}
+            fields |= {"task": task.kind.name.lower(), "progress": round(task.progress or 0.0, 2)}
         if sample.pose is not None:
             p = sample.pose.position
             fields["position"] = f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {sample.frame_id}"
