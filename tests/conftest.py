@@ -145,10 +145,14 @@ def start_daemon(runtime_dir: Path) -> Iterator[StartDaemon]:
     started: list[DaemonProcess] = []
 
     def start(
-        *flags: str, ns: str = "uav_1", backend: str = "light", listen: str | None = "127.0.0.1:0"
+        *flags: str,
+        ns: str = "uav_1",
+        backend: str = "light",
+        listen: str | None = "127.0.0.1:0",
+        module: str = "ual_daemon",
     ) -> DaemonProcess:
         where = () if listen is None else ("--listen", listen)
-        started.append(DaemonProcess(("--backend", backend, *where, *flags), ns, environment))
+        started.append(DaemonProcess(("--backend", backend, *where, *flags), ns, environment, module))
         return started[-1]
 
     yield start

@@ -76,12 +76,13 @@ class UAL(Uav):
         """Hands the UAV over to its autopilot, and ends everything.
 
         A take-off or landing ends first, any other task is cancelled, and the autopilot holds the position by itself.
+        If that takes more than 60 s, the UAV is left in motion; the log says so, and what the UAV was doing.
         """
         try:
             self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
         except concurrent.futures.TimeoutError:
             why = f"the UAV was not at rest after {_CLOSE_PATIENCE_S:g} s"
-            logs.event(_log, logging.ERROR, "closed_in_motion", why=why)
+            logs.event(_log, logging.ERROR, "closed_in_motion", why=why, **self.vehicle.doing())
         for subscription in list(self._subscriptions):
             subscription.close()
         self.vehicle.close()

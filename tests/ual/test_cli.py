@@ -20,7 +20,7 @@ from typing_extensions import Self
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual import fake_daemon
-from ual._cli import cli, watch
+from ual._cli import cli, values, watch
 from ual._cli.app import UalCommand, UalGroup
 from ual._discovery import Registration
 from ual.types import State, Telemetry
@@ -431,6 +431,62 @@ def test_an_infinite_angle_is_one_line(daemon: DaemonProcess, words: list[str]) 
     assert (result.exit_code, result.stdout) == (1, "")
     (line,) = result.stderr.splitlines()
     assert line.startswith("ual: ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["goto", "1", "1", "3", "--yaw", "90"],
+        ["goto-geo", "1", "1", "3", "--yaw", "90"],
+        ["pose", "1", "1", "3", "--yaw", "90"],
+        ["path", "1,1,3,90"],
+        ["frames", "add", "x", "0", "0", "0", "--yaw", "90"],
+        ["velocity", "1", "0", "0", "--for", "1", "--yaw-rate", "90"],
+    ],
+    ids=" ".join,
+)
+def test_an_angle_of_90_radians_is_refused_with_a_hint(words: list[str]) -> None:
+    result = run(*words)
+    assert result.exit_code == 2
+    assert "90 radians are more than a full turn: 90deg? (or 90rad)" in " ".join(result.stderr.split())
+
+
+@pytest.mark.parametrize(("text", "angle_rad"), [("6.28", 6.28), ("-6.28", -6.28), ("90rad", 90.0), ("720deg", 12.566)])
+def test_other_angles_are_taken(text: str, angle_rad: float) -> None:
+    assert values.angle(text) == pytest.approx(angle_rad, abs=1e-3)
+
+
+def test_a_goal_below_the_ground_is_refused_in_words(flying: DaemonProcess) -> None:
+    del flying
+    for words in (["goto", "1", "1", "-5"], ["pose", "1", "1", "-5"], ["path", "1,1,3", "1,1,-5"]):
+        result = run(*words)
+        assert result.exit_code == 1
+        assert result.stderr.startswith("ual: GEOFENCE: ")
+        assert "below the floor (floor_m: 0 in the configuration; z is up)" in result.stderr
+
+
+def test_a_velocity_that_is_scaled_down_says_so(flying: DaemonProcess) -> None:
+    del flying
+    for words in (["--for", "0.1"], ["--dry-run", "--for", "1"]):
+        result = run("velocity", "3.2", "0", "0.3", *words)
+        assert result.exit_code == 0
+        assert result.stderr == "ual: beyond the UAV's limits (ual info): scaled down to 1.60 0.00 0.15 m/s\n"
+    assert run("velocity", "1", "0", "0", "--for", "0.1").stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("goto", ["X is to the east", "Z is up", "counter-clockwise"]),
+        ("pose", ["east, north and up", "counter-clockwise"]),
+        ("path", ["east, north and up", "counter-clockwise", "metres"]),
+        ("velocity", ["VX is to the east", "VZ up", "m/s", "counter-clockwise"]),
+        ("takeoff", ["metres above the ground", "ceiling_m"]),
+    ],
+)
+def test_the_help_says_what_coordinates_mean(command: str, said: list[str]) -> None:
+    text = " ".join(done(command, "--help").split())
+    assert [words for words in said if words not in text] == []
 
 
 def test_not_a_number_is_refused_by_the_daemon(flying: DaemonProcess) -> None:

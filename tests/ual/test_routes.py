@@ -189,3 +189,8 @@ def test_a_file_that_cannot_be_read_is_refused_by_its_name(tmp_path: Path) -> No
     for name, message in (("none.plan", "cannot read .*none.plan"), ("binary.plan", "binary.plan is not a text file")):
         with pytest.raises(RouteError, match=message):
             routes.read(tmp_path / name)
+
+
+def test_a_heading_of_90_radians_in_a_file_is_refused_with_a_hint() -> None:
+    with pytest.raises(routes.RouteError, match=r"points, line 2: 90 radians are more than a full turn: 90deg\?"):
+        routes.parse_lines("0,0,3,1.5\n1,0,3,90\n", "points")

@@ -79,6 +79,7 @@ class Geofence:
         self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
         Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
         self._cached: tuple[object, Fence] | None = None
+        self._narrowed: tuple[object, Fence] | None = None
 
     def _check_settings(self) -> None:
         settings = self._settings
@@ -117,7 +118,11 @@ class Geofence:
             cached = self._cached = (key, self._make(to_local, snapshot))
         datum = self._datum(snapshot)
         lowest_m, highest_m = self._edges(datum)
-        return cached[1].narrowed(lowest_m - datum.noise_m, highest_m + datum.noise_m)
+        band = (cached[1], lowest_m - datum.noise_m, highest_m + datum.noise_m)
+        narrowed = self._narrowed
+        if narrowed is None or narrowed[0] != band:
+            narrowed = self._narrowed = (band, band[0].narrowed(*band[1:]))
+        return narrowed[1]
 
     def _make(self, to_local: Transform, snapshot: Snapshot) -> Fence:
         up = to_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
@@ -140,7 +145,10 @@ class Geofence:
         self._ground.observe(snapshot, raw)
 
     def _datum(self, snapshot: Snapshot) -> Datum:
-        return self._ground.datum(snapshot, self._resolver.frame_to_local(self._resolver.tree.odom).translation.z)
+        return self._ground.datum(snapshot, self._odom_z_m)
+
+    def _odom_z_m(self) -> float:
+        return self._resolver.frame_to_local(self._resolver.tree.odom).translation.z
 
     def _edges(self, datum: Datum) -> tuple[float, float]:
         """Returns z of the floor and of the ceiling in the local frame."""
@@ -152,11 +160,13 @@ class Geofence:
         """Returns whether a setpoint is so far from the floor and the ceiling that `admit` would certainly admit it.
 
         It is no more than an estimate that is quick and on the safe side: every setpoint and update calls it. It is
-        False wherever a fence is configured or the ground has not been seen.
+        False wherever a fence is configured.
         """
         ground_m, pose = self._ground.z_m, snapshot.pose
-        if ground_m is None or pose is None or self._is_configured:
+        if pose is None or self._is_configured:
             return False
+        if ground_m is None:
+            ground_m = self._datum(snapshot).z_m
         z = pose.value.position.z
         floor_m, ceiling_m = self._floor_m, self._ceiling_m
         lowest_m = -math.inf if floor_m is None else ground_m + floor_m

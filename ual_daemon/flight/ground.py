@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from ual.types import State
@@ -47,14 +48,14 @@ class Ground:
         before_m, now_m = self._origin_m, _origin_m(snapshot)
         return before_m is not None and now_m is not None and abs(now_m - before_m) > _SAME_ORIGIN_M
 
-    def datum(self, snapshot: Snapshot, odom_z_m: float) -> Datum:
-        """Returns what heights are measured from. `odom_z_m` is the z of the origin of ``<ns>/odom``."""
+    def datum(self, snapshot: Snapshot, odom_z_m: Callable[[], float]) -> Datum:
+        """Returns what heights are measured from. `odom_z_m` returns the z of the origin of ``<ns>/odom``."""
         if self.z_m is not None:
             return Datum(self.z_m, "the ground of the take-off", SEEN_NOISE_M)
         if snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None:
             home_z_m = snapshot.home_altitude_amsl_m - snapshot.projection.altitude_amsl_m
             return Datum(home_z_m, "the autopilot's home (UAL has not seen the take-off)", ASSUMED_NOISE_M)
-        return Datum(odom_z_m, "the origin of odom (UAL has not seen the take-off, nor a home)", ASSUMED_NOISE_M)
+        return Datum(odom_z_m(), "the origin of odom (UAL has not seen the take-off, nor a home)", ASSUMED_NOISE_M)
 
 
 def _origin_m(snapshot: Snapshot) -> float | None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, NamedTuple
 
+from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.program.auto_arm import auto_arm
@@ -60,8 +61,8 @@ class Daemon:
         self._transport = transport
         self._is_auto_arming = is_auto_arming
 
-    async def run(self) -> None:
-        """Runs until a signal comes.
+    async def run(self) -> bool:
+        """Runs until a signal comes. Returns whether all UAVs are safe: False if one had to be left in motion.
 
         Raises:
             ListenError: An address is not available.
@@ -94,10 +95,12 @@ class Daemon:
                 each.open()
             await stop.wait()
         finally:
-            await asyncio.gather(*(each.end() for each in served))
+            are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             transport.close()
             gc.unfreeze()
-        logs.event(_log, logging.INFO, "ended")
+        if are_safe:
+            logs.event(_log, logging.INFO, "ended")
+        return are_safe
 
 
 class _Served:
@@ -146,26 +149,26 @@ class _Served:
         logs.uav.set(self._vehicle.log_name)
         await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
 
-    async def end(self) -> None:
-        """Waits until the UAV is safe, then stops the server and closes the vehicle."""
+    async def end(self) -> bool:
+        """Waits until the UAV is safe, then stops the server and closes the vehicle. Returns whether it is safe."""
         logs.uav.set(self._vehicle.log_name)
         if self._arming is not None:
             self._arming.cancel()
         self.server.begin_shutdown()
-        await self._until_safe()
+        is_safe = await self._until_safe()
         await self.server.stop()
         await asyncio.to_thread(self._vehicle.close)
+        return is_safe
 
-    async def _until_safe(self) -> None:
-        """Waits until the UAV needs the daemon no more, at most `_SAFE_EXIT_LIMIT_S`."""
+    async def _until_safe(self) -> bool:
+        """Waits until the UAV needs the daemon no more, at most `_SAFE_EXIT_LIMIT_S`. Returns whether that is so."""
         safe = self._vehicle.prepare_shutdown()
         done = completion(safe)
         deadline_s = asyncio.get_running_loop().time() + _SAFE_EXIT_LIMIT_S
         while not done.done():
             left_s = deadline_s - asyncio.get_running_loop().time()
             if left_s <= 0.0:
-                logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name)
-                return
+                return self._leave_in_flight(f"it was not at rest after {_SAFE_EXIT_LIMIT_S:g} s")
             await asyncio.wait((done,), timeout=min(left_s, _REMINDER_PERIOD_S))
             if not done.done():
                 logs.event(
@@ -173,7 +176,14 @@ class _Served:
                 )
         error = safe.exception()
         if error is not None:
-            logs.event(_log, logging.ERROR, "leaving_in_flight", state=self._vehicle.state().name, why=error)
+            return self._leave_in_flight(str(error))
+        if self._vehicle.state() is State.FLYING_AUTO:
+            return self._leave_in_flight("the autopilot did not take over: it still waits for setpoints")
+        return True
+
+    def _leave_in_flight(self, why: str) -> bool:
+        logs.event(_log, logging.ERROR, "leaving_in_flight", why=why, **self._vehicle.doing())
+        return False
 
 
 def _on_first_signal(stop: asyncio.Event) -> None:

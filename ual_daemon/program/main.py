@@ -1,6 +1,7 @@
 """The program ``ual-daemon``: reads its configuration, and runs one daemon until a signal comes.
 
-Exit status: 0 after a clean end, 1 if it cannot start (port or namespace in use), 2 for wrong usage or configuration.
+Exit status: 0 after a clean end, 1 if it cannot start (port or namespace in use), 2 for wrong usage or configuration, 3
+if it had to leave a UAV in motion.
 Heavy modules are imported late, so that the port is open soon.
 """
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 _CANNOT_START = 1
 _WRONG_USAGE = 2
+_LEFT_IN_MOTION = 3
 
 
 def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
@@ -230,9 +232,11 @@ def _serve(
                 vehicle = Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming)
                 uavs.append(Uav(vehicle, namespace, each.listen))
             daemon = Daemon(uavs, credentials, transport=settings.transport, is_auto_arming=settings.auto_arm)
-            asyncio.run(daemon.run())
+            are_safe = asyncio.run(daemon.run())
     except (ListenError, NamespaceError) as error:
         _fail(str(error), _CANNOT_START)
+    if not are_safe:
+        sys.exit(_LEFT_IN_MOTION)
 
 
 def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:

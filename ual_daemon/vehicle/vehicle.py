@@ -83,6 +83,20 @@ class Vehicle:
         """
         return self._flight.prepare_shutdown()
 
+    def doing(self) -> dict[str, object]:
+        """Returns what the UAV is doing, as the fields of an event of the log: for an end that leaves it in motion."""
+        sample = self.telemetry()
+        fields: dict[str, object] = {"state": sample.state.name}
+        task = sample.task
+        if task is not None:
+            fields |= {"task": task.kind.name.lower(), "progress": round(task.progress or 0.0, 2)}
+        if sample.pose is not None:
+            p = sample.pose.position
+            fields["position"] = f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {sample.frame_id}"
+        if sample.velocity is not None:
+            fields["speed_m_s"] = round(sample.velocity.linear.norm(), 1)
+        return fields
+
     # --- What is known ------------------------------------------------------------------------------------------------
 
     def info(self) -> Info:

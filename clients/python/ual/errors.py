@@ -49,7 +49,7 @@ class UnknownFrameError(InvalidArgumentError):
 
 
 class GeofenceError(UalError):
-    """The goal or its path lies outside the geofence."""
+    """The goal or its path lies outside the geofence, below the floor or above the ceiling (metadata `setting`)."""
 
     reason = "GEOFENCE"
 

@@ -33,6 +33,10 @@ _AMSL, _HOME = AltitudeReference.AMSL, AltitudeReference.HOME
 _MOST_BYTES = 50_000_000
 
 
+class BareAngleError(ValueError):
+    """An angle without a unit is so large that it cannot be meant in radians; the message says what to write."""
+
+
 class RouteError(Exception):
     """A file contains no valid route; the message is one line that says where and why."""
 
@@ -92,6 +96,8 @@ def _lines(lines: Iterable[str], name: str, frame_id: str) -> Iterator[PoseStamp
             continue
         try:
             yield _from_json(line, frame_id) if line.startswith("{") else PoseStamped(parse_waypoint(line), frame_id)
+        except BareAngleError as error:
+            raise RouteError(f"{name}, line {number}: {error}") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise RouteError(
                 f'{name}, line {number}: {line!r} is not a waypoint: write X,Y,Z[,YAW] or {{"x": .., "y": .., "z": ..}}'
@@ -116,11 +122,20 @@ def parse_waypoint(text: str) -> Pose:
 
 
 def parse_angle(text: str) -> float:
-    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians. Raises `ValueError`."""
+    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians.
+
+    Raises:
+        BareAngleError: A number without a unit is beyond a full turn: nobody means 90 radians.
+        ValueError: It is not an angle.
+
+    """
     text = text.strip()
     if text.endswith("deg"):
         return math.radians(float(text.removesuffix("deg")))
-    return float(text.removesuffix("rad"))
+    angle_rad = float(text.removesuffix("rad"))
+    if math.tau < abs(angle_rad) < math.inf and not text.endswith("rad"):
+        raise BareAngleError(f"{text} radians are more than a full turn: {text}deg? (or {text}rad)")
+    return angle_rad
 
 
 # --- QGroundControl's plan --------------------------------------------------------------------------------------------

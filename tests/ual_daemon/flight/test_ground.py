@@ -27,7 +27,7 @@ def test_the_ground_is_where_the_uav_stood_last(landed: State) -> None:
     ground = Ground()
     for z, state in ((0.1, landed), (0.6, landed), (50.0, State.FLYING_AUTO), (20.0, State.UNINITIALIZED)):
         ground.observe(at(z), Estimate(state, ""))
-    assert ground.datum(at(20.0), 0.0) == (0.6, "the ground of the take-off", SEEN_NOISE_M)
+    assert ground.datum(at(20.0), lambda: 0.0) == (0.6, "the ground of the take-off", SEEN_NOISE_M)
 
 
 @pytest.mark.parametrize(
@@ -48,10 +48,10 @@ def test_a_bad_estimate_with_a_link_does_not_forget_the_ground() -> None:
 
 
 def test_a_ground_that_was_not_seen_is_the_autopilots_home() -> None:
-    datum = Ground().datum(at(20.0), 7.0)
+    datum = Ground().datum(at(20.0), lambda: 7.0)
     assert (datum.z_m, datum.noise_m) == (3.0, ASSUMED_NOISE_M)
     assert "the autopilot's home" in datum.name
 
 
 def test_without_a_home_it_is_the_origin_of_odom() -> None:
-    assert Ground().datum(at(20.0, home_m=None), 7.0).z_m == 7.0
+    assert Ground().datum(at(20.0, home_m=None), lambda: 7.0).z_m == 7.0

@@ -329,9 +329,30 @@ def test_many_long_paths_are_refused_and_do_not_delay_the_end(daemon: DaemonProc
     assert daemon.wait() == 0
 
 
+def test_a_daemon_that_leaves_a_uav_in_motion_has_an_exit_status_of_its_own_and_says_what_it_did(
+    start_daemon: StartDaemon,
+) -> None:
+    """Only the safety pilot ends a take-off. Time stands still, so that it does not end in time."""
+    daemon = start_daemon(
+        "--auto-arm", "--set", "light.speed_factor=10", module="tests.ual_daemon.program.impatient_daemon"
+    )
+    daemon.wait_for("state", new="LANDED_ARMED")
+    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=100.0, non_blocking=True), timeout=LIMIT_S)
+    daemon.wait_for("state", new="TAKING_OFF")
+    simulation = simulation_pb2_grpc.SimulationServiceStub(daemon.channel())
+    simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 3
+    left = daemon.wait_for("leaving_in_flight", state="TAKING_OFF", task="take_off")
+    assert left["why"] == "it was not at rest after 1 s"
+    assert "in uav_1/odom" in left["position"]
+    assert {"progress", "speed_m_s"} <= left.keys()
+    assert not any(event.get("event") == "ended" for event in daemon.events)
+
+
 def test_a_second_signal_ends_it_at_once(daemon: DaemonProcess) -> None:
     daemon.wait_for("state", new="LANDED_ARMED")
-    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=500.0, non_blocking=True), timeout=LIMIT_S)
+    stub_of(daemon).TakeOff(pb.TakeOffRequest(height_m=119.0, non_blocking=True), timeout=LIMIT_S)
     daemon.signal(signal.SIGTERM)
     daemon.wait_for("signal")
     daemon.signal(signal.SIGTERM)

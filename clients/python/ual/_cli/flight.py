@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from pathlib import Path
@@ -9,11 +10,11 @@ from pathlib import Path
 import click
 
 from ual._cli import manoeuvre, options, values
-from ual._cli.app import Session, command, pass_session
+from ual._cli.app import Session, command, note, pass_session
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
-from ual.types import AltitudeReference
+from ual.types import AltitudeReference, Limits
 
 _VELOCITY_PERIOD_S = 0.05
 _GOES_ON = "goes on: only the safety pilot can abort it"
@@ -42,7 +43,10 @@ def disarm(session: Session) -> None:
 @options.dry_run
 @pass_session
 def takeoff(session: Session, height_m: float, dry_run: bool) -> None:
-    """Take off to HEIGHT metres above the ground it stands on."""
+    """Take off to HEIGHT metres above the ground it stands on.
+
+    HEIGHT must not be above the ceiling of the daemon's configuration (ceiling_m, 120 m).
+    """
     with session.connect() as uav:
         if dry_run:
             manoeuvre.print_plan(session, uav.dry_run.take_off(height_m))
@@ -90,7 +94,12 @@ def goto(
     dry_run: bool,
     plot: Path | None,
 ) -> None:
-    """Fly straight to X Y Z (metres). Ctrl-C cancels: the UAV holds its position."""
+    """Fly straight to X Y Z (metres). Ctrl-C cancels: the UAV holds its position.
+
+    In <ns>/odom, X is to the east, Y to the north and Z up, from its origin; `ual home` sets the origin. In
+    <ns>/base_link, X is ahead, Y to the left and Z up, from the UAV. Z is up: a negative Z in <ns>/odom is below its
+    origin.
+    """
     goal = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
         if dry_run:
@@ -129,7 +138,10 @@ def goto_geo(
     max_speed_m_s: float | None,
     dry_run: bool,
 ) -> None:
-    """Fly straight to LAT LON (degrees) at ALT (metres). Ctrl-C cancels: the UAV holds its position."""
+    """Fly straight to LAT LON (degrees) at ALT (metres). Ctrl-C cancels: the UAV holds its position.
+
+    LAT is positive to the north, LON to the east, ALT upwards.
+    """
     where = (latitude_deg, longitude_deg, altitude_m, AltitudeReference[reference.upper()])
     with session.connect() as uav:
         if dry_run:
@@ -150,7 +162,11 @@ def goto_geo(
 @click.argument("vy", type=float)
 @click.argument("vz", type=float)
 @click.option(
-    "--yaw-rate", "yaw_rate", type=values.angle, default="0", help="Yaw rate: the angle to the left per second."
+    "--yaw-rate",
+    "yaw_rate",
+    type=values.angle,
+    default="0",
+    help="Yaw rate, counter-clockwise (to the left), for each second: 30deg, 0.5rad or 0.5.",
 )
 @click.option("--for", "duration_s", type=values.Number(min=0.0), required=True, help="For how many seconds.")
 @options.frame
@@ -166,9 +182,14 @@ def velocity(
     frame_id: str,
     dry_run: bool,
 ) -> None:
-    """Fly with VX VY VZ (m/s) for a while, then stop. Ctrl-C stops at once."""
+    """Fly with VX VY VZ (m/s) for a while, then stop. Ctrl-C stops at once.
+
+    In <ns>/odom, VX is to the east, VY to the north and VZ up; in <ns>/base_link, VX is ahead, VY to the left and VZ
+    up. A velocity beyond the UAV's limits is scaled down, its direction kept.
+    """
     wanted = TwistStamped(Twist(Vector3(vx, vy, vz), Vector3(0.0, 0.0, yaw_rate)), frame_id)
     with session.connect() as uav:
+        _note_scaling(uav, wanted.twist.linear)
         if dry_run:
             manoeuvre.print_plan(session, uav.dry_run.set_velocity(wanted))
             return
@@ -179,6 +200,24 @@ def velocity(
             manoeuvre.interrupt("interrupted: the UAV stops")
         _stop(uav)
     session.emit({"done": "velocity", "duration_s": duration_s}, f"flew for {duration_s:g} s, stopped")
+
+
+def _note_scaling(uav: Uav, velocity: Vector3) -> None:
+    """Notes that the daemon will scale a velocity down. Without an answer the velocity is flown all the same."""
+    with contextlib.suppress(UalError):
+        excess = _excess(velocity, uav.info().limits)
+        if excess > 1.0:
+            note(f"ual: beyond the UAV's limits (ual info): scaled down to {_vector(velocity / excess)} m/s")
+
+
+def _excess(velocity: Vector3, limits: Limits) -> float:
+    """Returns the velocity as a share of the limits."""
+    vertical_m_s = limits.climb_speed_m_s if velocity.z > 0.0 else limits.descent_speed_m_s
+    return max(velocity.horizontal_norm() / limits.horizontal_speed_m_s, abs(velocity.z) / vertical_m_s)
+
+
+def _vector(v: Vector3) -> str:
+    return f"{v.x:.2f} {v.y:.2f} {v.z:.2f}"
 
 
 def _repeat(uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
@@ -206,7 +245,10 @@ def _stop(uav: Uav) -> None:
 @options.dry_run
 @pass_session
 def pose(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str, dry_run: bool) -> None:
-    """Give the autopilot X Y Z (metres) as its reference, without a trajectory; returns at once."""
+    """Give the autopilot X Y Z (metres) as its reference, without a trajectory; returns at once.
+
+    X, Y and Z are those of `ual goto`: in <ns>/odom east, north and up from its origin.
+    """
     wanted = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
         if dry_run:

@@ -42,7 +42,9 @@ def list_frames(session: Session) -> None:
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
-@click.option("--yaw", type=values.angle, default="0", help="Its rotation about z: 90deg, 1.57rad or 1.57.")
+@click.option(
+    "--yaw", type=values.angle, default="0", help="Its rotation about z, counter-clockwise: 90deg, 1.57rad or 1.57."
+)
 @click.option("--parent", default="", help="Its parent; map when not given.")
 @pass_session
 def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:

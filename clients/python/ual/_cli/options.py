@@ -8,7 +8,11 @@ import click
 
 from ual._cli import values
 
-yaw = click.option("--yaw", type=values.angle, help="Heading: 90deg, 1.57rad or 1.57. Kept when not given.")
+yaw = click.option(
+    "--yaw",
+    type=values.angle,
+    help="Heading, counter-clockwise from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57. Kept when not given.",
+)
 frame = click.option("--frame", "frame_id", default="", help="The frame of the coordinates; <ns>/odom when not given.")
 max_speed = click.option(
     "--max-speed",

@@ -71,7 +71,11 @@ def path(
     dry_run: bool,
     plot: Path | None,
 ) -> None:
-    """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW, or those of a file. Ctrl-C cancels: the UAV holds."""
+    """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW, or those of a file. Ctrl-C cancels: the UAV holds.
+
+    X, Y and Z are metres, in <ns>/odom east, north and up from its origin. YAW is the heading there, counter-clockwise
+    from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57.
+    """
     if bool(waypoints) is (file is not None):
         raise click.UsageError("give either waypoints or --file")
     route = Route([PoseStamped(each, frame_id) for each in waypoints])

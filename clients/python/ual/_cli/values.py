@@ -29,9 +29,11 @@ class Number(click.FloatRange):
 
 
 def angle(text: str) -> float:
-    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians."""
+    """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians. Refuses ``90``, which is more than a full turn."""
     try:
         return routes.parse_angle(text)
+    except routes.BareAngleError as error:
+        raise click.BadParameter(str(error)) from None
     except ValueError:
         raise click.BadParameter(f"{text!r} is not an angle: write 90deg, 1.57rad or 1.57") from None
 
@@ -40,6 +42,8 @@ def waypoint(text: str) -> Pose:
     """Parses ``X,Y,Z`` or ``X,Y,Z,YAW``."""
     try:
         return routes.parse_waypoint(text)
+    except routes.BareAngleError as error:
+        raise click.BadParameter(str(error)) from None
     except ValueError:
         raise click.BadParameter(f"{text!r} is not a waypoint: write X,Y,Z or X,Y,Z,YAW") from None
 

@@ -8,7 +8,7 @@ from functools import partial
 
 from ual.conformance.check import check
 from ual.conformance.flight import HEIGHT_M, Flight, require
-from ual.errors import InvalidArgumentError, PermissionDeniedError, UnknownFrameError, WrongStateError
+from ual.errors import GeofenceError, InvalidArgumentError, PermissionDeniedError, UnknownFrameError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import Capability, State
@@ -17,6 +17,7 @@ _FLYING = State.FLYING_AUTO
 _NOT_FINITE = (math.nan, math.inf, -math.inf)
 _FAR_M = 2e7
 _FAST_M_S = 2e3
+_OUT_OF_REACH_M = 9000.0
 
 Refused = tuple[Callable[[], object], str]
 
@@ -77,6 +78,22 @@ def bad_paths_are_refused(flight: Flight) -> None:
     _require_unmoved(flight)
 
 
+@check(_FLYING, capabilities=(Capability.POSITION,))
+def a_goal_below_the_ground_is_refused(flight: Flight) -> None:
+    """Goals far below the ground and far above the ceiling are refused (fails where the configuration lifts these)."""
+    p = flight.start.position
+    for z, where in ((p.z - _OUT_OF_REACH_M, "below the ground"), (p.z + _OUT_OF_REACH_M, "above the ceiling")):
+        goal = Pose.at(p.x, p.y, z)
+        plan = flight.uav.dry_run  # a real UAV must not move, whatever its configuration
+        for action, what in (
+            (partial(plan.go_to_waypoint, goal), "a waypoint"),
+            (partial(plan.follow_path, [flight.start, goal]), "a path"),
+            (partial(plan.set_pose, goal), "a reference"),
+        ):
+            flight.refuses(GeofenceError, action, f"{what} {where}")
+    _require_unmoved(flight)
+
+
 @check(_FLYING)
 def ground_commands_are_refused_in_flight(flight: Flight) -> None:
     """Taking off, recovering, setting home, arming and disarming are refused in the air."""
@@ -125,5 +142,6 @@ CHECKS = (
     bad_velocities_are_refused,
     bad_geographic_waypoints_are_refused,
     bad_paths_are_refused,
+    a_goal_below_the_ground_is_refused,
     ground_commands_are_refused_in_flight,
 )

@@ -1,0 +1,31 @@
+"""The end of the class interface while its UAV cannot be left alone."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+import ual_daemon
+from ual_daemon import ual as class_interface
+
+
+def test_a_close_that_leaves_a_uav_in_motion_logs_what_it_was_doing(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(class_interface, "_CLOSE_PATIENCE_S", 0.01)
+    uav = ual_daemon.UAL(backend_settings={"speed_factor": 0})
+    uav.simulation.step(0.1)
+    uav.simulation.pilot_arm()
+    uav.simulation.step(0.1)
+    uav.take_off(100.0, blocking=False)
+    uav.simulation.step(10.0)
+    with caplog.at_level(logging.ERROR):
+        uav.close()
+    (record,) = (each for each in caplog.records if each.getMessage() == "closed_in_motion")
+    fields = record.__dict__["ual_fields"]
+    assert fields["state"] == "TAKING_OFF"
+    assert fields["task"] == "take_off"
+    assert 0.0 < fields["progress"] < 1.0
+    assert fields["speed_m_s"] == pytest.approx(1.2, abs=0.1)
+    assert "in uav_1/odom" in fields["position"]
