@@ -86,7 +86,7 @@ def test_a_method_that_is_not_implemented_is_unimplemented_and_no_defect(
         async with serving(transport, calls, register) as (channel, _):
             stub: Any = health_pb2_grpc.HealthStub(channel)
             for call in (stub.Check(request()), stub.Watch(request()).read()):
-                with pytest.raises(grpc.aio.AioRpcError, match="there is no method /grpc.health.v1.Health/") as caught:
+                with pytest.raises(grpc.aio.AioRpcError, match=r"no method /grpc\.health\.v1") as caught:
                     await call
                 assert caught.value.code() is grpc.StatusCode.UNIMPLEMENTED
 
