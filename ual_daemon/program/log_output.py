@@ -47,12 +47,8 @@ class TextFormatter(logging.Formatter):
         fields: dict[str, object] = getattr(record, "ual_fields", {})
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
         head = f"{when}.{int(record.msecs):03d} {record.levelname:<7} {record.name.removeprefix('ual_daemon.')}: "
-        return " ".join(
-            [
-                head + _clipped(record.message, _LONGEST_MESSAGE),
-                *(f"{name}={_text(value)}" for name, value in fields.items()),
-            ]
-        )
+        message = _clipped(record.message, _LONGEST_MESSAGE)
+        return " ".join([head + message, *(f"{name}={_text(value)}" for name, value in fields.items())])
 
 
 class JsonFormatter(logging.Formatter):

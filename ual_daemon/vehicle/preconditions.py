@@ -50,7 +50,8 @@ class Preconditions:
     def logging_refusal(self, command: str) -> AbstractContextManager[None]:
         """Logs the refusal that is raised in its block.
 
-        Of a refusal that is repeated (a stream of setpoints), only one a second is logged, with the number of those that were not.
+        Of a refusal that is repeated (a stream of setpoints), only one a second is logged, with the number of those
+        that were not.
         """
         return _LoggingRefusal(self, command)
 
