@@ -17,9 +17,10 @@ uav: ContextVar[str] = ContextVar("ual_uav", default="")
 """The namespace of the UAV that the event is about, if the process flies several; else empty."""
 
 
-def refused(logger: logging.Logger, command: str, error: UalError) -> None:
-    """Logs that a command was refused."""
-    event(logger, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error))
+def refused(logger: logging.Logger, command: str, error: UalError, repeated: int = 0) -> None:
+    """Logs that a command was refused, and how often before without a line."""
+    count = {"repeated": repeated} if repeated else {}
+    event(logger, logging.WARNING, "refused", command=command, reason=error.reason, why=str(error), **count)
 
 
 def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -> None:

@@ -128,6 +128,10 @@ class UAL(Uav):
         self.vehicle.commands.add_frame(transform)
 
     @override
+    def remove_frame(self, frame_id: str) -> None:
+        self.vehicle.commands.remove_frame(frame_id)
+
+    @override
     def set_home(self, set_z: bool = False) -> None:
         self.vehicle.commands.set_home(set_z)
 

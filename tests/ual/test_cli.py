@@ -229,13 +229,17 @@ def test_what_a_uav_is_and_does(daemon: DaemonProcess) -> None:
     assert done("watch", "--all", "--once").startswith("uav_1\t")
 
 
-def test_frames_are_listed_and_added(daemon: DaemonProcess) -> None:
+def test_frames_are_listed_added_and_removed(daemon: DaemonProcess) -> None:
     del daemon
     done("frames", "add", "pad", "1", "-2", "0.5", "--yaw", "-90deg")
     frames = {frame["frame_id"]: frame for frame in done_json("frames")}
     assert frames["pad"]["parent_frame_id"] == "map"
     assert frames["pad"]["transform"]["translation"] == {"x": 1.0, "y": -2.0, "z": 0.5}
     assert "uav_1/base_link" in done("frames")
+    assert done("frames", "remove", "pad") == "frame pad removed\n"
+    assert "pad" not in {frame["frame_id"] for frame in done_json("frames")}
+    result = run("frames", "remove", "pad")
+    assert (result.exit_code, result.stderr.startswith("ual: UNKNOWN_FRAME: ")) == (1, True)
     result = run("frames", "add", "pad2", "0", "0", "0", "--parent", "nowhere")
     assert (result.exit_code, result.stderr.startswith("ual: UNKNOWN_FRAME: ")) == (1, True)
 

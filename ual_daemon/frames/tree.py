@@ -181,6 +181,27 @@ class FrameTree:
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
             self._replace(link, _estimated_motion(self._links.get(child), link, now_s), now_s)
 
+    def remove(self, name: str) -> None:
+        """Removes a frame that was added.
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            InvalidArgumentError: The frame is built in or configured, or other frames lie below it.
+
+        """
+        with self._lock:
+            self.require(name)
+            if name in self._fixed:
+                raise InvalidArgumentError(
+                    f"frame_id: the frame {name} is built in or configured and stays", {"field": "frame_id"}
+                )
+            children = ", ".join(child for child, link in self._links.items() if link.parent == name)
+            if children:
+                raise InvalidArgumentError(
+                    f"frame_id: frames lie below {name}; remove them first: {children}", {"field": "frame_id"}
+                )
+            self._links = MappingProxyType({other: link for other, link in self._links.items() if other != name})
+
     def _replace(self, transform: Transform, motion: FrameMotion | None = None, updated_s: float = 0.0) -> None:
         link = _Link(transform.frame_id, transform, motion, updated_s)
         self._links = MappingProxyType({**self._links, transform.child_frame_id: link})

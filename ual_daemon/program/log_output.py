@@ -16,9 +16,12 @@ import re
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Literal, TextIO
 
 from typing_extensions import override
+
+from ual_daemon.program.log_repeats import PERIOD_S, Repeats
 
 Format = Literal["text", "json"]
 
@@ -30,6 +33,9 @@ _RETRY_S = 0.1
 """The pause after a line that could not be written."""
 _CLOSED_ERRORS = (errno.EPIPE, errno.EBADF)
 """Errors after which nobody can read the stream any more."""
+_LONGEST_VALUE = 300
+"""In characters. Callers give names and values: they must not fill the log."""
+_LONGEST_MESSAGE = 2000
 _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 
 
@@ -41,7 +47,8 @@ class TextFormatter(logging.Formatter):
         fields: dict[str, object] = getattr(record, "ual_fields", {})
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
         head = f"{when}.{int(record.msecs):03d} {record.levelname:<7} {record.name.removeprefix('ual_daemon.')}: "
-        return " ".join([head + record.message, *(f"{name}={_text(value)}" for name, value in fields.items())])
+        message = _clipped(record.message, _LONGEST_MESSAGE)
+        return " ".join([head + message, *(f"{name}={_text(value)}" for name, value in fields.items())])
 
 
 class JsonFormatter(logging.Formatter):
@@ -55,23 +62,29 @@ class JsonFormatter(logging.Formatter):
             "time": f"{when}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
-            **({"message": record.getMessage()} if name is None else {"event": name}),
-            **getattr(record, "ual_fields", {}),
+            **({"message": _clipped(record.getMessage(), _LONGEST_MESSAGE)} if name is None else {"event": name}),
+            **{key: _json(value) for key, value in getattr(record, "ual_fields", {}).items()},
         }
         if record.exc_info:
             fields["exception"] = self.formatException(record.exc_info)
-        return json.dumps({name: _json(value) for name, value in fields.items()}, default=str, ensure_ascii=False)
+        return json.dumps(fields, default=str, ensure_ascii=False)
 
 
 def _json(value: object) -> object:
     """Returns the value, or its text if JSON cannot express it."""
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (bool, int, float, list, tuple, dict, type(None))) else _clipped(str(value))
+
+
+def _clipped(text: str, longest: int = _LONGEST_VALUE) -> str:
+    return text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"
 
 
 def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = str(value)
+    text = _clipped(str(value))
     # Quotes whatever is not one plain word, so that a value cannot look like another field or another line.
     return text if _PLAIN_VALUE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
@@ -79,8 +92,11 @@ def _text(value: object) -> str:
 class BackgroundHandler(logging.Handler):
     """Writes lines to a stream from a thread of its own. Drops and counts lines that do not fit into the queue."""
 
-    def __init__(self, stream: TextIO, queue_size: int = _QUEUE_SIZE) -> None:
+    def __init__(
+        self, stream: TextIO, queue_size: int = _QUEUE_SIZE, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__()
+        self._repeats = Repeats(clock)
         self._stream = stream
         self._lines: queue.Queue[str | None] = queue.Queue(queue_size)
         self._lost_count = 0
@@ -89,6 +105,15 @@ class BackgroundHandler(logging.Handler):
 
     @override
     def emit(self, record: logging.LogRecord) -> None:
+        self._put_repeats()
+        if not self._repeats.is_repeated(record):
+            self._put(record)
+
+    def _put_repeats(self, *, is_end: bool = False) -> None:
+        for summary in self._repeats.due(is_end=is_end):
+            self._put(summary)
+
+    def _put(self, record: logging.LogRecord) -> None:
         try:
             line = self.format(record)
         except Exception:  # noqa: BLE001  as all logging handlers do: a bad message must not raise in its caller
@@ -110,6 +135,11 @@ class BackgroundHandler(logging.Handler):
         """Writes the lines that are left, but does not wait for a stream that is blocked."""
         if not self._thread.is_alive():
             return
+        self.acquire()
+        try:
+            self._put_repeats(is_end=True)
+        finally:
+            self.release()
         try:
             if self._lost_count:
                 self._lines.put(self._loss(), timeout=_FLUSH_LIMIT_S)
@@ -120,10 +150,22 @@ class BackgroundHandler(logging.Handler):
             self._thread.join(_FLUSH_LIMIT_S)
         super().close()
 
+    def _next(self) -> str | None:
+        """Returns the next line; None at the end. Meanwhile puts the numbers of repeated lines when they are due."""
+        while True:
+            try:
+                return self._lines.get(timeout=PERIOD_S)
+            except queue.Empty:
+                self.acquire()
+                try:
+                    self._put_repeats()
+                finally:
+                    self.release()
+
     def _write(self) -> None:
         failed_count, why = 0, ""  # since the last line that was written
         while True:
-            line = self._lines.get()
+            line = self._next()
             try:
                 if failed_count:
                     self._stream.flush()  # empties the stream's own buffer first; raises as long as that fails

@@ -47,9 +47,11 @@ class Calls:
         """Does nothing: these are the same methods again, in the form of gRPC before 1.67."""
 
     def add_registered_method_handlers(self, service: str, handlers: Mapping[str, Handler]) -> None:
-        """Registers the methods of a service."""
+        """Registers the methods of a service, but those that its servicer does not implement."""
         for name, handler in handlers.items():
-            self._methods[f"/{service}/{name}"] = Method(handler)
+            method = Method(handler)
+            if not method.is_generated:
+                self._methods[f"/{service}/{name}"] = method
 
     def take(self, call: Call) -> None:
         """Begins to answer a call, on the transport's thread."""

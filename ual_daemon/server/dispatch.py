@@ -56,6 +56,8 @@ class Method:
             "Callable[[Any, Any], Any]",
             handler.unary_unary or handler.unary_stream or handler.stream_unary or handler.stream_stream,
         )
+        # What a servicer does not override is in generated code, which needs a context of gRPC to say so.
+        self.is_generated: bool = self.serve.__module__.endswith("_pb2_grpc")
         self.has_request_stream: bool = handler.request_streaming
         self.has_response_stream: bool = handler.response_streaming
         self.kind: type[Answer]

@@ -80,6 +80,11 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         return pb.AddFrameResponse()
 
     @override
+    def RemoveFrame(self, request: pb.RemoveFrameRequest, context: object) -> pb.RemoveFrameResponse:
+        self._commands.remove_frame(request.frame_id)
+        return pb.RemoveFrameResponse()
+
+    @override
     def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
         return _after(self._commands.arm(), pb.ArmResponse())
 

@@ -220,6 +220,12 @@ class Commands:
             if is_new:
                 accepted("add_frame", frame=transform.child_frame_id, parent=transform.frame_id or MAP)
 
+    def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame that was added."""
+        with self._preconditions.logging_refusal("remove_frame"):
+            self._resolver.tree.remove(validation.frame_id(frame_id, "frame_id"))
+            accepted("remove_frame", frame=frame_id)
+
     # --- Motors -------------------------------------------------------------------------------------------------------
 
     @property

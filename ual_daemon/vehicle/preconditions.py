@@ -45,11 +45,13 @@ class Preconditions:
         self._backend = backend
         self._flight = flight
         self._last_refusal = ("", 0.0)
+        self._left_out_count = 0
 
     def logging_refusal(self, command: str) -> AbstractContextManager[None]:
         """Logs the refusal that is raised in its block.
 
-        Of a refusal that is repeated (a stream of setpoints), only one a second is logged.
+        Of a refusal that is repeated (a stream of setpoints), only one a second is logged, with the number of those
+        that were not.
         """
         return _LoggingRefusal(self, command)
 
@@ -57,9 +59,12 @@ class Preconditions:
         """See `logging_refusal`."""
         text, now_s = f"{command}: {error}", time.monotonic()
         last_text, last_s = self._last_refusal
-        if text != last_text or now_s - last_s > _REPEATED_REFUSAL_S:
-            self._last_refusal = (text, now_s)
-            logs.refused(_log, command, error)
+        if text == last_text and now_s - last_s <= _REPEATED_REFUSAL_S:
+            self._left_out_count += 1
+            return
+        left_out_count = self._left_out_count if text == last_text else 0
+        self._last_refusal, self._left_out_count = (text, now_s), 0
+        logs.refused(_log, command, error, left_out_count)
 
     def require_capability(self, capability: Capability, command: str) -> None:
         """Checks that the backend has a capability.

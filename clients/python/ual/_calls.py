@@ -152,6 +152,11 @@ def add_frame(transform: Transform) -> Call[None]:
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
 
+def remove_frame(frame_id: str) -> Call[None]:
+    request = _built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
+    return Call(Service.UAL, "RemoveFrame", request, _nothing)
+
+
 def arm() -> Call[None]:
     return Call(Service.UAL, "Arm", pb.ArmRequest(), _nothing, None)
 

@@ -91,6 +91,10 @@ class Uav(interface.Uav):
         self._connection.run(_calls.add_frame(transform))
 
     @override
+    def remove_frame(self, frame_id: str) -> None:
+        self._connection.run(_calls.remove_frame(frame_id))
+
+    @override
     def set_home(self, set_z: bool = False) -> None:
         self._command(_calls.set_home(set_z))
 

@@ -593,10 +593,21 @@ class Uav(TaskCommands[Task]):
         Raises:
             InvalidArgumentError: The name is none, the frame is not the caller's to move, or the transform is none.
             UnknownFrameError: There is no such parent.
+            ResourceExhaustedError: There would be too many frames, or too many levels of them.
 
         Example:
             >>> uav.add_frame(ual.Transform(ual.Vector3(10.0, 0.0, 0.0), child_frame_id="tower"))
             >>> uav.go_to_waypoint(ual.PoseStamped(ual.Pose.at(0.0, 0.0, 5.0), "tower"))
+
+        """
+
+    @abstractmethod
+    def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
+
+        Raises:
+            UnknownFrameError: There is no such frame.
+            InvalidArgumentError: The frame is built in or configured, or other frames lie below it.
 
         """
 

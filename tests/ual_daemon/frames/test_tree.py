@@ -236,6 +236,37 @@ def test_a_frame_that_is_moved_below_another_brings_those_below_it() -> None:
     assert frames.lookup(MAP, "g0", None).translation.x == 1.0
 
 
+# --- Removing ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_frame_that_was_added_can_be_removed_and_makes_room() -> None:
+    frames = tree()
+    for _ in range(300):
+        frames.add(at(1, 0, 0, MAP, "pad"))
+        frames.remove("pad")
+    assert "pad" not in frames.names()
+    with pytest.raises(UnknownFrameError):
+        frames.lookup(MAP, "pad", None)
+    with pytest.raises(UnknownFrameError):
+        frames.remove("pad")
+
+
+@pytest.mark.parametrize("name", [MAP, ODOM, BODY, "site"])
+def test_frames_that_are_built_in_or_configured_are_not_removed(name: str) -> None:
+    frames = tree(VehicleSettings(frames=(FrameSettings(frame_id="site"),)))
+    with pytest.raises(InvalidArgumentError, match=f"{name} is built in or configured and stays"):
+        frames.remove(name)
+
+
+def test_a_frame_with_frames_below_it_is_not_removed() -> None:
+    frames = tree()
+    chained(frames, "f", 3)
+    with pytest.raises(InvalidArgumentError, match="frames lie below f0; remove them first: f1"):
+        frames.remove("f0")
+    for name in ("f2", "f1", "f0"):
+        frames.remove(name)
+
+
 # --- Frames that a client moves ---------------------------------------------------------------------------------------
 
 

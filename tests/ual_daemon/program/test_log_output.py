@@ -184,3 +184,57 @@ def test_the_log_ends_when_nobody_can_read_it(error: int) -> None:
     handler._thread.join(10)
     assert not handler._thread.is_alive()
     handler.close()
+
+
+# --- Bounded ----------------------------------------------------------------------------------------------------------
+
+
+def refuse(why: str, times: int) -> None:
+    for port in range(times):
+        token = logs.caller.set(lambda port=port: f"ipv4:127.0.0.1:{port}")  # type: ignore[misc]
+        logs.event(LOG, logging.WARNING, "refused", command="land", why=why)
+        logs.caller.reset(token)
+
+
+def test_refusals_that_are_repeated_are_counted(log: Log) -> None:
+    log.begin("json")
+    refuse("not flying", 58)
+    refuse("no link", 1)
+    first, other, repeated = map(json.loads, log.lines())
+    assert (first["caller"], other["why"]) == ("ipv4:127.0.0.1:0", "no link")
+    assert (repeated["event"], repeated["why"], repeated["repeated"]) == ("refused", "not flying", 57)
+    assert "caller" not in repeated
+
+
+def test_warnings_without_fields_are_counted_and_commands_are_not(log: Log) -> None:
+    log.begin("text")
+    for _ in range(3):
+        LOG.error("an update failed")
+        logs.event(LOG, logging.INFO, "command", command="go_to_waypoint")
+    lines = log.lines()
+    assert [line.partition("vehicle: ")[2] for line in lines] == [
+        "an update failed",
+        *["command command=go_to_waypoint"] * 3,
+        "repeated 2 times: an update failed",
+    ]
+
+
+def test_the_number_is_written_when_the_period_is_over() -> None:
+    now_s = [0.0]
+    handler = log_output.BackgroundHandler(stream := io.StringIO(), clock=lambda: now_s[0])
+    for time_s in (0.0, 1.0, 9.0, 11.0, 12.0):
+        now_s[0] = time_s
+        handler.handle(logging.LogRecord("x", logging.WARNING, __file__, 1, "again", None, None))
+    handler.close()
+    assert stream.getvalue().splitlines() == ["again", "repeated 2 times: again", "again", "repeated 1 times: again"]
+
+
+@pytest.mark.parametrize("format_", ["text", "json"])
+def test_what_is_logged_is_bounded(log: Log, format_: log_output.Format) -> None:
+    log.begin(format_)
+    logs.event(LOG, logging.INFO, "command", frame="f" * 100_000)
+    LOG.warning("w" * 100_000)
+    field, message = log.lines()
+    assert len(field) < 600
+    assert "... (100000 characters)" in field
+    assert len(message) < 2300

@@ -73,3 +73,22 @@ def test_a_watcher_that_leaves_takes_no_other_with_it(transport: Choice) -> None
             staying.cancel()
 
     asyncio.run(run())
+
+
+def test_a_method_that_is_not_implemented_is_unimplemented_and_no_defect(
+    transport: Choice, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As Health/List, which newer stubs have: generated servicers need a context of gRPC to say so."""
+
+    async def run() -> None:
+        calls = Calls("uav_1", shutdown_refuses=())
+        register = partial(health_pb2_grpc.add_HealthServicer_to_server, health_pb2_grpc.HealthServicer())
+        async with serving(transport, calls, register) as (channel, _):
+            stub: Any = health_pb2_grpc.HealthStub(channel)
+            for call in (stub.Check(request()), stub.Watch(request()).read()):
+                with pytest.raises(grpc.aio.AioRpcError, match=r"no method /grpc\.health\.v1") as caught:
+                    await call
+                assert caught.value.code() is grpc.StatusCode.UNIMPLEMENTED
+
+    asyncio.run(run())
+    assert not caplog.records

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
-from ual.errors import GeofenceError, TaskAbortedError, WrongStateError
+from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError, WrongStateError
 from ual.geometry import PoseStamped, Quaternion, Transform, Vector3, wrap_angle
-from ual.types import TaskStatus
+from ual.types import State, TaskStatus
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
@@ -223,4 +223,18 @@ def test_a_goto_fails_with_the_reason_when_its_goal_is_lost_and_the_uav_holds(ua
     with pytest.raises(WrongStateError, match="base_link"):
         task.future.result(0)
     uav.run(10.0)
+    assert uav.speed < 0.05
+
+
+def test_the_uav_stops_where_the_frame_of_its_goal_is_removed(uav: Stepped) -> None:
+    car = Followed(uav, steady(1.0))
+    car.run(1.0)
+    task = uav.prepare.go_to_waypoint(over_the_car()).begin()
+    car.run(1.0)
+    car.is_updating = False
+    uav.vehicle.commands.remove_frame(CAR)
+    with pytest.raises(UnknownFrameError):
+        uav.end(task.future)
+    uav.run(5.0)
+    assert uav.state is State.FLYING_AUTO
     assert uav.speed < 0.05

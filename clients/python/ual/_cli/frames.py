@@ -14,7 +14,7 @@ from ual.geometry import Quaternion, Transform, Vector3
 @click.group("frames", cls=UalGroup, invoke_without_command=True)
 @click.pass_context
 def frames(context: click.Context) -> None:
-    """List the frames, or add one."""
+    """List the frames, add one, or remove one."""
     if context.invoked_subcommand is None:
         context.invoke(list_frames)
 
@@ -52,6 +52,16 @@ def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, p
     with session.connect() as uav:
         uav.add_frame(Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw), parent, name))
     session.emit({"done": "frames add", "frame_id": name}, f"frame {name} added")
+
+
+@frames.command("remove", cls=UalCommand)
+@click.argument("name")
+@pass_session
+def remove(session: Session, name: str) -> None:
+    """Remove the frame NAME, which was added."""
+    with session.connect() as uav:
+        uav.remove_frame(name)
+    session.emit({"done": "frames remove", "frame_id": name}, f"frame {name} removed")
 
 
 COMMANDS = (frames,)

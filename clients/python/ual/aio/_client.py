@@ -173,6 +173,10 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         """Adds a frame, or moves one that was added; see `ual.interface.Uav.add_frame`."""
         await self._connection.run(_calls.add_frame(transform))
 
+    async def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame that was added; see `ual.interface.Uav.remove_frame`."""
+        await self._connection.run(_calls.remove_frame(frame_id))
+
     async def set_home(self, set_z: bool = False) -> None:
         """Makes the present position the origin of ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
         await self._command(_calls.set_home(set_z))

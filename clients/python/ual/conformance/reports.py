@@ -115,6 +115,10 @@ def a_new_frame_can_be_used(flight: Flight) -> None:
         require(abs(wrap_angle(there.rotation.yaw_rad - 0.5)) <= _EXACT_M, "the rotation is another")
         point = Vector3(4.0, 5.0, 6.0)
         require((back.apply(there.apply(point)) - point).norm() <= _EXACT_M, "there and back is not the same")
+    flight.refuses(InvalidArgumentError, lambda: uav.remove_frame(f"{uav.ns}/odom"), "removing a built-in frame")
+    uav.remove_frame(name)
+    require(all(frame.frame_id != name for frame in uav.frames()), f"{name} is still listed")
+    flight.refuses(UnknownFrameError, lambda: uav.remove_frame(name), "removing a frame twice")
 
 
 @check(*READY)

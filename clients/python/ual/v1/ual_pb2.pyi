@@ -38,6 +38,7 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   LINK_LOST               UNAVAILABLE           no data from the autopilot
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
+  RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
@@ -1126,6 +1127,31 @@ class AddFrameResponse(google.protobuf.message.Message):
     ) -> None: ...
 
 Global___AddFrameResponse: typing_extensions.TypeAlias = AddFrameResponse
+
+@typing.final
+class RemoveFrameRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    FRAME_ID_FIELD_NUMBER: builtins.int
+    frame_id: builtins.str
+    def __init__(
+        self,
+        *,
+        frame_id: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["frame_id", b"frame_id"]) -> None: ...
+
+Global___RemoveFrameRequest: typing_extensions.TypeAlias = RemoveFrameRequest
+
+@typing.final
+class RemoveFrameResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___RemoveFrameResponse: typing_extensions.TypeAlias = RemoveFrameResponse
 
 @typing.final
 class ArmRequest(google.protobuf.message.Message):

@@ -65,6 +65,11 @@ class UalServiceStub(object):
                 request_serializer=ual_dot_v1_dot_ual__pb2.AddFrameRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.AddFrameResponse.FromString,
                 _registered_method=True)
+        self.RemoveFrame = channel.unary_unary(
+                '/ual.v1.UalService/RemoveFrame',
+                request_serializer=ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.FromString,
+                _registered_method=True)
         self.Arm = channel.unary_unary(
                 '/ual.v1.UalService/Arm',
                 request_serializer=ual_dot_v1_dot_ual__pb2.ArmRequest.SerializeToString,
@@ -187,7 +192,16 @@ class UalServiceServicer(object):
         """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
         built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
         with it, within the limits.
-        Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
+        Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop), RESOURCE_EXHAUSTED (too many
+        frames, or too many levels of them).
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def RemoveFrame(self, request, context):
+        """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
+        Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -339,6 +353,11 @@ def add_UalServiceServicer_to_server(servicer, server):
                     servicer.AddFrame,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.AddFrameRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.AddFrameResponse.SerializeToString,
+            ),
+            'RemoveFrame': grpc.unary_unary_rpc_method_handler(
+                    servicer.RemoveFrame,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.SerializeToString,
             ),
             'Arm': grpc.unary_unary_rpc_method_handler(
                     servicer.Arm,
@@ -579,6 +598,33 @@ class UalService(object):
             '/ual.v1.UalService/AddFrame',
             ual_dot_v1_dot_ual__pb2.AddFrameRequest.SerializeToString,
             ual_dot_v1_dot_ual__pb2.AddFrameResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def RemoveFrame(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/RemoveFrame',
+            ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -38,6 +38,7 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   LINK_LOST               UNAVAILABLE           no data from the autopilot
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
+  RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
@@ -161,6 +162,22 @@ _UalServiceAddFrameType = typing_extensions.TypeVar(
     default=grpc.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.AddFrameRequest,
         ual.v1.ual_pb2.AddFrameResponse,
+    ],
+)
+
+_UalServiceRemoveFrameType = typing_extensions.TypeVar(
+    '_UalServiceRemoveFrameType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.RemoveFrameRequest,
+        ual.v1.ual_pb2.RemoveFrameResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.RemoveFrameRequest,
+        ual.v1.ual_pb2.RemoveFrameResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.RemoveFrameRequest,
+        ual.v1.ual_pb2.RemoveFrameResponse,
     ],
 )
 
@@ -404,7 +421,7 @@ _UalServiceWatchTaskType = typing_extensions.TypeVar(
     ],
 )
 
-class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
+class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
     """Flies one UAV."""
 
     @typing.overload
@@ -432,6 +449,10 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.AddFrameRequest,
             ual.v1.ual_pb2.AddFrameResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.RemoveFrameRequest,
+            ual.v1.ual_pb2.RemoveFrameResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ArmRequest,
@@ -522,6 +543,10 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
             ual.v1.ual_pb2.AddFrameResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.RemoveFrameRequest,
+            ual.v1.ual_pb2.RemoveFrameResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ArmRequest,
             ual.v1.ual_pb2.ArmResponse,
         ],
@@ -606,7 +631,13 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
     built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
     with it, within the limits.
-    Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
+    Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop), RESOURCE_EXHAUSTED (too many
+    frames, or too many levels of them).
+    """
+
+    RemoveFrame: _UalServiceRemoveFrameType
+    """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
+    Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
     """
 
     Arm: _UalServiceArmType
@@ -696,6 +727,10 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.AddFrameRequest,
         ual.v1.ual_pb2.AddFrameResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.RemoveFrameRequest,
+        ual.v1.ual_pb2.RemoveFrameResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.ArmRequest,
@@ -815,7 +850,18 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         """Adds a frame, or moves one that was added before, as often as wanted: another UAV's `<other>/base_link`, a car. The
         built-in frames, and those of the configuration, stay. Goals of GoToWaypoint and SetPose in a frame that is moved go
         with it, within the limits.
-        Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop).
+        Errors: UNKNOWN_FRAME (parent), INVALID_ARGUMENT (name taken, or would make a loop), RESOURCE_EXHAUSTED (too many
+        frames, or too many levels of them).
+        """
+
+    @abc.abstractmethod
+    def RemoveFrame(
+        self,
+        request: ual.v1.ual_pb2.RemoveFrameRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.RemoveFrameResponse, collections.abc.Awaitable[ual.v1.ual_pb2.RemoveFrameResponse]]:
+        """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
+        Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
         """
 
     @abc.abstractmethod
