@@ -1,8 +1,8 @@
 """Feeds a MAVLink session with bytes that no autopilot sends: ``python -m benchmarks.fuzz --bytes 10000000``.
 
 Random bytes, bytes dense in beginnings of frames, real packets repeated, damaged, and changed with a right checksum,
-and invented messages. Prints for each kind what a byte costs, and by how much memory grew. Exit status 1 when an error was
-logged, or when memory grew by more than `_LIMIT_MIB`.
+and invented messages. Prints for each kind what a byte costs, and by how much memory grew. Exit status 1 when an error
+was logged, or when memory grew by more than `_LIMIT_MIB`.
 """
 
 from __future__ import annotations

@@ -38,6 +38,8 @@ the repetition (a second take-off), because the first one was obeyed and its ack
 STALE_ACK_S = 1.0
 """How long after the end of a command an acknowledgement may still be its own: one that came twice or late, or that of
 a repetition. It carries only the command's id, so it could be taken for that of the next command with this id."""
+MOST_TEXTS = 20
+"""So many texts may explain a refusal; the others are not kept."""
 SETPOINTS_WAIT_S = 3.0
 """A command that needs setpoints is sent after this even without them, so that the autopilot reports what is wrong."""
 
@@ -139,7 +141,7 @@ class CommandSender:
     def on_text(self, text: str) -> None:
         """Takes a text of the autopilot, which may explain a refusal."""
         for pending in self._in_flight.values():
-            if text not in pending.texts:
+            if text not in pending.texts and len(pending.texts) < MOST_TEXTS:
                 pending.texts.append(text)
 
     def tick(self, now_s: float) -> None:

@@ -10,6 +10,7 @@ from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.mavlink.session.command_sender import (
     EFFECT_S,
     EXPLAIN_S,
+    MOST_TEXTS,
     REQUEST_RESEND_S,
     REQUEST_SENDS_COUNT,
     RESEND_S,
@@ -224,6 +225,16 @@ def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() ->
         "PX4 refused to arm: TEMPORARILY_REJECTED; it said: Arming denied: no battery; it said: Resolve failures first"
     )
     assert error.metadata == {"result": "TEMPORARILY_REJECTED", "command": "MAV_CMD_COMPONENT_ARM_DISARM"}
+
+
+def test_a_flood_of_texts_is_not_kept() -> None:
+    harness = Harness()
+    future = harness.submit(PX4.arm(Snapshot(0.0)))
+    for number in range(1000):
+        harness.receive(mavlink.MAVLink_statustext_message(6, b"text %d." % number))
+    harness.receive(ack(ARM, REJECTED))
+    harness.run(2.0)
+    assert 1 < str(future.exception(0)).count("it said") <= MOST_TEXTS
 
 
 def test_work_in_progress_is_waited_for_without_sending_again() -> None:
