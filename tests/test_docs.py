@@ -184,7 +184,9 @@ def test_the_daemon_accepts_the_file_that_the_page_shows(tmp_path: Path) -> None
     file = tmp_path / "uav.yaml"
     for name, ours in (("uav_2.pem", "certificate.pem"), ("uav_2.key", "key.pem")):
         assert f"/etc/ual/{name}" in text
-        text = text.replace(f"/etc/ual/{name}", str(TLS / ours))
+        (tmp_path / ours).touch(0o600)
+        (tmp_path / ours).write_bytes((TLS / ours).read_bytes())
+        text = text.replace(f"/etc/ual/{name}", str(tmp_path / ours))
     file.write_text(text, encoding="utf-8")
     assert refused_configurations([["--config", str(file)]]) == []
 

@@ -96,6 +96,13 @@ class FrameTree:
                     "known, or they make a loop",
                     f"frames[{index}].parent_frame_id",
                 )
+            if len(_chain(frame.frame_id, links)) - 1 > MOST_LEVELS:
+                raise ConfigError(
+                    f"the frame {frame.frame_id} is more than {MOST_LEVELS} levels below {MAP}",
+                    f"frames[{index}].parent_frame_id",
+                )
+        if len(links) + 1 > MOST_FRAMES:
+            raise ConfigError(f"these are more than {MOST_FRAMES} frames", "frames")
         if not _leads_to_map(self.odom, links):
             raise ConfigError(
                 f"the frame {settings.home_pose_parent_frame} is not known, or lies below {self.odom}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,10 @@ import yaml
 from typing_extensions import override
 
 from ual_daemon.program.configuration import ConfigurationError, Source, steps
+from ual_daemon.server import bounded_file
 from ual_daemon.settings import ConfigError
+
+_MOST_NODES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,7 @@ def read_file(path: Path) -> FileSource:
         ConfigurationError: The file cannot be read or is not valid; the message has the line.
     """
     try:
-        data = path.read_bytes()
+        data = bounded_file.read(path)
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
     try:
@@ -85,7 +89,7 @@ def _read(text: str) -> tuple[yaml.Node | None, Any]:
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
-        _check_node(node)
+        _check_node(node, count())
         return node, None if node is None else loader.construct_document(node)
     except RecursionError:
         raise _BadNodeError("values are nested too deeply", loader.line + 1) from None
@@ -128,15 +132,25 @@ class _BadNodeError(Exception):
         self.line = line
 
 
-def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, ...] = ()) -> None:
-    """Refuses keys that are given twice, keys that are not text, and values that contain themselves."""
-    if node is None or isinstance(node, yaml.ScalarNode):
+def _check_node(
+    node: yaml.Node | None, numbers: Iterator[int], path: str = "", above: tuple[yaml.Node, ...] = ()
+) -> None:
+    """Refuses keys that are given twice, keys that are not text, and values that contain themselves or are too many.
+
+    `numbers` counts the values, those of an alias each time.
+    """
+    if node is None:
+        return
+    if next(numbers) >= _MOST_NODES:
+        message = f"more than {_MOST_NODES} values, those that aliases (*name) repeat included"
+        raise _BadNodeError(message, node.start_mark.line + 1)
+    if isinstance(node, yaml.ScalarNode):
         return
     if node in above:
         raise _BadNodeError(f"{path}: the value contains itself", node.start_mark.line + 1)
     if isinstance(node, yaml.SequenceNode):
         for index, inner in enumerate(node.value):
-            _check_node(inner, f"{path}[{index}]", (*above, node))
+            _check_node(inner, numbers, f"{path}[{index}]", (*above, node))
     elif isinstance(node, yaml.MappingNode):
         lines: dict[str, int] = {}
         for key, inner in node.value:
@@ -146,7 +160,7 @@ def _check_node(node: yaml.Node | None, path: str = "", above: tuple[yaml.Node, 
             if key.value in lines:
                 raise _BadNodeError(f"{name}: given twice, first in line {lines[key.value]}", line)
             lines[key.value] = line
-            _check_node(inner, name, (*above, node))
+            _check_node(inner, numbers, name, (*above, node))
 
 
 def _yaml_message(error: Exception) -> str:

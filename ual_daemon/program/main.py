@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from ual_daemon.backends.base import Backend
     from ual_daemon.server.addresses import Address
+    from ual_daemon.vehicle.vehicle import Vehicle
 
 _CANNOT_START = 1
 _WRONG_USAGE = 2
@@ -150,11 +151,15 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     lazy.prepare()
     from ual_daemon.backends import registry
     from ual_daemon.server import tls
+    from ual_daemon.vehicle.vehicle import Vehicle
 
     configuration = resolve(sources, registry.NAMES)
     settings = configuration.daemon
     try:
         uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
+        vehicles = [
+            Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming) for each in uavs
+        ]  # checks the frames and the fence
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
         if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
@@ -168,7 +173,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
         click.echo(configuration.as_yaml(), nl=False)
         return
     log_output.setup(settings.log_level, settings.log_format)
-    _serve(configuration, uavs, credentials)
+    _serve(configuration, uavs, vehicles, credentials)
 
 
 class _Planned(NamedTuple):
@@ -213,7 +218,10 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
 
 
 def _serve(
-    configuration: Configuration, planned: Sequence[_Planned], credentials: grpc.ServerCredentials | None
+    configuration: Configuration,
+    planned: Sequence[_Planned],
+    vehicles: Sequence[Vehicle],
+    credentials: grpc.ServerCredentials | None,
 ) -> None:
     import asyncio
     from contextlib import ExitStack
@@ -221,15 +229,13 @@ def _serve(
     from ual_daemon.program.daemon import Daemon, Uav
     from ual_daemon.program.namespace import Namespace, NamespaceError
     from ual_daemon.server.addresses import ListenError
-    from ual_daemon.vehicle.vehicle import Vehicle
 
     settings = configuration.daemon
     try:
         with ExitStack() as held:
             uavs = []
-            for each in planned:
-                namespace = held.enter_context(Namespace(each.backend.options.ns))
-                vehicle = Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming)
+            for each, vehicle in zip(planned, vehicles, strict=True):
+                namespace = held.enter_context(Namespace(vehicle.ns))
                 uavs.append(Uav(vehicle, namespace, each.listen))
             daemon = Daemon(uavs, credentials, transport=settings.transport, is_auto_arming=settings.auto_arm)
             are_safe = asyncio.run(daemon.run())

@@ -139,9 +139,41 @@ def _take(lock: int) -> bool:
 
 
 def _holder(ns: str, lock: int) -> str:
-    """Returns who holds a namespace, as text, as far as it is known."""
+    """Returns who holds a namespace, as text, as far as it is known.
+
+    The system says which process has the lock. What the files say is only believed of that process: a file of another
+    user cannot be written, and so may name a process that ended long ago.
+    """
+    pid = _locking_pid(lock)
     registration = _discovery.registered(ns)
-    if registration is not None:
+    if registration is not None and pid in (None, registration.pid) and _is_running(registration.pid):
         return f"pid {registration.pid} at {registration.address}"
     written = os.pread(lock, 20, 0).decode(errors="replace").strip()
-    return f"pid {written}, which is still starting" if written.isdecimal() else "a daemon that is still starting"
+    if pid is None:
+        return "a daemon that is still starting, or another process that has its lock"
+    if written == str(pid):
+        return f"pid {pid}, which is still starting"
+    return f"pid {pid} of {_user(pid)}, which has the lock {_discovery.lock_file(ns)}"
+
+
+def _locking_pid(lock: int) -> int | None:
+    """Returns the process that has a lock, if the system says so."""
+    file = os.fstat(lock)
+    place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():
+            words = line.split()  # 1: FLOCK ADVISORY WRITE 4711 08:01:1234 0 EOF
+            if words[1:2] == ["FLOCK"] and words[5:6] == [place]:
+                return int(words[4])
+    return None
+
+
+def _is_running(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists() or not Path("/proc/self").exists()
+
+
+def _user(pid: int) -> str:
+    try:
+        return f"user {Path(f'/proc/{pid}').owner()}"
+    except (OSError, KeyError):
+        return "another user"

@@ -134,14 +134,19 @@ def test_it_listens_on_several_addresses_and_on_a_unix_socket(
 
 
 @pytest.mark.parametrize("transport", ["core", "aio"])
-def test_with_tls_it_serves_who_trusts_it_beyond_loopback(transport: str, start_daemon: StartDaemon) -> None:
+def test_with_tls_it_serves_who_trusts_it_beyond_loopback(
+    transport: str, start_daemon: StartDaemon, tmp_path: Path
+) -> None:
+    key = tmp_path / "key.pem"
+    key.touch(0o600)
+    key.write_bytes((TLS / "key.pem").read_bytes())
     daemon = start_daemon(
         "--transport",
         transport,
         "--tls-certificate",
         str(TLS / "certificate.pem"),
         "--tls-key",
-        str(TLS / "key.pem"),
+        str(key),
         listen="0.0.0.0:0",
     )
     port = daemon.address.rpartition(":")[2]
@@ -227,6 +232,36 @@ def test_a_wrong_file_is_told_with_line_and_key(refusal: Callable[..., str], tmp
     )
     (tmp_path / "uav.yaml").write_text("ns: uav_1\nlight:\n  seed: many\n")
     assert refusal("--config", "uav.yaml").startswith("ual-daemon: uav.yaml:3: light.seed: Expected `int`, got `str`")
+
+
+def test_print_config_makes_the_checks_of_the_start(refusal: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "uav.yaml").write_text("ns: uav_1\ngeofence: {polygon: [[0, 0], [9, 9], [9, 0], [0, 9]]}\n")
+    assert refusal("--print-config", "--config", "uav.yaml").startswith("ual-daemon: uav.yaml:2: geofence: is no")
+    (tmp_path / "uav.yaml").write_text("frames:\n  - {frame_id: a, parent_frame_id: b}\n")
+    assert refusal("--print-config", "--config", "uav.yaml").startswith("ual-daemon: uav.yaml:2: frames[0].parent")
+
+
+def test_files_without_an_end_and_aliases_of_aliases_are_refused(refusal: Callable[..., str], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for path in ("/dev/zero", "pipe.yaml"):
+        assert refusal("--config", path) == (
+            f"ual-daemon: {path}: cannot be read: it is not a regular file (a device or a pipe)"
+        )
+    (tmp_path / "long.yaml").write_bytes(b"#" * (1 << 20) + b"\n")
+    assert refusal("--config", "long.yaml") == "ual-daemon: long.yaml: cannot be read: it is longer than 1048576 bytes"
+    levels = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9)]
+    (tmp_path / "aliases.yaml").write_text("\n".join(["a0: &a0 [x]", *levels]))
+    line = refusal("--config", "aliases.yaml")
+    assert line.startswith("ual-daemon: aliases.yaml:")
+    assert "more than 100000 values, those that aliases (*name) repeat included" in line
+
+
+def test_a_key_that_everyone_can_read_is_refused(refusal: Callable[..., str], tmp_path: Path) -> None:
+    key = tmp_path / "key.pem"
+    key.write_bytes((TLS / "key.pem").read_bytes())
+    key.chmod(0o644)
+    line = refusal("--tls-key", "key.pem", "--tls-certificate", str(TLS / "certificate.pem"))
+    assert line.startswith("ual-daemon: --tls-key: every user of this computer can read or change key.pem: run `chmod")
 
 
 def test_a_wrong_environment_is_told_by_its_variable(refusal: Callable[..., str]) -> None:

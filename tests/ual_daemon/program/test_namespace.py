@@ -78,6 +78,21 @@ def test_a_holder_that_is_still_starting_is_told_by_its_pid() -> None:
         end(process)
 
 
+def test_a_pid_that_others_left_in_the_files_is_not_taken_for_the_holder(runtime_dir: Path) -> None:
+    """As where another user locks a file that this user's daemon left."""
+    runtime_dir.mkdir(parents=True)
+    registration = {"ns": "uav_1", "pid": 1, "address": "127.0.0.1:4711", "backend": "light", "started_s": 0.0}
+    (runtime_dir / "uav_1.json").write_text(json.dumps(registration))
+    with (runtime_dir / "uav_1.lock").open("w+") as held:
+        held.write("999999")
+        held.flush()
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(NamespaceError, match=rf"by pid {os.getpid()} of user \w+, which has the lock") as caught:
+            Namespace("uav_1")
+    assert "999999" not in str(caught.value)
+    assert "4711" not in str(caught.value)
+
+
 def test_what_a_killed_daemon_left_is_no_holder(runtime_dir: Path) -> None:
     end(hold("127.0.0.1:4711", "light"))
     assert (runtime_dir / "uav_1.json").exists()

@@ -1,0 +1,29 @@
+"""Reads the files that a configuration names. A device or a pipe without an end must not keep the daemon waiting."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+MOST_BYTES = 1 << 20
+
+
+def read(path: Path) -> bytes:
+    """Returns the content of a regular file of at most `MOST_BYTES`.
+
+    Raises:
+        OSError: It cannot be read, is not a regular file, or is longer; `strerror` says which.
+
+    """
+    # Without waiting for who would write into a pipe.
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        mode = os.fstat(file.fileno()).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(0, "it is a directory")
+        if not stat.S_ISREG(mode):
+            raise OSError(0, "it is not a regular file (a device or a pipe)")
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise OSError(0, f"it is longer than {MOST_BYTES} bytes")
+    return data
