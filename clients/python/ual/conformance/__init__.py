@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ual.conformance import dry_runs, flying, grounded, paths, piloted, refusals, reports, tasks, velocities
 from ual.conformance.check import Check, Need, Outcome, Result
-from ual.conformance.flight import CheckFailedError, Flight, Tolerances
+from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Tolerances
 from ual.conformance.runner import run, run_check
 
 CHECKS: tuple[Check, ...] = (
@@ -25,6 +25,7 @@ CHECKS: tuple[Check, ...] = (
 
 __all__ = [
     "CHECKS",
+    "CannotRunError",
     "Check",
     "CheckFailedError",
     "Flight",
