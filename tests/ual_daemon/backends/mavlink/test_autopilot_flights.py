@@ -94,7 +94,13 @@ class Flight:
         self.wait_for_state(State.LANDED_DISARMED)
         assert self.autopilot.pilot_arm()
         self.wait_for_state(State.LANDED_ARMED)
+        self.wait_for(self._is_take_off_planned, "what a take-off needs")  # a bad link may not have brought home yet
         self.uav.take_off(HEIGHT_M)
+
+    def _is_take_off_planned(self) -> bool:
+        snapshot = self.backend.snapshot()
+        is_placed = snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None
+        return is_placed or not isinstance(self.autopilot, ArduPilot)
 
     def goal(self, dx: float, dy: float) -> Pose:
         here = self.uav.pose().pose.position
