@@ -3,48 +3,71 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+DEV := $(VENV)/.dev
+# Not compiled: pip would compile every module, and Python compiles those that are imported, once.
+PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
+DISTRIBUTIONS := pyproject.toml clients/python/pyproject.toml ual_daemon/__init__.py clients/python/ual/__init__.py
 STUBS := clients/python/ual/v1
 PROTOS := proto/ual/v1/ual.proto proto/ual/v1/simulation.proto
 GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plugin=$(BIN)/protoc-gen-mypy \
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install run test test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install dev dist run test test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
-$(INSTALLED): pyproject.toml clients/python/pyproject.toml ual_daemon/__init__.py clients/python/ual/__init__.py
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e clients/python -e '.[dev]'
-	touch $@
+$(INSTALLED): $(DISTRIBUTIONS) $(VENV)/.made
+	@echo 'Installing UAL into $(VENV), once: 65 MB to download, 190 MB of disk'
+	$(PIP_INSTALL) -e clients/python -e .
+	@touch $@
+
+# The interpreter alone is no sign: Debian without python3-venv leaves a virtual environment without pip.
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+		|| { echo 'UAL needs Python 3.10 or newer. Name one: make PYTHON=python3.11 $(MAKECMDGOALS)'; exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV)
+	@touch $@
+
+dev: $(DEV)  ## The tools for development over it: tests, lint, types
+
+$(DEV): $(INSTALLED)
+	@echo 'Installing the tools for development into $(VENV), once'
+	$(PIP_INSTALL) -e clients/python -e '.[dev]'
+	@touch $@
+
+dist: $(VENV)/.made  ## The wheels of both distributions into dist: docs/installation.md
+	rm -rf dist
+	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist clients/python .
+	@ls dist/*.whl
 
 run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simulated safety pilot
 	@echo 'In another terminal: . $(BIN)/activate; ual takeoff 3; ual goto 4 2 3; ual land'
 	$(BIN)/ual-daemon --backend light --ns uav_1 --auto-arm
 
-test: $(INSTALLED)  ## The tests, but those that need a real autopilot
+test: $(DEV)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest -n $$((2 * $$(nproc)))  # two for each processor: most of them wait for a flight
 
 # Another grpcio is laid over that of the virtual environment, which is quicker than an environment of its own.
 GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
-INSTALL_OVER = rm -rf $(1) && $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target $(1)
+INSTALL_OVER = rm -rf $(1) && $(PIP_INSTALL) --quiet --no-deps --target $(1)
 TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest -n $$((2 * $$(nproc))) \
 	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not over_unix'
 
-test-newest-grpc: $(INSTALLED)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed
+test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed
 	$(call INSTALL_OVER,build/newest-grpc) grpcio
 	@found=$$(basename build/newest-grpc/grpcio-*.dist-info); \
 	if ls -d $(VENV)/lib/*/site-packages/$$found >/dev/null 2>&1; then echo "$$found is installed: \`make test\` runs on it"; \
 	else $(call TEST_WITH,build/newest-grpc); fi
 
-test-oldest-grpc: $(INSTALLED)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
+test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
 	$(call INSTALL_OVER,build/oldest-grpc) $(addsuffix ==1.76.0,$(GRPC_FAMILY))
 	$(call TEST_WITH,build/oldest-grpc)
 
-test-clients: $(INSTALLED) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
+test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi
 	UAL_TEST_CLIENTS=1 $(BIN)/python -m pytest -v tests/clients $(if $(CLIENTS),-k '$(CLIENTS)')
 
@@ -54,7 +77,7 @@ tools/bin/grpcurl:
 		|| echo 'grpcurl cannot be installed: its test is skipped'; \
 	else echo 'no grpcurl, and no Go to install it with: its test is skipped'; fi
 
-lint: $(INSTALLED) tools/node_modules  ## Style, types, import contracts, the contract's style and that it breaks no program
+lint: $(DEV) tools/node_modules  ## Style, types, import contracts, the contract's style and that it breaks no program
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -72,17 +95,17 @@ docs: $(VENV)/.docs  ## The manuals and the API reference as one HTML site, in b
 	@echo 'The site begins at build/docs/index.html'
 
 $(VENV)/.docs: $(INSTALLED)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(PIP_INSTALL) --quiet -e '.[docs]'
 	touch $@
 
-format: $(INSTALLED)  ## The code in its style
+format: $(DEV)  ## The code in its style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-proto: $(INSTALLED)  ## The stubs of the contract, from proto/ into clients/python/ual/v1
+proto: $(DEV)  ## The stubs of the contract, from proto/ into clients/python/ual/v1
 	$(call GENERATED_STUBS_OF,clients/python)
 
-proto-check: $(INSTALLED)  ## Fails when the committed stubs are not those of the contract
+proto-check: $(DEV)  ## Fails when the committed stubs are not those of the contract
 	rm -rf build/proto && mkdir -p build/proto
 	$(call GENERATED_STUBS_OF,build/proto)
 	diff -r --exclude=__pycache__ --exclude=__init__.py build/proto/ual/v1 $(STUBS) \
@@ -92,20 +115,20 @@ proto-baseline: tools/node_modules wire  ## At a release: the contract, as it is
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb
 	tools/node_modules/.bin/buf build --exclude-source-info --output proto/baseline.binpb
 
-wire: $(INSTALLED)  ## Records bytes of what is new in the contract, in tests/data/wire
+wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wire
 	$(BIN)/python -m tests.wire
 
-bench: $(INSTALLED) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
+bench: $(DEV) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
 	$(BIN)/python -m benchmarks $(BENCH)
 
-bench-fleet: $(INSTALLED)  ## Whether many UAVs in one daemon keep real time, and what each costs
+bench-fleet: $(DEV)  ## Whether many UAVs in one daemon keep real time, and what each costs
 	$(BIN)/python -m benchmarks.fleet
 
-bench-tracker: $(INSTALLED)  ## How straight and how fast it flies: light, and real autopilots where UAL_TEST_*_URL is set
+bench-tracker: $(DEV)  ## How straight and how fast it flies: light, and real autopilots where UAL_TEST_*_URL is set
 	$(BIN)/python -m benchmarks.tracker $(BENCH)
 
-$(VENV)/.bench: benchmarks/requirements.txt $(INSTALLED)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $< && touch $@ \
+$(VENV)/.bench: benchmarks/requirements.txt $(DEV)
+	$(PIP_INSTALL) --quiet -r $< && touch $@ \
 		|| echo 'not all of $< could be installed: what needs the rest is not measured'
 
 clean:  ## Everything that was made here
