@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
@@ -25,11 +26,11 @@ class Shutdown:
         self.future: Future[None] = Future()
         self._backend = backend
         self._hold: AutopilotCommand | None = None
+        self._lock = threading.Lock()
 
     def step(self, snapshot: Snapshot) -> bool:
         """Sends the hold command, once, if UAL flies the UAV. Returns whether the handover is over."""
-        if self._hold is None and self._state(snapshot) is State.FLYING_AUTO:
-            self._hold = self._send_hold(snapshot)
+        if self._begin_hold(snapshot):
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
         if self._hold is None:
             return True
@@ -47,11 +48,15 @@ class Shutdown:
     def _state(self, snapshot: Snapshot) -> State:
         return estimate(snapshot, self._backend.freshness).state
 
-    def _send_hold(self, snapshot: Snapshot) -> AutopilotCommand:
-        hold = AutopilotCommand("hold its position", snapshot.time_s)
+    def _begin_hold(self, snapshot: Snapshot) -> bool:
+        """Sends the hold command if that is still to do. Returns whether this call sent it."""
+        with self._lock:  # the caller of the shutdown and the updates come from different threads
+            if self._hold is not None or self._state(snapshot) is not State.FLYING_AUTO:
+                return False
+            hold = self._hold = AutopilotCommand("hold its position", snapshot.time_s)
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
         hold.send(self._backend.hold)
-        return hold
+        return True
 
     def finish(self) -> None:
         """Ends the future, unless another thread has ended it."""

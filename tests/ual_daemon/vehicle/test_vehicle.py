@@ -787,6 +787,22 @@ def test_a_hold_that_is_not_answered_is_not_repeated_once_the_safety_pilot_flies
     assert answer.cancelled()
 
 
+def test_the_hold_is_sent_once_even_if_an_update_comes_while_it_is_sent(
+    flying: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[Future[None]] = []
+
+    def hold() -> Future[None]:
+        sent.append(Future())
+        if len(sent) < 5:
+            flying.run(STEP_S)  # as the thread of the updates may, on a busy computer
+        return sent[-1]
+
+    monkeypatch.setattr(flying.vehicle.backend, "hold", hold)
+    flying.vehicle.prepare_shutdown()
+    assert len(sent) == 1
+
+
 def test_shutdown_of_a_stepped_simulation_needs_no_step(flying: Stepped) -> None:
     assert flying.vehicle.prepare_shutdown().done()
     assert flying.vehicle.telemetry().flight_mode == "HOLD"
