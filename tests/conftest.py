@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -125,6 +126,14 @@ def daemon_environment(runtime_dir: Path) -> dict[str, str]:
     """That of this process without its settings of UAL, for daemons that register in the directory."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     return {**environment, _discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)}
+
+
+def open_terminal() -> tuple[int, int]:
+    """Both ends of a pseudo-terminal. Skips the test where there are none: a chroot or container without /dev/pts."""
+    try:
+        return pty.openpty()
+    except OSError:
+        pytest.skip("NO PSEUDO-TERMINALS, what needs one is NOT TESTED: mount -t devpts devpts /dev/pts")
 
 
 StartDaemon = Callable[..., DaemonProcess]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from click.testing import CliRunner, Result
 from typing_extensions import Self
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, open_terminal
 from tests.ual import fake_daemon
 from ual._cli import cli, values, watch
 from ual._cli.app import UalCommand, UalGroup
@@ -556,7 +555,7 @@ class Terminal:
     """A program whose input and output are a terminal."""
 
     def __init__(self, *words: str) -> None:
-        self._ours, its = pty.openpty()
+        self._ours, its = open_terminal()
         environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
         self.process = subprocess.Popen([*UAL, *words], stdin=its, stdout=its, stderr=its, env=environment)
         os.close(its)

@@ -7,7 +7,6 @@ import fcntl
 import itertools
 import logging
 import os
-import pty
 import select
 import socket
 import termios
@@ -20,6 +19,7 @@ from typing import Any, TypeVar
 import pytest
 from typing_extensions import override
 
+from tests.conftest import open_terminal
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
@@ -349,7 +349,7 @@ class Line:
         self.device = -1
 
     def plug(self) -> None:
-        self.device, theirs = pty.openpty()
+        self.device, theirs = open_terminal()
         self.path.symlink_to(os.ttyname(theirs))
         os.close(theirs)
 
