@@ -1,10 +1,12 @@
-"""The two distributions: their versions, and the licence that they carry."""
+"""The two distributions: their versions, what their wheels carry, and that these fly."""
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from hatchling.plugin.manager import PluginManager
 
 import ual
 import ual_daemon
+from tests.conftest import DaemonProcess, daemon_environment
 
 ROOT = Path(__file__).parents[1]
 VERSIONS = [(".", ual_daemon.__version__), ("clients/python", ual.__version__)]
@@ -49,3 +52,66 @@ def test_the_wheel_carries_the_licence(project: str) -> None:
     assert text == (ROOT / "LICENSE").read_text(encoding="utf-8")
     assert "Apache License" in text
     assert "END OF TERMS AND CONDITIONS" in text
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The contents of both wheels in one directory, as pip would install them."""
+    directory = tmp_path_factory.mktemp("installed")
+    for project, _ in VERSIONS:
+        for wheel in WheelBuilder(str(ROOT / project)).build(directory=str(directory / "dist"), versions=["standard"]):
+            with zipfile.ZipFile(wheel) as archive:
+                archive.extractall(directory)
+    return directory
+
+
+def test_the_wheels_carry_types_and_contract(installed: Path) -> None:
+    assert (installed / "ual" / "py.typed").exists()
+    assert (installed / "ual_daemon" / "py.typed").exists()
+    for contract in (ROOT / "proto" / "ual" / "v1").glob("*.proto"):
+        assert (installed / "ual" / "v1" / contract.name).read_bytes() == contract.read_bytes()
+
+
+def test_the_wheels_carry_all_modules_and_nothing_else(installed: Path) -> None:
+    for source, package in ((ROOT, "ual_daemon"), (ROOT / "clients" / "python", "ual")):
+        of_source, of_wheel = (
+            {str(path.relative_to(root)) for path in (root / package).rglob("*.py")} for root in (source, installed)
+        )
+        assert of_wheel == of_source
+    packages = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
+    assert packages == {"dist", "ual", "ual_daemon"}
+
+
+FIRST_FLIGHT = ("takeoff 3", "goto 4 2 3 --yaw 90deg", "velocity 1 0 0 --for 2", "land")
+
+
+def test_the_wheels_fly_the_first_flight_of_the_readme(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only the packages that they need come from this environment."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert all(f"\n    ual {command}\n" in readme for command in FIRST_FLIGHT)
+    monkeypatch.chdir(tmp_path)
+    environment = daemon_environment(tmp_path / "run") | {"PYTHONPATH": str(installed), "PYTHONSAFEPATH": "1"}
+    flags = ("--backend", "light", "--auto-arm", "--listen", "127.0.0.1:0", "--set", "light.speed_factor=10")
+    daemon = DaemonProcess(flags, "uav_1", environment)
+    try:
+        daemon.wait_for("state", new="LANDED_ARMED")
+        for command in FIRST_FLIGHT:
+            _run_ual(environment, command.split())
+        daemon.wait_for("task_done", task="land")
+    finally:
+        daemon.close()
+    assert f"{installed}{os.sep}ual{os.sep}" in _run(environment, "import ual; print(ual.__file__)")
+
+
+def _run_ual(environment: dict[str, str], words: list[str]) -> None:
+    _run(environment, f"import sys; from ual._cli import main; sys.argv = {['ual', *words]!r}; main()")
+
+
+def _run(environment: dict[str, str], program: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=60.0
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
