@@ -21,7 +21,7 @@ help:  ## What can be made
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
 $(INSTALLED): $(DISTRIBUTIONS) $(VENV)/.made
-	@echo 'Installing UAL into $(VENV), once: 65 MB to download, 190 MB of disk'
+	@echo 'Installing UAL into $(VENV), once: 44 MB to download, 190 MB of disk'
 	$(PIP_INSTALL) -e clients/python -e .
 	@touch $@
 
