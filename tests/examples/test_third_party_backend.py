@@ -120,7 +120,7 @@ def test_it_flies_from_a_daemon(
 
 @pytest.mark.slow
 def test_it_passes_the_conformance_checks(installed: Path) -> None:
-    results = [line.split(" ", 2) for line in run(CONFORM, installed, limit_s=100.0)]
+    results = [line.split(" ", 2) for line in run(CONFORM, installed, limit_s=240.0)]
     assert [result for result in results if result[0] == "FAILED"] == []
     passed = {name for outcome, name, _ in results if outcome == "PASSED"}
     assert {"takes_off", "goes_straight_to_a_waypoint", "flies_a_velocity_and_stops_without", "lands"} <= passed
