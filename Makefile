@@ -20,7 +20,7 @@ help:  ## What can be made
 
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
-$(INSTALLED): $(DISTRIBUTIONS) $(VENV)/.made
+$(INSTALLED): $(DISTRIBUTIONS) | $(VENV)/.made
 	@echo 'Installing UAL into $(VENV), once: 44 MB to download, 190 MB of disk'
 	$(PIP_INSTALL) -e clients/python -e .
 	@touch $@
@@ -39,7 +39,7 @@ $(DEV): $(INSTALLED)
 	$(PIP_INSTALL) -e clients/python -e '.[dev]'
 	@touch $@
 
-dist: $(VENV)/.made  ## The wheels of both distributions into dist: docs/installation.md
+dist: | $(VENV)/.made  ## The wheels of both distributions into dist: docs/installation.md
 	rm -rf dist
 	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist clients/python .
 	@ls dist/*.whl
