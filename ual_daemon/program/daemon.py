@@ -142,6 +142,7 @@ class _Served:
         """Connects the vehicle to its autopilot, and starts automatic arming if it is wanted."""
         self._vehicle.open()
         if self._pilot is not None:
+            self._vehicle.commands.is_armed_automatically = True
             self._arming = asyncio.create_task(self._auto_arm(self._pilot))
             self._arming.add_done_callback(_log_failure)
 
