@@ -63,10 +63,10 @@ def test_a_plan_gives_its_waypoints_with_altitudes_headings_and_speeds() -> None
         GeoWaypoint(47.4, 8.4, 30.0, HOME),
     ]
     assert route.leg_speeds_m_s == [0.0, 4.5, 4.5, 4.5]
+    assert route.holds_s == [0.0, 0.0, 3.0, 0.0]
     assert route.left_out == [
         "item 1: take-off",
         "item 5: MAVLink command 2000",
-        "item 6: a wait of 3 s",
         "item 7: return to launch",
         "item 8: MAVLink command 178",
     ]

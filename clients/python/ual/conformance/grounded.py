@@ -116,6 +116,7 @@ def a_take_off_is_not_aborted(flight: Flight) -> None:
     for action, what in (
         (task.cancel, "cancelling"),
         (uav.abort, "aborting"),
+        (uav.pause, "pausing"),
         (uav.land, "landing"),
         (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
         (lambda: uav.set_velocity(Twist()), "a velocity"),
