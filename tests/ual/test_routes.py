@@ -184,6 +184,15 @@ def test_the_ending_tells_what_a_file_is(tmp_path: Path) -> None:
     assert [each.frame_id for each in lines if isinstance(each, PoseStamped)] == ["map", "map"]
 
 
+def test_waypoints_one_a_line_may_hold() -> None:
+    lines = '0,0,3\n{"x": 1, "y": 0, "z": 3, "hold_s": 2.5}\n'
+    assert routes.parse_list(lines, "points").holds_s == [0.0, 2.5]
+    assert routes.parse_list("0,0,3\n", "points").holds_s == ()
+    assert len(routes.parse_lines(lines, "points")) == 2
+    with pytest.raises(RouteError, match="line 1"):
+        routes.parse_list('{"x": 1, "y": 0, "z": 3, "hold_s": "long"}', "points")
+
+
 def test_a_file_that_cannot_be_read_is_refused_by_its_name(tmp_path: Path) -> None:
     (tmp_path / "binary.plan").write_bytes(b"\xff\xfe\x00")
     for name, message in (("none.plan", "cannot read .*none.plan"), ("binary.plan", "binary.plan is not a text file")):
