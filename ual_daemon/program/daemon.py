@@ -142,13 +142,16 @@ class _Served:
         """Connects the vehicle to its autopilot, and starts automatic arming if it is wanted."""
         self._vehicle.open()
         if self._pilot is not None:
-            self._vehicle.commands.is_armed_automatically = True
             self._arming = asyncio.create_task(self._auto_arm(self._pilot))
             self._arming.add_done_callback(_log_failure)
 
     async def _auto_arm(self, pilot: SafetyPilot) -> None:
         logs.uav.set(self._vehicle.log_name)
-        await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+        self._vehicle.commands.is_armed_automatically = True
+        try:
+            await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+        finally:
+            self._vehicle.commands.is_armed_automatically = False
 
     async def end(self) -> bool:
         """Waits until the UAV is safe, then stops the server and closes the vehicle. Returns whether it is safe."""

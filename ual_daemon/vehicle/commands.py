@@ -219,6 +219,9 @@ class Commands:
         with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
+            if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
+                self.cancel(self._tasks.get(task_id))  # a take-off that waits for the arming
+                return
             snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
             motion = measured_motion(snapshot)
             stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)

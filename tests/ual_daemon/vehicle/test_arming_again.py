@@ -74,6 +74,10 @@ def test_a_take_off_that_waits_can_be_cancelled_and_ends_by_itself(uav: Stepped)
     with pytest.raises(TaskAbortedError, match="cancelled"):
         uav.end(task.future)
     task = uav.prepare.take_off(3.0).begin()
+    uav.vehicle.commands.abort(task_id=task.id)  # as a client cancels it
+    with pytest.raises(TaskAbortedError, match="cancelled"):
+        uav.end(task.future)
+    task = uav.prepare.take_off(3.0).begin()
     with pytest.raises(WrongStateError, match="not armed within 15 s"):
         uav.end(task.future, 16.0)
     uav.sim.pilot_arm()
