@@ -157,8 +157,7 @@ class UAL(Uav):
             except BaseException:
                 # The caller's time limit has passed, or it was interrupted (Ctrl-C): the task must not go on unwatched.
                 # A take-off or landing does; cancelling a task that has ended does nothing.
-                if task.kind not in (TaskKind.TAKE_OFF, TaskKind.LAND):
-                    commands.cancel(task)
+                commands.abandon(task)
                 raise
         return _Task(task, commands)
 
@@ -177,6 +176,14 @@ class UAL(Uav):
     @override
     def abort(self, freeze: bool = False) -> None:
         self.vehicle.commands.abort(freeze)
+
+    @override
+    def pause(self) -> None:
+        self.vehicle.commands.pause()
+
+    @override
+    def resume(self) -> None:
+        self.vehicle.commands.resume()
 
     @override
     def task(self, task_id: str) -> Task:
@@ -226,6 +233,14 @@ class _Task(Task):
     @override
     def cancel(self) -> None:
         self._commands.cancel(self._task)
+
+    @override
+    def pause(self) -> None:
+        self._commands.pause(self.id)
+
+    @override
+    def resume(self) -> None:
+        self._commands.resume(self.id)
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:

@@ -19,6 +19,8 @@ MAX_DISTANCE_M = 1e7
 MAX_SPEED_M_S = 1000.0
 MIN_SPEED_M_S = 0.01
 """A lower speed is refused: a task would take almost forever, so the value must be a mistake."""
+MAX_HOLD_S = 3600.0
+"""How long a path may hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
 MAX_ANGLE_RAD = 1e6
 MAX_STAMP_S = 253_402_300_799.0
@@ -93,6 +95,14 @@ def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[flo
     if len(speeds) != waypoint_count:
         raise refuse("leg_speeds_m_s", f"{len(speeds)} for {waypoint_count} waypoints; give one for each, or none")
     return [_flown_speed(speed, field) if speed else None for speed, field in zip(speeds, fields, strict=True)]
+
+
+def holds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float]:
+    """Accepts how long to hold at each waypoint, in seconds, or nothing at all."""
+    found = [not_negative(each, f"holds_s[{i}]", at_most=MAX_HOLD_S) for i, each in enumerate(values)]
+    if found and len(found) != waypoint_count:
+        raise refuse("holds_s", f"{len(found)} for {waypoint_count} waypoints; give one for each, or none")
+    return found or [0.0] * waypoint_count
 
 
 def _flown_speed(speed_m_s: float, field: str) -> float:

@@ -109,6 +109,27 @@ def test_a_whole_flight(daemon: DaemonProcess) -> None:
     assert daemon.process.poll() is None
 
 
+def test_a_return_home_with_a_pause(daemon: DaemonProcess) -> None:
+    async def fly(uav: aio.Uav) -> None:
+        await take_off(uav)
+        await uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0))
+        assert (await uav.dry_run.return_to_launch(4.0)).length_m == pytest.approx(1.0 + 20**0.5, abs=0.3)
+        task = await uav.return_to_launch(4.0, blocking=False)
+        await uav.pause()
+        assert (await task.info()).is_paused
+        await task.resume()
+        with pytest.raises(errors.WrongStateError, match="is not paused"):
+            await uav.resume()
+        await task.pause()
+        await uav.resume()
+        assert (await task.wait()).status is TaskStatus.SUCCEEDED
+        await uav.take_off(3.0)  # waits for the automatic arming
+        assert await uav.state() is State.FLYING_AUTO
+
+    run(fly, ns="uav_1")
+    assert daemon.process.poll() is None
+
+
 def test_a_dry_run_moves_nothing(daemon: DaemonProcess) -> None:
     async def fly(uav: aio.Uav) -> None:
         await wait_until(uav, lambda sample: sample.state is State.LANDED_ARMED)

@@ -403,6 +403,48 @@ def test_a_waypoint_file_is_flown_dry(flying: DaemonProcess, tmp_path: Path) -> 
     assert plan["duration_s"] > 6.0
 
 
+def test_it_returns_home_and_takes_off_again_in_one_script(flying: DaemonProcess) -> None:
+    done("goto", "3", "4", "3")
+    (plan,) = done_json("rtl", "--height", "4", "--dry-run")
+    assert plan["length_m"] == pytest.approx(6.0, abs=0.3)
+    (plan,) = done_json("rtl", "--dry-run")
+    assert plan["length_m"] == pytest.approx(12.0 + 5.0, abs=0.3)
+    (task,) = done_json("rtl", "--height", "4")
+    assert (task["kind"], task["status"]) == ("RETURN_TO_LAUNCH", "SUCCEEDED")
+    for words in (["takeoff", "3"], ["land"], ["takeoff", "3"]):  # the daemon's simulated safety pilot arms in between
+        done(*words)
+    with ual.Uav() as uav:
+        assert uav.state() is State.FLYING_AUTO
+        assert uav.pose().pose.position.horizontal_norm() < 0.5
+    assert flying.process.poll() is None
+
+
+def test_a_task_is_paused_and_resumed(flying: DaemonProcess) -> None:
+    assert run("pause").stderr == "ual: WRONG_STATE: pause: no task runs\n"
+    with ual.Uav() as uav:
+        task = uav.go_to_waypoint(ual.Pose.at(5.0, 0.0, 3.0), blocking=False)
+        assert done("pause").startswith("paused")
+        (sample,) = done_json("watch", "--once")
+        assert sample["task"]["is_paused"]
+        assert done("resume") == "resumed\n"
+        assert run("resume").exit_code == 1
+        task.wait(LIMIT_S)
+    assert flying.process.poll() is None
+
+
+def test_holds_are_flown(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    file = tmp_path / "waypoints"
+    file.write_text('{"x": 1, "y": 0, "z": 3, "hold_s": 30}\n0,0,3\n')
+    (plan,) = done_json("waypoints", "fly", file, "--dry-run")
+    assert plan["duration_s"] > 30.0
+    (plan,) = done_json("path", "1,0,3", "0,0,3", "--holds", "0,40", "--dry-run")
+    assert plan["duration_s"] > 40.0
+    (task,) = done_json("path", "1,0,3", "0,0,3", "--holds", "2,0")
+    assert task["elapsed_s"] > 4.0
+    assert run("path", "1,0,3", "--holds", "1,2").stderr.startswith("ual: INVALID_ARGUMENT: holds_s: 2 for 1 waypoints")
+
+
 def test_speeds_are_kept(flying: DaemonProcess) -> None:
     del flying
     (task,) = done_json("goto", "2", "0", "3", "--max-speed", "0.5")

@@ -36,6 +36,7 @@ from ual.types import (
     Info,
     PathHeading,
     Plan,
+    ReturnToLaunchRequest,
     State,
     TaskInfo,
     TaskKind,
@@ -233,6 +234,16 @@ def test_plans_come_back_as_they_were(plan: Plan) -> None:
 def test_points_of_interest_come_back_as_they_were(place: Vector3, frame_id: str) -> None:
     point = PointStamped(place, frame_id)
     request = FollowPathRequest([PoseStamped(Pose())], point_of_interest=point)
+    assert _convert.task_request_from_proto(wire(_convert.task_request_to_proto(request))) == request
+
+
+@pytest.mark.parametrize("request_", [ReturnToLaunchRequest(), ReturnToLaunchRequest(0.0), ReturnToLaunchRequest(12.5)])
+def test_returns_home_come_back_as_they_were(request_: ReturnToLaunchRequest) -> None:
+    assert _convert.task_request_from_proto(wire(_convert.task_request_to_proto(request_))) == request_
+
+
+def test_holds_come_back_as_they_were() -> None:
+    request = FollowPathRequest([PoseStamped(Pose())] * 2, holds_s=(0.0, 2.5))
     assert _convert.task_request_from_proto(wire(_convert.task_request_to_proto(request))) == request
 
 

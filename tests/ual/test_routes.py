@@ -63,10 +63,10 @@ def test_a_plan_gives_its_waypoints_with_altitudes_headings_and_speeds() -> None
         GeoWaypoint(47.4, 8.4, 30.0, HOME),
     ]
     assert route.leg_speeds_m_s == [0.0, 4.5, 4.5, 4.5]
+    assert route.holds_s == [0.0, 0.0, 3.0, 0.0]
     assert route.left_out == [
         "item 1: take-off",
         "item 5: MAVLink command 2000",
-        "item 6: a wait of 3 s",
         "item 7: return to launch",
         "item 8: MAVLink command 178",
     ]
@@ -182,6 +182,15 @@ def test_the_ending_tells_what_a_file_is(tmp_path: Path) -> None:
     assert routes.read(tmp_path / "r.kml", altitude_m=7.0).waypoints == [GeoWaypoint(1.0, 2.0, 7.0)]
     lines = routes.read(tmp_path / "w.jsonl", frame_id="map").waypoints
     assert [each.frame_id for each in lines if isinstance(each, PoseStamped)] == ["map", "map"]
+
+
+def test_waypoints_one_a_line_may_hold() -> None:
+    lines = '0,0,3\n{"x": 1, "y": 0, "z": 3, "hold_s": 2.5}\n'
+    assert routes.parse_list(lines, "points").holds_s == [0.0, 2.5]
+    assert routes.parse_list("0,0,3\n", "points").holds_s == ()
+    assert len(routes.parse_lines(lines, "points")) == 2
+    with pytest.raises(RouteError, match="line 1"):
+        routes.parse_list('{"x": 1, "y": 0, "z": 3, "hold_s": "long"}', "points")
 
 
 def test_a_file_that_cannot_be_read_is_refused_by_its_name(tmp_path: Path) -> None:

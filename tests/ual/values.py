@@ -64,6 +64,7 @@ task_infos = st.builds(
     waypoint_index=st.none() | st.integers(0, 2**32 - 1),
     error=st.none(),
     description=texts,
+    is_paused=st.booleans(),
 )
 plans = st.builds(types.Plan, st.none() | numbers, st.none() | durations)
 geo_points = st.builds(types.GeoPoint, numbers, numbers, st.none() | numbers, st.none() | numbers, st.none() | numbers)

@@ -74,8 +74,9 @@ class Snapshot(NamedTuple):
     `time_s` is when the snapshot was taken and `heard_s` when the last message came from the autopilot, both on the
     backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
-    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
-    above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
+    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
+    autopilot says so (its altitude is the former). `geoid_separation_m` is the height above the ellipsoid minus the
+    height above mean sea level, at this place. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count.
     """
@@ -97,6 +98,7 @@ class Snapshot(NamedTuple):
     gps: GpsInfo | None = None
     status_text: str = ""
     sequence: int = 0
+    home_geo: GeoPoint | None = None
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""

@@ -26,6 +26,8 @@ _TIMEOUT_FACTOR = 10.0
 class CatchUp(Manoeuvre):
     """A go-to whose goal moves. It ends when the UAV moves along with the goal, and the UAV goes on doing so."""
 
+    why_not_pausable = "its goal moves, so that there is no way to hold on; abort it, and command it again"
+
     def __init__(
         self, name: str, task: VehicleTask, moving_goal: MovingGoal, limits: Limits, tolerance: ToleranceSettings
     ) -> None:

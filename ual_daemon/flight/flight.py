@@ -21,12 +21,14 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Control, Snapshot, Takes
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.manoeuvre import Manoeuvre, Step
-from ual_daemon.flight.refusals import not_replaceable, replaced, shutting_down
+from ual_daemon.flight.home import Home
+from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
+from ual_daemon.flight.refusals import not_pausable, not_replaceable, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.flight.stopping import Stopping, next_start
+from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Reference, Velocity, brake
@@ -49,6 +51,7 @@ class Flight:
         self._backend = backend
         self.limits = limits
         self.geofence = geofence
+        self.home = Home()
         self._sender = SetpointSender(backend, limits)
         self._stopping = Stopping(limits, geofence)
         self._watched = WatchedCommands()
@@ -186,13 +189,66 @@ class Flight:
             self._end(old, replaced(old, by))
 
     def drop_task(self, task_id: str, by: str) -> None:
-        """Ends a task without stopping the UAV, which UAL does not control now. Nothing happens if it does not run."""
+        """Ends a task without stopping the UAV, which UAL does not control now. Nothing happens if it does not run.
+
+        Raises:
+            WrongStateError: Only the safety pilot can abort what it does now.
+
+        """
         with self._lock:
             old = self._manoeuvre
             if old is None or not _is_task(old, task_id):
                 return
+            if not old.is_replaceable:
+                raise not_replaceable(old, by)
             self._manoeuvre = None
         self._end(old, replaced(old, by))
+
+    def pause(self, only_task_id: str = "") -> VehicleTask:
+        """Makes the task that runs hold on its way, and returns it. A command that is being planned does not begin.
+
+        Raises:
+            WrongStateError: No task runs (or not the one of `only_task_id`), or it cannot be paused.
+
+        """
+        with self._lock:
+            task = self._pausable_task("pause", only_task_id)
+            task.is_paused = True
+            self._last_command = LastCommand(self._last_command.number + 1, "pause")
+        return task
+
+    def resume(self, only_task_id: str = "") -> VehicleTask:
+        """Makes the paused task go on, and returns it.
+
+        Raises:
+            WrongStateError: No task runs (or not the one of `only_task_id`), or it is not paused.
+
+        """
+        with self._lock:
+            task = self._pausable_task("resume", only_task_id)
+            if not task.is_paused:
+                raise not_pausable("resume", f"{task.kind.name.lower()} is not paused")
+            task.is_paused = False
+        return task
+
+    def require_pausable(self, command: str, only_task_id: str = "") -> None:
+        """Checks that a task runs that can be paused.
+
+        Raises:
+            WrongStateError: No task runs (or not the one of `only_task_id`), or it cannot be paused.
+
+        """
+        self._pausable_task(command, only_task_id)
+
+    def _pausable_task(self, command: str, only_task_id: str) -> VehicleTask:
+        manoeuvre = self._manoeuvre
+        if manoeuvre is None or manoeuvre.task is None:
+            raise not_pausable(command, "no task runs")
+        if only_task_id and manoeuvre.task.id != only_task_id:
+            raise not_pausable(command, f"the task {only_task_id[:100]} does not run any more")
+        if manoeuvre.why_not_pausable:
+            raise not_pausable(command, f"{manoeuvre.name} cannot be paused: {manoeuvre.why_not_pausable}")
+        return manoeuvre.task
 
     def watch(self, command: AutopilotCommand, is_done: Callable[[Snapshot], bool]) -> Future[None]:
         """Watches a command that is not a manoeuvre; see `WatchedCommands.add`.
@@ -245,6 +301,7 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
+        self.home.observe(snapshot, raw)
         if self.geofence is not None:
             self.geofence.observe(snapshot, raw)
         if not self._step_manoeuvre(snapshot, raw):
@@ -264,6 +321,9 @@ class Flight:
             # The UAV must not be left without references: the manoeuvre ends, and the UAV stops.
             _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
             step = Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
+        if step.handover is not None:
+            self._hand_over(manoeuvre, step.handover)
+            return True
         if not step.has_ended:
             if step.setpoint is not None and self._manoeuvre is manoeuvre:
                 self._sender.send_if_due(step.setpoint, snapshot)
@@ -271,9 +331,19 @@ class Flight:
         with self._lock:
             if self._manoeuvre is not manoeuvre:
                 return True  # replaced by another thread, which also ends it
+            if manoeuvre.is_paused and step.error is None:
+                return True  # paused by another thread during the step
             self._manoeuvre, self._reference = None, step.next_reference
         self._end(manoeuvre, step.error)
         return False
+
+    def _hand_over(self, manoeuvre: Manoeuvre, to: Handover) -> None:
+        """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
+        with self._lock:
+            if self._manoeuvre is not manoeuvre or manoeuvre.is_paused:
+                return
+            self._manoeuvre = to.manoeuvre
+        to.begin()
 
     def _step_reference(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Sends the setpoint of the reference, and forgets the reference once the autopilot does not follow UAL."""

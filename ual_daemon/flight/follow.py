@@ -19,7 +19,12 @@ from ual_daemon.trajectory import Motion, Trajectory
 
 
 class FollowTrajectory(Manoeuvre):
-    """A go-to or a path: the manoeuvre that flies a trajectory by a tracker, until the UAV has arrived at its end."""
+    """A go-to or a path: the manoeuvre that flies a trajectory by a tracker, until the UAV has arrived at its end.
+
+    While its task is paused, the tracker brakes and holds on the trajectory, and the time limit does not run.
+    """
+
+    why_not_pausable = ""
 
     def __init__(
         self,
@@ -43,24 +48,28 @@ class FollowTrajectory(Manoeuvre):
         self._arrival = Arrival(end.position, end.yaw_rad, tolerance)
         stops_s = len(trajectory.stops_s) * LONGEST_STOP_S
         self._longest_s = (trajectory.duration_s + stops_s) * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
-        self._started_s: float | None = None
+        self._spent_s = 0.0
+        self._stepped_s: float | None = None
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_not_ours(snapshot, estimate, self.name)
         if lost is not None:
             return failed(lost)
-        if self._started_s is None:
-            self._started_s = snapshot.time_s
+        is_paused = self.is_paused
+        self._spend(snapshot.time_s, is_paused=is_paused)
         if self._reference is None:
             self._reference = self._tracker(self._trajectory, snapshot.time_s, self._tolerance)
         reference = self._reference
+        reference.is_stopping = is_paused
         setpoint = reference.setpoint(snapshot)
         self._task.report(partial(self._progress, snapshot, reference.motion(snapshot), reference.time_s))
         self._arrival.observe(snapshot)
+        if is_paused:
+            return Step(setpoint)
         if reference.is_finished and self._arrival.has_arrived(snapshot):
             return Step(setpoint, has_ended=True, next_reference=self._hold)
-        if snapshot.time_s - self._started_s > self._longest_s:
+        if self._spent_s > self._longest_s:
             return failed(
                 UalTimeoutError(
                     f"{self.name}: not there after {self._longest_s:.0f} s: {self._arrival.error_text()}",
@@ -68,6 +77,12 @@ class FollowTrajectory(Manoeuvre):
                 )
             )
         return Step(setpoint)
+
+    def _spend(self, now_s: float, *, is_paused: bool) -> None:
+        """Lets time pass, as far as the time limit counts it."""
+        if self._stepped_s is not None and not is_paused:
+            self._spent_s += now_s - self._stepped_s
+        self._stepped_s = now_s
 
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
         """Returns the progress for a motion of the reference and its time on the trajectory."""

@@ -156,6 +156,11 @@ class Geofence:
         ceiling_m = math.inf if self._ceiling_m is None else self._ceiling_m
         return datum.z_m + floor_m, datum.z_m + ceiling_m
 
+    def top_z_m(self, snapshot: Snapshot) -> float:
+        """Returns z of the ceiling or of the top of the configured fence, whichever is lower. Raises as `fence`."""
+        _, ceiling_z_m = self._edges(self._datum(snapshot))
+        return min(ceiling_z_m, self.fence(snapshot).highest_m)
+
     def is_clear(self, reference: Reference, limits: Limits, snapshot: Snapshot) -> bool:
         """Returns whether a setpoint is so far from the floor and the ceiling that `admit` would certainly admit it.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
@@ -34,15 +35,18 @@ class Ground:
     def __init__(self) -> None:
         self.z_m: float | None = None
         """Its z in the local frame; None if it is not known."""
+        self.place: Vector3 | None = None
+        """Where the UAV last stood on it, in the local frame; None if that is not known."""
         self._origin_m: float | None = None
 
     def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Notes what an update says of the ground."""
         if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
             assert snapshot.pose is not None
-            self.z_m, self._origin_m = snapshot.pose.value.position.z, _origin_m(snapshot)
+            self.place, self._origin_m = snapshot.pose.value.position, _origin_m(snapshot)
+            self.z_m = self.place.z
         elif self.z_m is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
-            self.z_m = None
+            self.z_m = self.place = None
 
     def _has_origin_moved(self, snapshot: Snapshot) -> bool:
         before_m, now_m = self._origin_m, _origin_m(snapshot)

@@ -22,9 +22,11 @@ class Land(Manoeuvre):
     declares = State.LANDING
     is_replaceable = False
 
-    def __init__(self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot) -> None:
+    def __init__(
+        self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot, name: str = "land"
+    ) -> None:
         """`reference` is followed until the autopilot lands by itself."""
-        super().__init__("land", task)
+        super().__init__(name, task)
         self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False

@@ -7,7 +7,9 @@ once, how the manoeuvre ended. It never blocks and sends nothing itself.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.types import State
@@ -33,6 +35,7 @@ class Step:
         has_ended: Whether the manoeuvre has ended.
         error: The error with which it has ended; None if it has succeeded.
         next_reference: The reference to follow after it; None to stop at the present position.
+        handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
 
     """
 
@@ -40,6 +43,14 @@ class Step:
     has_ended: bool = False
     error: UalError | None = None
     next_reference: Reference | None = None
+    handover: Handover | None = None
+
+
+class Handover(NamedTuple):
+    """The manoeuvre that goes on with a task, and the function that is called once this manoeuvre is the one flown."""
+
+    manoeuvre: Manoeuvre
+    begin: Callable[[], None]
 
 
 def failed(error: UalError) -> Step:
@@ -51,17 +62,24 @@ class Manoeuvre(ABC):
     """Something that the UAV does for some time.
 
     `declares` is the state that the estimator reports during it; None for the state that the data show.
-    `is_replaceable` says whether a new command may end it. `task` is None if it is not a task of the interface.
+    `is_replaceable` says whether a new command may end it. `why_not_pausable` says why it cannot hold on its way; empty
+    if it can. `task` is None if it is not a task of the interface.
     """
 
     declares: State | None = None
     is_replaceable = True
+    why_not_pausable = "only the safety pilot can abort it"
 
     def __init__(self, name: str, task: VehicleTask | None) -> None:
         self.name = name
         self.task = task
         self.command: AutopilotCommand | None = None
         self.future = running_future() if task is None else task.future
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether it holds on its way."""
+        return self.task is not None and self.task.is_paused
 
     @abstractmethod
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -22,6 +22,11 @@ def not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:
     )
 
 
+def not_pausable(command: str, why: str) -> WrongStateError:
+    """The refusal of a pause or resume; `why` says what runs, or that nothing does."""
+    return WrongStateError(f"{command}: {why}", {"command": command})
+
+
 def replaced(old: Manoeuvre, by: str) -> TaskAbortedError:
     """The end of a manoeuvre that a newer command replaced or cancelled."""
     how = "cancelled" if by in ("cancel", "abort") else f"replaced by {by}"

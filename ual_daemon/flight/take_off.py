@@ -76,7 +76,12 @@ class TakeOff(Manoeuvre):
         if lost is not None:
             return failed(lost)
         if estimate.state is State.LANDED_DISARMED:
-            return failed(TaskAbortedError("take_off: the motors were disarmed", {"by": "autopilot"}))
+            return failed(
+                TaskAbortedError(
+                    "take_off: the motors were disarmed (after a landing the autopilot does that by itself): arm again",
+                    {"by": "autopilot"},
+                )
+            )
         if self._climbing_since_s is None:
             if not self._has_begun(snapshot):
                 return self._wait_on_ground(snapshot, estimate)

@@ -37,6 +37,8 @@ class VehicleTask:
         self.kind = kind
         self.description = description
         self.future = running_future()
+        self.is_paused = False
+        """Whether the UAV holds on the way; see `ual_daemon.flight.flight.Flight.pause`."""
         self._clock = clock
         self._started_s = clock.now_s()
         self._ended_s: float | None = None
@@ -60,6 +62,7 @@ class VehicleTask:
             waypoint_index,
             error,
             self.description,
+            self.is_paused and status is TaskStatus.RUNNING,
         )
 
     def _status(self) -> tuple[TaskStatus, UalError | None]:

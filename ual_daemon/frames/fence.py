@@ -40,6 +40,11 @@ class Fence:
         part._highest_m = min(self._highest_m, highest_m + _MARGIN_M)  # noqa: SLF001  a Fence
         return part
 
+    @property
+    def highest_m(self) -> float:
+        """The top of the height band."""
+        return self._highest_m - _MARGIN_M
+
     def is_inside(self, point: Vector3) -> bool:
         """Returns whether a point lies inside, or on the edge."""
         return self._is_in_band(point) and self._is_over_polygon(point)

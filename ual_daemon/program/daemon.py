@@ -147,7 +147,11 @@ class _Served:
 
     async def _auto_arm(self, pilot: SafetyPilot) -> None:
         logs.uav.set(self._vehicle.log_name)
-        await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+        self._vehicle.commands.is_armed_automatically = True
+        try:
+            await auto_arm(pilot, self._vehicle.backend.clock, self.server.updates)
+        finally:
+            self._vehicle.commands.is_armed_automatically = False
 
     async def end(self) -> bool:
         """Waits until the UAV is safe, then stops the server and closes the vehicle. Returns whether it is safe."""

@@ -15,7 +15,6 @@ from typing_extensions import override
 from ual import _convert
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
-from ual.types import TaskKind
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
@@ -116,6 +115,10 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         planned = self._planning.begin("follow_path", partial(self._prepare, request, self._commands.last_command))
         return self._follow_path(request, planned)
 
+    @override
+    def ReturnToLaunch(self, request: pb.ReturnToLaunchRequest, context: object) -> _Maybe[pb.ReturnToLaunchResponse]:
+        return self._task(request, pb.ReturnToLaunchResponse)
+
     async def _follow_path(
         self, request: pb.FollowPathRequest, planned: Future[Prepared[VehicleTask]]
     ) -> pb.FollowPathResponse:
@@ -146,12 +149,10 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             try:
                 await ended(task.future)
             except asyncio.CancelledError:
-                is_cancelled = task.kind not in (TaskKind.TAKE_OFF, TaskKind.LAND)
+                is_cancelled = self._commands.abandon(task)
                 logs.event(
                     _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
                 )
-                if is_cancelled:
-                    self._commands.cancel(task)
                 raise
         return make(task=_convert.task_to_proto(task.info()))
 
@@ -204,6 +205,16 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
         self._commands.abort(request.freeze, request.task_id)
         return pb.AbortResponse()
+
+    @override
+    def Pause(self, request: pb.PauseRequest, context: object) -> pb.PauseResponse:
+        self._commands.pause(request.task_id)
+        return pb.PauseResponse()
+
+    @override
+    def Resume(self, request: pb.ResumeRequest, context: object) -> pb.ResumeResponse:
+        self._commands.resume(request.task_id)
+        return pb.ResumeResponse()
 
     @override
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:

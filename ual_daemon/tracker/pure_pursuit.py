@@ -37,6 +37,9 @@ class Pursuit(Reference):
         self._tolerance = tolerance
         self._stops_s = [*trajectory.stops_s, trajectory.duration_s]
         self._at_stop_since_s: float | None = None
+        self._held_s = 0.0
+        self.is_stopping = False
+        """Whether the point ahead stands still, so that the UAV comes to rest there."""
         self.time_s = 0.0
         self._ahead = trajectory.at(0.0)
         self._ahead_s = 0.0
@@ -50,11 +53,12 @@ class Pursuit(Reference):
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         measured = measured_motion(snapshot)
-        self._advance(measured.position)
-        self._pass_stop(measured, snapshot.time_s)
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
         self._updated_s = snapshot.time_s
-        self._ahead = self._look_ahead(passed_s)
+        self._advance(measured.position)
+        if not self.is_stopping:
+            self._pass_stop(measured, snapshot.time_s, passed_s)
+            self._ahead = self._look_ahead(passed_s)
         return PositionSetpoint(self._ahead.position, self._ahead.yaw_rad)
 
     def _advance(self, position: Vector3) -> None:
@@ -70,19 +74,25 @@ class Pursuit(Reference):
             if distance_m <= nearest_m:
                 nearest_m, self.time_s = distance_m, time_s
 
-    def _pass_stop(self, measured: Motion, now_s: float) -> None:
-        """Goes on from a stop once the UAV stands there, or after `LONGEST_STOP_S` (a wandering estimate)."""
-        if len(self._stops_s) == 1:
+    def _pass_stop(self, measured: Motion, now_s: float, passed_s: float) -> None:
+        """Goes on from a stop once the UAV has come to rest and held there."""
+        if len(self._stops_s) == 1 or not (self._held_s or self._has_stopped(measured, now_s)):
             return
+        self._held_s += passed_s
+        hold_s = self.trajectory.holds_s.get(self._stops_s[0], 0.0)
+        if self._held_s >= hold_s:
+            self.time_s = self._stops_s.pop(0) + hold_s
+            self._held_s, self._at_stop_since_s = 0.0, None
+
+    def _has_stopped(self, measured: Motion, now_s: float) -> bool:
+        """Whether the UAV stands at the next stop, or has been there for `LONGEST_STOP_S` (a wandering estimate)."""
         stop = self.trajectory.at(self._stops_s[0])
         if (measured.position - stop.position).norm() > self._tolerance.position_m:
-            return
+            return False
         if self._at_stop_since_s is None:
             self._at_stop_since_s = now_s
         is_slow = measured.velocity.norm() <= self._tolerance.speed_m_s
-        if is_slow or now_s - self._at_stop_since_s > LONGEST_STOP_S:
-            self.time_s = self._stops_s.pop(0)
-            self._at_stop_since_s = None
+        return is_slow or now_s - self._at_stop_since_s > LONGEST_STOP_S
 
     def _look_ahead(self, passed_s: float) -> Motion:
         """Returns the motion of the trajectory at the end of the look-ahead.

@@ -8,6 +8,7 @@
 | `bend` | from any motion to rest, or towards a goal |
 | `line` | straight to a goal; braking |
 | `path` | through many waypoints: `run` (legs and rounded corners, `leg`) between stops, after `simplify` |
+| `stay` | holding a place for some time |
 | `heading`, `turn`, `facing` | where the nose points |
 | `pieces` | motion as pieces of constant jerk |
 """

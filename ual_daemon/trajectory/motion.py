@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from ual.geometry import Vector3
 from ual.types import Limits
@@ -31,6 +32,8 @@ class Trajectory(ABC):
     """The limits that it keeps."""
     stops_s: Sequence[float] = ()
     """The times at which it is at rest at a waypoint before the end."""
+    holds_s: Mapping[float, float] = MappingProxyType({})
+    """How long it holds at a stop, by the time of that stop; stops without a hold are left out."""
 
     @abstractmethod
     def at(self, time_s: float) -> Motion:

@@ -21,6 +21,7 @@ from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.run import CLOSE_SHARE, Run
 from ual_daemon.trajectory.simplify import kept
+from ual_daemon.trajectory.stay import Stay
 
 _SAME_PLACE_M = 1e-6
 _LEAST_CUT_M = 1e-3
@@ -32,13 +33,14 @@ _SAME_TURN_RAD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A position to pass, in the local frame, the heading there (None: keep the one before), and the speed limit on the
-    leg that ends there (None: only the UAV's).
+    """A position to pass, in the local frame, the heading there (None: keep the one before), the speed limit on the leg
+    that ends there (None: only the UAV's), and how long to hold there (0: not at all).
     """
 
     position: Vector3
     yaw_rad: float | None = None
     max_speed_m_s: float | None = None
+    hold_s: float = 0.0
 
 
 class Chain(Trajectory):
@@ -51,7 +53,12 @@ class Chain(Trajectory):
         self._starts = [0.0]
         for part, _, _ in parts[:-1]:
             self._starts.append(self._starts[-1] + part.duration_s)
-        self.stops_s = [start for start, (_, _, is_stop) in zip(self._starts[1:], parts, strict=False) if is_stop]
+        self.stops_s = list(self._stops())
+        self.holds_s = {
+            start + at_s: hold_s
+            for start, (part, _, _) in zip(self._starts, parts, strict=True)
+            for at_s, hold_s in part.holds_s.items()
+        }
         self.duration_s = self._starts[-1] + parts[-1][0].duration_s
         self.length_m = math.fsum(part.length_m for part, _, _ in parts)
         after, left = [0.0], 0.0
@@ -59,6 +66,13 @@ class Chain(Trajectory):
             left += part.length_m
             after.append(left)
         self._length_after = after[::-1]
+
+    def _stops(self) -> Iterable[float]:
+        """Yields the times of the stops: those of a part, and the end of a part that ends at a waypoint."""
+        for index, (start, (part, _, is_stop)) in enumerate(zip(self._starts, self._parts, strict=True), start=1):
+            yield from (start + at_s for at_s in part.stops_s)
+            if is_stop and index < len(self._parts):
+                yield self._starts[index]
 
     @override
     def at(self, time_s: float) -> Motion:
@@ -100,9 +114,9 @@ def path(
     """Plans a trajectory from `start` through the waypoints to rest at the last one.
 
     Corners are rounded: the trajectory leaves a leg at most `corner_radius_m` before the waypoint. It stops at a
-    waypoint if the radius is 0, if the corner is (almost) a reversal, and if it has to turn there. Waypoints within a
-    tenth of the radius from a straight line between others (a recorded track) count as points on that line. A start in
-    motion bends towards the first waypoint.
+    waypoint if the radius is 0, if the corner is (almost) a reversal, if it has to turn there, and to hold. Waypoints
+    within a tenth of the radius from a straight line between others (a recorded track) count as points on that line. A
+    start in motion bends towards the first waypoint.
 
     The heading, always within its limits:
 
@@ -137,6 +151,7 @@ class _Planner:
         self._heading, self._point = heading, point_of_interest
         self._start = start
         self._points = [start.position, *(goal.position for goal in goals)]
+        self._holds_s = [0.0, *(goal.hold_s for goal in goals)]
         self._fastest = [math.inf if goal.max_speed_m_s is None else goal.max_speed_m_s for goal in goals]
         self._yaws = [start.yaw_rad]
         for goal in goals:
@@ -153,10 +168,14 @@ class _Planner:
                 parts.append((part, first, 0))
                 now = part.end()
             parts[-1] = (*parts[-1][:2], 1)
+            if self._holds_s[last] > 0.0:
+                parts.append((Stay(now, self._holds_s[last], self._limits), last - 1, 0))
             first = last
         return parts[0][0] if len(parts) == 1 else Chain(parts)
 
     def _is_rounded(self, index: int) -> bool:
+        if self._holds_s[index] > 0.0:
+            return False
         into = self._points[index] - self._points[index - 1]
         out = self._points[index + 1] - self._points[index]
         before_m, after_m = into.norm(), out.norm()

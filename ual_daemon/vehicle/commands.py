@@ -15,6 +15,7 @@ from ual.types import (
     MotionRequest,
     Plan,
     RecoverFromManualRequest,
+    ReturnToLaunchRequest,
     State,
     TakeOffRequest,
     TaskKind,
@@ -22,9 +23,12 @@ from ual.types import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.flight import Flight, LastCommand
 from ual_daemon.flight.land import Land
+from ual_daemon.flight.manoeuvre import Handover
 from ual_daemon.flight.recover import Recover
 from ual_daemon.flight.take_off import TakeOff
 from ual_daemon.flight.tasks import Tasks, VehicleTask
@@ -66,6 +70,8 @@ class Commands:
         self._tasks = tasks
         self._tolerance = settings.tolerance
         self._allow_arming = allow_arming
+        self.is_armed_automatically = False
+        """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
         self._planner = Planner(flight, resolver, preconditions, tasks, settings)
         self.setpoints = Setpoints(flight, resolver, preconditions)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
@@ -95,6 +101,8 @@ class Commands:
             return self._planner.go_to_waypoint(request, since)
         if isinstance(request, GoToWaypointGeoRequest):
             return self._planner.go_to_waypoint_geo(request, since)
+        if isinstance(request, ReturnToLaunchRequest):
+            return self._planner.return_to_launch(request, self._backend.land, since)
         assert isinstance(request, FollowPathRequest)
         return self._planner.follow_path(request, since)
 
@@ -114,7 +122,7 @@ class Commands:
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
-            snapshot = self._preconditions.require_state("take_off", State.LANDED_ARMED)
+            snapshot = self._require_armed_for_take_off()
             ground, bounds = measured_motion(snapshot), self._flight.limits.get()
             top = ground.position + Vector3(0.0, 0.0, height_m)
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
@@ -123,17 +131,50 @@ class Commands:
             if not on_setpoints:  # the autopilot climbs at its own speed
                 plan = Plan(plan.length_m)
 
+        def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
+            command = AutopilotCommand("take off", start.time_s)
+            climb = TakeOff(task, command, start, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
+            return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m)))
+
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("take_off"):
                 task = self._tasks.new(TaskKind.TAKE_OFF, f"take off to {height_m:g} m")
-                command = AutopilotCommand("take off", snapshot.time_s)
-                climb = TakeOff(task, command, snapshot, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
-                self._flight.begin(climb)
-                command.send(lambda: self._backend.take_off(height_m))
+                if self._is_to_be_armed(snapshot):
+                    self._flight.begin(AwaitArming(task, lambda now: climb_from(now, task), snapshot.time_s))
+                else:
+                    climb, send = climb_from(snapshot, task)
+                    self._flight.begin(climb)
+                    send()
                 accepted("take_off", task_id=task.id, height_m=height_m)
                 return task
 
         return Prepared(plan, begin)
+
+    def _require_armed_for_take_off(self) -> Snapshot:
+        """Returns the snapshot in which a take-off may begin, or wait for the automatic arming."""
+        try:
+            return self._preconditions.require_state("take_off", State.LANDED_ARMED)
+        except WrongStateError as error:
+            if error.state != State.LANDED_DISARMED.name:
+                raise
+            if self.is_armed_automatically:
+                return self._preconditions.require_state("take_off", *_LANDED)
+            raise WrongStateError(f"{error.message}; {self._how_to_arm()}", error.metadata) from None
+
+    def _is_to_be_armed(self, snapshot: Snapshot) -> bool:
+        """Whether a take-off waits for the automatic arming, which comes, too, when the autopilot disarms after a
+        landing.
+        """
+        is_armed = snapshot.armed is not None and snapshot.armed.value
+        return self.is_armed_automatically and (not is_armed or is_after_landing(snapshot))
+
+    def _how_to_arm(self) -> str:
+        if self.is_arming_allowed:
+            return "arm it before (arm, `ual arm`), also after each landing: the autopilot then disarms"
+        return (
+            "its safety pilot arms it (wait_for, `ual wait landed_armed`), also after each landing: the autopilot then "
+            "disarms"
+        )
 
     def _land(self) -> Prepared[VehicleTask]:
         """Prepares a landing at the present position."""
@@ -178,6 +219,9 @@ class Commands:
         with self._preconditions.logging_refusal("abort"):
             if task_id and self._tasks.get(task_id).future.done():
                 return
+            if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
+                self.cancel(self._tasks.get(task_id))  # a take-off that waits for the arming
+                return
             snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
             motion = measured_motion(snapshot)
             stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
@@ -188,19 +232,42 @@ class Commands:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
 
         Raises:
-            WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
+            WrongStateError: It is taking off or landing, which only the safety pilot can abort.
 
         """
         if task.future.done():
             return
-        if task.kind in (TaskKind.TAKE_OFF, TaskKind.LAND):
-            raise WrongStateError(f"{task.kind.name.lower()} can be aborted by the safety pilot only")
         snapshot = self._backend.snapshot()
         if self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
             self._flight.begin_reference(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
         else:
             self._flight.drop_task(task.id, "cancel")
         accepted("cancel", task_id=task.id)
+
+    def abandon(self, task: VehicleTask) -> bool:
+        """Cancels a task whose caller waits no more.
+
+        Returns False if it goes on, because only the safety pilot can abort what it does.
+        """
+        try:
+            self.cancel(task)
+        except WrongStateError:
+            return False
+        return True
+
+    def pause(self, task_id: str = "") -> None:
+        """Makes the task that runs hold on its way. With `task_id`, only that task."""
+        with self._preconditions.logging_refusal("pause"):
+            self._flight.require_pausable("pause", task_id)
+            self._preconditions.require_state("pause", State.FLYING_AUTO)
+            accepted("pause", task_id=self._flight.pause(task_id).id)
+
+    def resume(self, task_id: str = "") -> None:
+        """Makes the paused task go on. With `task_id`, only that task."""
+        with self._preconditions.logging_refusal("resume"):
+            self._flight.require_pausable("resume", task_id)
+            self._preconditions.require_state("resume", State.FLYING_AUTO)
+            accepted("resume", task_id=self._flight.resume(task_id).id)
 
     # --- Frames -------------------------------------------------------------------------------------------------------
 

@@ -6,8 +6,10 @@ if no newer command has begun in the meantime, and if the UAV is still near the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
+from typing import TypeAlias
 
 from ual.errors import ResourceExhaustedError, WrongStateError
 from ual.geometry import PoseStamped
@@ -19,6 +21,7 @@ from ual.types import (
     GoToWaypointRequest,
     Limits,
     Plan,
+    ReturnToLaunchRequest,
     State,
     TaskKind,
 )
@@ -27,6 +30,8 @@ from ual_daemon.backends.values import Snapshot, Takes
 from ual_daemon.flight.catch_up import CatchUp
 from ual_daemon.flight.flight import Flight, LastCommand
 from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.manoeuvre import Manoeuvre
+from ual_daemon.flight.return_to_launch import ReturnToLaunch
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.settings import Tracker, VehicleSettings
@@ -38,6 +43,7 @@ from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
+from ual_daemon.vehicle.way_home import plan_way_home
 
 _MOST_WAYPOINTS = 10_000
 """So many take about half a second to plan; a mission has some hundred."""
@@ -45,8 +51,11 @@ _NEAR_START_M, _NEAR_START_S = 1.0, 0.5
 """How far a UAV may fly on while its next trajectory is planned: this distance, plus its speed times this time."""
 
 
+_MakeManoeuvre: TypeAlias = Callable[[VehicleTask], Manoeuvre]
+
+
 class Planner:
-    """Plans the go-tos and paths of one UAV. Any thread may call; a long path blocks its caller for seconds."""
+    """Plans go-tos, paths and ways home of one UAV. Any thread may call; a long path blocks its caller for seconds."""
 
     def __init__(
         self,
@@ -60,6 +69,7 @@ class Planner:
         self._resolver = resolver
         self._preconditions = preconditions
         self._tasks = tasks
+        self._settings = settings
         self._tolerance = settings.tolerance
         self._tracker_setting = settings.tracker
 
@@ -112,25 +122,30 @@ class Planner:
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
             bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
             leg_speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, count)
+            holds_s = validation.holds(request.holds_s, count)
             speeds_m_s = [limits.slower(speed_m_s, max_speed_m_s) for speed_m_s in leg_speeds_m_s]
             point = request.point_of_interest
             heading = validation.path_heading(request.heading, has_point=point is not None)
             goals = self._goals(request.waypoints)
             interest = None if point is None else self._resolver.point(point, "point_of_interest")
             snapshot = self._preconditions.require_state("follow_path", State.FLYING_AUTO)
-            waypoints = self._local_waypoints(goals, speeds_m_s, snapshot)
+            waypoints = self._local_waypoints(goals, speeds_m_s, holds_s, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
             trajectory = path(self._flight.start(snapshot), waypoints, radius_m, bounds, heading, look_at)
             what = f"follow {count} waypoints to {_text(goals[-1])}"
             return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, since)
 
     def _local_waypoints(
-        self, goals: Sequence[Goal | GeoWaypoint], speeds_m_s: Sequence[float | None], snapshot: Snapshot
+        self,
+        goals: Sequence[Goal | GeoWaypoint],
+        speeds_m_s: Sequence[float | None],
+        holds_s: Sequence[float],
+        snapshot: Snapshot,
     ) -> list[Waypoint]:
         waypoints = self._resolver.all_to_local(goals, snapshot)
         return [
-            replace(waypoint, max_speed_m_s=speed_m_s)
-            for waypoint, speed_m_s in zip(waypoints, speeds_m_s, strict=True)
+            replace(waypoint, max_speed_m_s=speed_m_s, hold_s=hold_s)
+            for waypoint, speed_m_s, hold_s in zip(waypoints, speeds_m_s, holds_s, strict=True)
         ]
 
     def _goals(self, waypoints: Sequence[PoseStamped | GeoWaypoint]) -> Sequence[Goal] | Sequence[GeoWaypoint]:
@@ -151,13 +166,53 @@ class Planner:
         name = kind.name.lower()
         plan = admit(self._flight, name, trajectory, snapshot)
 
+        def make(task: VehicleTask) -> Manoeuvre:
+            return FollowTrajectory(name, task, trajectory, self._tolerance, self._tracker(), snapshot.time_s)
+
+        return self._prepared(kind, what, trajectory, plan, make, since)
+
+    def return_to_launch(
+        self, request: ReturnToLaunchRequest, land: Callable[[], Future[None]], since: LastCommand
+    ) -> Prepared[VehicleTask]:
+        """Plans the way home. `land` makes the autopilot land there."""
+        with self._preconditions.logging_refusal("return_to_launch"):
+            self._preconditions.require_capability(Capability.POSITION, "return_to_launch")
+            self._preconditions.require_capability(Capability.LAND, "return_to_launch")
+            height_m = request.height_m
+            if height_m is not None:
+                height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
+            self._flight.require_replaceable("return_to_launch")
+            snapshot = self._preconditions.require_state("return_to_launch", State.FLYING_AUTO)
+            trajectory, home, plan = plan_way_home(
+                self._flight, self._settings, height_m, self._flight.limits.get(), snapshot
+            )
+
+        def make(task: VehicleTask) -> Manoeuvre:
+            return ReturnToLaunch(
+                task, trajectory, home.position.z, land, self._tolerance, self._tracker(), snapshot.time_s
+            )
+
+        height_m = trajectory.end().position.z - home.position.z
+        what = f"return to {home.what} at {height_m:.1f} m above the ground, and land"
+        return self._prepared(TaskKind.RETURN_TO_LAUNCH, what, trajectory, plan, make, since)
+
+    def _prepared(
+        self,
+        kind: TaskKind,
+        what: str,
+        trajectory: Trajectory,
+        plan: Plan,
+        make: _MakeManoeuvre,
+        since: LastCommand,
+    ) -> Prepared[VehicleTask]:
+        """Prepares the task whose manoeuvre `make` makes to fly a trajectory."""
+        name = kind.name.lower()
+
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
                 self._require_near(name, trajectory)
                 task = self._tasks.new(kind, what)
-                tolerance, tracker = self._tolerance, self._tracker()
-                follow = FollowTrajectory(name, task, trajectory, tolerance, tracker, snapshot.time_s)
-                self._flight.begin(follow, since)
+                self._flight.begin(make(task), since)
                 accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
                 return task
 

@@ -28,6 +28,7 @@ from ual.types import (
     MotionRequest,
     Plan,
     RecoverFromManualRequest,
+    ReturnToLaunchRequest,
     Setpoint,
     TakeOffRequest,
     TaskInfo,
@@ -177,6 +178,14 @@ def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
     return Call(Service.UAL, "Abort", pb.AbortRequest(freeze=freeze, task_id=task_id), _nothing)
 
 
+def pause(task_id: str = "") -> Call[None]:
+    return Call(Service.UAL, "Pause", pb.PauseRequest(task_id=task_id), _nothing)
+
+
+def resume(task_id: str = "") -> Call[None]:
+    return Call(Service.UAL, "Resume", pb.ResumeRequest(task_id=task_id), _nothing)
+
+
 def get_task(task_id: str) -> Call[TaskInfo]:
     request = _built(lambda: pb.GetTaskRequest(task_id=task_id), "task_id")
     return Call(Service.UAL, "GetTask", request, _read_task)
@@ -190,6 +199,7 @@ _TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
     GoToWaypointRequest: ("GoToWaypoint", "waypoint", _IS_CANCELLED),
     GoToWaypointGeoRequest: ("GoToWaypointGeo", "waypoint", _IS_CANCELLED),
     FollowPathRequest: ("FollowPath", "waypoints", _IS_CANCELLED),
+    ReturnToLaunchRequest: ("ReturnToLaunch", "height_m", f"{_IS_CANCELLED} (a landing that has begun goes on)"),
 }
 """The method of each request, the field named where protobuf refuses a value, and what becomes of it at a time-out."""
 

@@ -127,6 +127,14 @@ class Uav(interface.Uav):
         self._command(_calls.abort(freeze))
 
     @override
+    def pause(self) -> None:
+        self._command(_calls.pause())
+
+    @override
+    def resume(self) -> None:
+        self._command(_calls.resume())
+
+    @override
     def task(self, task_id: str) -> Task:
         return Task(self._connection, self._connection.run(_calls.get_task(task_id)))
 

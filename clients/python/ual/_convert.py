@@ -60,6 +60,7 @@ from ual.types import (
     Odometry,
     PathHeading,
     Plan,
+    ReturnToLaunchRequest,
     State,
     TakeOffRequest,
     TaskInfo,
@@ -74,7 +75,8 @@ from ual.v1 import ual_pb2 as pb
 _E = TypeVar("_E", bound=Enum)
 
 TaskRequestMessage: TypeAlias = (
-    "pb.TakeOffRequest | pb.LandRequest | pb.GoToWaypointRequest | pb.GoToWaypointGeoRequest | pb.FollowPathRequest"
+    "pb.TakeOffRequest | pb.LandRequest | pb.GoToWaypointRequest | pb.GoToWaypointGeoRequest | pb.FollowPathRequest "
+    "| pb.ReturnToLaunchRequest"
 )
 
 _STATE_TO_PROTO = {state: pb.State.ValueType(state.value) for state in State}
@@ -258,6 +260,8 @@ def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -
             max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
             non_blocking=non_blocking,
         )
+    if isinstance(request, ReturnToLaunchRequest):
+        return pb.ReturnToLaunchRequest(height_m=request.height_m, non_blocking=non_blocking)
     return _follow_path_to_proto(request, non_blocking)
 
 
@@ -271,6 +275,7 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
         leg_speeds_m_s=request.leg_speeds_m_s,
         heading=_path_heading_to_proto(request.heading),
         point_of_interest=None if interest is None else _point_stamped_to_proto(interest),
+        holds_s=request.holds_s,
         non_blocking=non_blocking,
     )
 
@@ -287,6 +292,8 @@ def task_request_from_proto(message: TaskRequestMessage) -> TaskRequest:
         return GoToWaypointRequest(pose_stamped_from_proto(message.waypoint, "waypoint"), message.max_speed_m_s or None)
     if isinstance(message, pb.GoToWaypointGeoRequest):
         return GoToWaypointGeoRequest(_geo_waypoint_from_proto(message), message.max_speed_m_s or None)
+    if isinstance(message, pb.ReturnToLaunchRequest):
+        return ReturnToLaunchRequest(message.height_m if message.HasField("height_m") else None)
     return _follow_path_from_proto(message)
 
 
@@ -301,6 +308,7 @@ def _follow_path_from_proto(message: pb.FollowPathRequest) -> FollowPathRequest:
         tuple(message.leg_speeds_m_s),
         _enum(PathHeading, heading or PathHeading.WAYPOINTS.value, "heading"),
         _point_of_interest_from_proto(message),
+        tuple(message.holds_s),
     )
 
 
@@ -434,6 +442,7 @@ def task_to_proto(task: TaskInfo) -> pb.Task:
         waypoint_index=task.waypoint_index,
         error=None if task.error is None else task_error_to_proto(task.error),
         description=task.description,
+        is_paused=task.is_paused,
     )
 
 
@@ -449,6 +458,7 @@ def task_from_proto(message: pb.Task) -> TaskInfo:
         waypoint_index=message.waypoint_index if message.HasField("waypoint_index") else None,
         error=task_error_from_proto(message.error) if message.HasField("error") else None,
         description=message.description,
+        is_paused=message.is_paused,
     )
 
 

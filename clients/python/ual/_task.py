@@ -78,6 +78,14 @@ class Task(KnownTask[Connection], interface.Task):
                 raise
 
     @override
+    def pause(self) -> None:
+        self._connection.run(_calls.pause(self.id))
+
+    @override
+    def resume(self) -> None:
+        self._connection.run(_calls.resume(self.id))
+
+    @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
         for info in self._watch(rate_hz, None):
             self._info = info

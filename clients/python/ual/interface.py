@@ -46,6 +46,7 @@ from ual.types import (
     PathHeading,
     Plan,
     RecoverFromManualRequest,
+    ReturnToLaunchRequest,
     State,
     TakeOffRequest,
     TaskInfo,
@@ -100,6 +101,24 @@ class Task(Protocol):
 
         Raises:
             WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
+
+        """
+        ...
+
+    def pause(self) -> None:
+        """Brakes on its way and holds there, until `resume`. Does nothing if it is paused already.
+
+        Raises:
+            WrongStateError: It has ended, or it cannot be paused (a take-off, a landing, a goal that moves).
+
+        """
+        ...
+
+    def resume(self) -> None:
+        """Goes on along the rest of its way.
+
+        Raises:
+            WrongStateError: It has ended, or it is not paused.
 
         """
         ...
@@ -225,14 +244,25 @@ class DryRun(Generic[P]):
         leg_speeds_m_s: Sequence[float] = (),
         heading: PathHeading = PathHeading.WAYPOINTS,
         point_of_interest: PointStamped | Vector3 | None = None,
+        holds_s: Sequence[float] = (),
     ) -> P:
         """Returns the plan of `Uav.follow_path`."""
         interest = None if point_of_interest is None else stamped_point(point_of_interest)
         return self._plan(
             FollowPathRequest(
-                _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest
+                _stamped_waypoints(waypoints),
+                corner_radius_m,
+                max_speed_m_s,
+                leg_speeds_m_s,
+                heading,
+                interest,
+                holds_s,
             )
         )
+
+    def return_to_launch(self, height_m: float | None = None) -> P:
+        """Returns the plan of `Uav.return_to_launch`, up to the landing."""
+        return self._plan(ReturnToLaunchRequest(height_m))
 
     def set_pose(self, pose: PoseStamped | Pose) -> P:
         """Returns the plan of `Uav.set_pose`, which says only that it would be taken."""
@@ -383,6 +413,7 @@ class TaskCommands(ABC, Generic[T]):
         leg_speeds_m_s: Sequence[float] = (),
         heading: PathHeading = PathHeading.WAYPOINTS,
         point_of_interest: PointStamped | Vector3 | None = None,
+        holds_s: Sequence[float] = (),
         blocking: bool = True,
         timeout_s: float | None = None,
     ) -> T:
@@ -396,6 +427,7 @@ class TaskCommands(ABC, Generic[T]):
                 `max_speed_m_s`).
             heading: Where the nose points. Only `PathHeading.WAYPOINTS` uses the orientations of the waypoints.
             point_of_interest: Where the nose points with `PathHeading.POINT_OF_INTEREST`, and only with that.
+            holds_s: Empty, or how long to hold at each waypoint, from the arrival there: seconds, 0 (no stop) to 3600.
             blocking: Whether to wait for the end.
             timeout_s: As in `go_to_waypoint`.
 
@@ -413,9 +445,36 @@ class TaskCommands(ABC, Generic[T]):
         """
         interest = None if point_of_interest is None else stamped_point(point_of_interest)
         request = FollowPathRequest(
-            _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest
+            _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest, holds_s
         )
         return self._begin(request, blocking, timeout_s)
+
+    def return_to_launch(
+        self, height_m: float | None = None, *, blocking: bool = True, timeout_s: float | None = None
+    ) -> T:
+        """Climbs to a safe height, flies straight over home, and lands there. Allowed in FLYING_AUTO.
+
+        Home is the autopilot's home position; where that is not known, the place where UAL saw it take off. The UAV
+        keeps its heading. Where it is over home already, it lands without a climb.
+
+        Args:
+            height_m: It flies home at least at this height above the ground of the take-off, and at its present height
+                where that is larger. None: the daemon's `rtl_height_m`, but not above the ceiling and the geofence.
+            blocking: Whether to wait for the end.
+            timeout_s: How long to wait, in seconds. When it passes, the task is cancelled and the UAV holds, unless the
+                landing has begun.
+
+        Raises:
+            WrongStateError: The UAV does not fly by references of UAL, or no home is known.
+            InvalidArgumentError: The height is not a positive number.
+            GeofenceError: Home or the way there lies outside the geofence; the message says what to do.
+            TaskAbortedError: As in `go_to_waypoint`. Once the landing has begun, only the safety pilot can abort it.
+
+        Example:
+            >>> uav.return_to_launch()
+
+        """
+        return self._begin(ReturnToLaunchRequest(height_m), blocking, timeout_s)
 
 
 class Uav(TaskCommands[Task]):
@@ -713,6 +772,33 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL, or a take-off or landing runs.
+
+        """
+
+    @abstractmethod
+    def pause(self) -> None:
+        """Brakes on the way of the running task and holds there. Allowed in FLYING_AUTO. Returns at once.
+
+        The task still runs, but its time limit does not; `TaskInfo.is_paused` is True. Another command, an abort, or
+        the safety pilot ends it as ever. Does nothing if the task is paused already.
+
+        Raises:
+            WrongStateError: No task runs, or it cannot be paused (a take-off, a landing, a goal that moves).
+
+        Example:
+            >>> task = uav.go_to_waypoint(ual.Pose.at(20.0, 0.0, 3.0), blocking=False)
+            >>> uav.pause()
+            >>> uav.resume()
+            >>> task.wait()
+
+        """
+
+    @abstractmethod
+    def resume(self) -> None:
+        """Goes on with the paused task, along the rest of its way. Allowed in FLYING_AUTO. Returns at once.
+
+        Raises:
+            WrongStateError: No task runs, or it is not paused.
 
         """
 

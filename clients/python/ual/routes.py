@@ -1,7 +1,7 @@
 """Reads routes from files: UAL's own waypoint files, QGroundControl's ``.plan``, and KML (Google Earth, QGIS, ...).
 
-`Uav.follow_path` takes the waypoints of a route. Whatever else a file contains (a take-off, camera commands, times to
-wait) is not flown; `Route.left_out` lists it.
+`Uav.follow_path` takes the waypoints of a route, with their speeds and holds. Whatever else a file contains (a
+take-off, camera commands) is not flown; `Route.left_out` lists it.
 
 Sources: QGroundControl's plan file format (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html)
 with MAVLink's MAV_CMD and MAV_FRAME; OGC KML 2.3 (OGC 12-007r2), sections 9.11 (LineString) and 9.20 (altitudeMode).
@@ -44,7 +44,7 @@ class RouteError(Exception):
 @dataclass(frozen=True, slots=True)
 class Route:
     """Waypoints, either all with frames or all geographic; `leg_speeds_m_s` is empty or has one for each waypoint (0:
-    none given).
+    none given), and so has `holds_s` (how long to hold there, 0: no stop).
 
     `left_out` lists, as text for people, what else is in the file and is not flown.
     """
@@ -52,6 +52,7 @@ class Route:
     waypoints: Sequence[PoseStamped] | Sequence[GeoWaypoint]
     leg_speeds_m_s: Sequence[float] = ()
     left_out: Sequence[str] = ()
+    holds_s: Sequence[float] = ()
 
 
 def read(file: Path | str, *, frame_id: str = "", altitude_m: float | None = None) -> Route:
@@ -76,7 +77,7 @@ def read(file: Path | str, *, frame_id: str = "", altitude_m: float | None = Non
         return parse_plan(text, str(file))
     if file.suffix.lower() == ".kml":
         return parse_kml(text, str(file), altitude_m)
-    return Route(parse_lines(text, str(file), frame_id))
+    return parse_list(text, str(file), frame_id)
 
 
 # --- One waypoint a line ----------------------------------------------------------------------------------------------
@@ -86,16 +87,25 @@ def parse_lines(text: str, name: str, frame_id: str = "") -> list[PoseStamped]:
     """Parses one waypoint a line: a JSON object as ``ual waypoints save`` writes it, or ``X,Y,Z[,YAW]``. ``#`` begins a
     comment. Raises `RouteError`.
     """
-    return list(_lines(text.splitlines(), name, frame_id))
+    return [pose for pose, _ in _lines(text.splitlines(), name, frame_id)]
 
 
-def _lines(lines: Iterable[str], name: str, frame_id: str) -> Iterator[PoseStamped]:
+def parse_list(text: str, name: str, frame_id: str = "") -> Route:
+    """Parses one waypoint a line, as `parse_lines`, with the times to hold there. Raises `RouteError`."""
+    found = list(_lines(text.splitlines(), name, frame_id))
+    holds_s = [hold_s for _, hold_s in found]
+    return Route([pose for pose, _ in found], holds_s=holds_s if any(holds_s) else ())
+
+
+def _lines(lines: Iterable[str], name: str, frame_id: str) -> Iterator[tuple[PoseStamped, float]]:
+    """Yields each waypoint, and how long to hold there."""
     for number, raw in enumerate(lines, start=1):
         line = raw.partition("#")[0].strip()
         if not line:
             continue
         try:
-            yield _from_json(line, frame_id) if line.startswith("{") else PoseStamped(parse_waypoint(line), frame_id)
+            is_json = line.startswith("{")
+            yield _from_json(line, frame_id) if is_json else (PoseStamped(parse_waypoint(line), frame_id), 0.0)
         except BareAngleError as error:
             raise RouteError(f"{name}, line {number}: {error}") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -104,13 +114,13 @@ def _lines(lines: Iterable[str], name: str, frame_id: str) -> Iterator[PoseStamp
             ) from None
 
 
-def _from_json(line: str, frame_id: str) -> PoseStamped:
+def _from_json(line: str, frame_id: str) -> tuple[PoseStamped, float]:
     values = json.loads(line)
     yaw_rad = values.get("yaw_rad")
     pose = Pose.at(
         float(values["x"]), float(values["y"]), float(values["z"]), None if yaw_rad is None else float(yaw_rad)
     )
-    return PoseStamped(pose, str(values.get("frame_id") or frame_id))
+    return PoseStamped(pose, str(values.get("frame_id") or frame_id)), float(values.get("hold_s") or 0.0)
 
 
 def parse_waypoint(text: str) -> Pose:
@@ -162,7 +172,7 @@ def parse_plan(text: str, name: str) -> Route:
         plan.get("rallyPoints"), "points"
     ):
         reader.left_out.append("the geofence and rally points (the daemon has a geofence of its own)")
-    return Route(reader.waypoints, speeds, reader.left_out)
+    return Route(reader.waypoints, speeds, reader.left_out, reader.holds_s if any(reader.holds_s) else ())
 
 
 def _holds(part: object, key: str) -> bool:
@@ -177,6 +187,7 @@ class _PlanReader:
         self._speed_m_s = 0.0
         self.waypoints: list[GeoWaypoint] = []
         self.speeds_m_s: list[float] = []
+        self.holds_s: list[float] = []
         self.left_out: list[str] = []
 
     def read(self, items: Sequence[Any], where: str) -> None:
@@ -218,13 +229,12 @@ class _PlanReader:
         yaw_rad = None
         if yaw_deg is not None and math.isfinite(float(yaw_deg)):
             yaw_rad = wrap_angle(math.pi / 2 - math.radians(float(yaw_deg)))  # from clockwise from north to REP 103
-        if hold_s > 0.0:
-            self.left_out.append(f"{place}: a wait of {hold_s:g} s")
         if int(item["command"]) == _NAV_SPLINE:
             self.left_out.append(f"{place}: the curve (flown straight)")
         reference = _AMSL if frame in _AMSL_FRAMES else _HOME
         self.waypoints.append(GeoWaypoint(float(params[4]), float(params[5]), float(params[6]), reference, yaw_rad))
         self.speeds_m_s.append(self._speed_m_s)
+        self.holds_s.append(max(0.0, hold_s))
 
 
 # --- KML --------------------------------------------------------------------------------------------------------------

@@ -51,6 +51,7 @@ class TaskKind(Enum):
     GO_TO_WAYPOINT = 3
     GO_TO_WAYPOINT_GEO = 4
     FOLLOW_PATH = 5
+    RETURN_TO_LAUNCH = 6
 
 
 class TaskStatus(Enum):
@@ -149,6 +150,14 @@ class FollowPathRequest:
     leg_speeds_m_s: Sequence[float] = ()
     heading: PathHeading = PathHeading.WAYPOINTS
     point_of_interest: PointStamped | None = None
+    holds_s: Sequence[float] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnToLaunchRequest:
+    """Fly home and land there, at least `height_m` above the ground (None: as the daemon is configured)."""
+
+    height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +165,14 @@ class RecoverFromManualRequest:
     """Take control back from the safety pilot, and hold the pose found."""
 
 
-TaskRequest = TakeOffRequest | LandRequest | GoToWaypointRequest | GoToWaypointGeoRequest | FollowPathRequest
+TaskRequest = (
+    TakeOffRequest
+    | LandRequest
+    | GoToWaypointRequest
+    | GoToWaypointGeoRequest
+    | FollowPathRequest
+    | ReturnToLaunchRequest
+)
 """What begins a task. Nothing in it is checked yet: the vehicle in the daemon does that, once for all callers."""
 Setpoint = PoseStamped | TwistStamped
 """A reference that is sent as it is: `set_pose` and `set_velocity`."""
@@ -199,7 +215,7 @@ class TaskInfo:
     """How a task stood at one moment.
 
     `progress` is 0 to 1 and `distance_left_m` metres, None where that cannot be told; `waypoint_index` is the waypoint
-    a path flies to; `error` says why it was aborted or failed.
+    a path flies to; `error` says why it was aborted or failed; `is_paused` says that it runs, but holds on its way.
     """
 
     id: str
@@ -211,6 +227,7 @@ class TaskInfo:
     waypoint_index: int | None = None
     error: UalError | None = None
     description: str = ""
+    is_paused: bool = False
 
 
 @dataclass(frozen=True, slots=True)

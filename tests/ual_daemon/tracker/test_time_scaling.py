@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from tests.strategies import vectors
 from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, STEP_S, assert_kept, waypoints
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import Limits, PathHeading
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import Sample, Setpoint, Snapshot
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
 from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
@@ -98,3 +99,63 @@ def test_a_motion_in_real_time_is_not_changed() -> None:
     assert scaled(motion, 1.0, 0.0) is motion
     assert scaled(motion, 0.5, 0.0).acceleration == Vector3(0, 0.25, 0)
     assert scaled(motion, 0.5, -0.2).acceleration == Vector3(-0.2, 0.25, 0)
+
+
+def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]) -> list[Motion]:
+    """What is sent to a UAV that never lags, which flies and is paused by turns; then it flies to the end."""
+    snapshot, sent, now_s = Snapshot(time_s=0.0), [follow.trajectory.at(0.0)], 0.0
+
+    def run(duration_s: float) -> None:
+        nonlocal snapshot, now_s
+        for _ in range(round(duration_s / STEP_S)):
+            now_s += STEP_S
+            pose = Sample(Pose(follow.motion(snapshot).position, Quaternion.from_yaw(0.0)), now_s)
+            snapshot = Snapshot(time_s=now_s, pose=pose)
+            follow.setpoint(snapshot)
+            sent.append(follow.motion(snapshot))
+
+    for flying_s, paused_s in [*spans, (0.0, 40.0)]:
+        follow.is_stopping = False
+        run(flying_s)
+        follow.is_stopping = True
+        run(paused_s)
+    assert sent[-1].velocity.norm() <= 1e-9  # 40 s are enough to stop, whatever it flies
+    assert abs(sent[-1].yaw_rate_rad_s) <= 1e-9
+    follow.is_stopping = False
+    run(min(120.0, 5.0 * follow.trajectory.duration_s + 20.0))
+    return sent
+
+
+@settings(max_examples=25, phases=[Phase.explicit, Phase.generate])  # a failing path shrinks too slowly
+@given(
+    st.lists(st.builds(Waypoint, vectors(15.0)), min_size=1, max_size=5),
+    st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 6.0)), min_size=1, max_size=4),
+    st.sampled_from([0.0, 1.0, 5.0]),
+    st.sampled_from(PathHeading),
+    LIMIT_SETS,
+)
+def test_a_pause_keeps_the_path_and_the_limits_and_is_flown_to_the_end(
+    goals: list[Waypoint], spans: list[tuple[float, float]], radius_m: float, heading: PathHeading, limits: Limits
+) -> None:
+    found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))
+    follow = Recorded(found, 0.0)
+    sent = paused_motions(follow, spans)
+    assert_kept(sent, limits, slack=SLACK)
+    assert all(after >= before - 1e-9 for before, after in itertools.pairwise(follow.times_s))  # it never goes back
+    for motion, time_s in zip(sent[1:], follow.times_s, strict=True):
+        assert motion.position == found.at(time_s).position  # nor off its path
+    if found.duration_s < 15.0:
+        assert follow.is_finished
+
+
+class Recorded(TrajectoryReference):
+    """Records the times on the trajectory."""
+
+    def __init__(self, trajectory: Trajectory, now_s: float) -> None:
+        super().__init__(trajectory, now_s)
+        self.times_s: list[float] = []
+
+    def setpoint(self, snapshot: Snapshot) -> Setpoint:
+        found = super().setpoint(snapshot)
+        self.times_s.append(self.time_s)
+        return found

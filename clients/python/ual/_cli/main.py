@@ -7,7 +7,7 @@ import os
 import click
 
 from ual import __version__
-from ual._cli import check, completion, flight, frames, path, simulation, status, waypoints
+from ual._cli import check, completion, flight, frames, path, simulation, status, task, waypoints
 from ual._cli.app import UalGroup
 
 
@@ -24,6 +24,7 @@ def cli() -> None:
 for command in (
     *status.COMMANDS,
     *flight.COMMANDS,
+    *task.COMMANDS,
     *path.COMMANDS,
     *frames.COMMANDS,
     *waypoints.COMMANDS,

@@ -26,6 +26,7 @@ class PathOptions:
     point_of_interest: PointStamped | None = None
     dry_run: bool = False
     plot: Path | None = None
+    holds_s: Sequence[float] = ()
 
 
 @command("path")
@@ -47,6 +48,14 @@ class PathOptions:
     help="The highest speed (m/s) on the leg to each waypoint; 0: as --max-speed says.",
 )
 @click.option(
+    "--holds",
+    "holds_s",
+    type=values.numbers,
+    default="",
+    metavar="S,S,...",
+    help="How long to stop and hold at each waypoint (s); 0: no stop for that.",
+)
+@click.option(
     "--heading",
     type=values.path_heading,
     default="waypoints",
@@ -66,6 +75,7 @@ def path(
     corner_radius_m: float,
     max_speed_m_s: float | None,
     leg_speeds_m_s: list[float],
+    holds_s: list[float],
     heading: PathHeading | Vector3,
     frame_id: str,
     dry_run: bool,
@@ -85,7 +95,7 @@ def path(
         kind, point = PathHeading.POINT_OF_INTEREST, PointStamped(heading, frame_id)
     else:
         kind, point = heading, None
-    how = PathOptions(corner_radius_m, max_speed_m_s, leg_speeds_m_s, kind, point, dry_run, plot)
+    how = PathOptions(corner_radius_m, max_speed_m_s, leg_speeds_m_s, kind, point, dry_run, plot, holds_s)
     fly_path(session, route, how)
 
 
@@ -94,6 +104,7 @@ def fly_path(session: Session, route: Route, how: PathOptions) -> None:
     for each in route.left_out:
         note(f"ual: not flown: {each}")
     waypoints, speeds_m_s = route.waypoints, how.leg_speeds_m_s or route.leg_speeds_m_s
+    holds_s = how.holds_s or route.holds_s
     with session.connect() as uav:
         if how.dry_run:
             plan = uav.dry_run.follow_path(
@@ -103,6 +114,7 @@ def fly_path(session: Session, route: Route, how: PathOptions) -> None:
                 leg_speeds_m_s=speeds_m_s,
                 heading=how.heading,
                 point_of_interest=how.point_of_interest,
+                holds_s=holds_s,
             )
             manoeuvre.print_plan(session, plan)
             return
@@ -116,6 +128,7 @@ def fly_path(session: Session, route: Route, how: PathOptions) -> None:
                 leg_speeds_m_s=speeds_m_s,
                 heading=how.heading,
                 point_of_interest=how.point_of_interest,
+                holds_s=holds_s,
                 timeout_s=session.timeout_s,
             ),
             how.plot,

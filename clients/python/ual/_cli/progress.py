@@ -39,7 +39,7 @@ def shown(uav: Uav) -> Iterator[None]:
             left = None if task is None else task.distance_left_m
             bar.update(
                 shown_task,
-                description=f"{telemetry.state.name:<15}",
+                description=f"{_doing(telemetry):<15}",
                 total=None if progress is None else 1.0,
                 completed=0.0 if progress is None else progress,
                 left="" if left is None else f"{left:6.2f} m left",
@@ -47,3 +47,8 @@ def shown(uav: Uav) -> Iterator[None]:
 
         with uav.subscribe(show, _RATE_HZ):
             yield
+
+
+def _doing(telemetry: Telemetry) -> str:
+    task = telemetry.task
+    return "paused" if task is not None and task.is_paused else telemetry.state.name

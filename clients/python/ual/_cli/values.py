@@ -80,7 +80,7 @@ def read_route(file: Path, frame_id: str = "", altitude_m: float | None = None) 
     """Reads the route of a file (``-``: one waypoint a line on standard input); see `ual.routes.read`."""
     try:
         if str(file) == "-":
-            return Route(routes.parse_lines(sys.stdin.read(), "standard input", frame_id))
+            return routes.parse_list(sys.stdin.read(), "standard input", frame_id)
         return routes.read(file, frame_id=frame_id, altitude_m=altitude_m)
     except UnicodeDecodeError:
         raise InvalidArgumentError("standard input is not text", {"field": "file"}) from None

@@ -21,7 +21,7 @@ from ual._cli.output import error_text, pose_text, vector_text
 from ual._cli.values import Number
 from ual._discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
-from ual.types import State, Telemetry
+from ual.types import State, TaskInfo, Telemetry
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -262,13 +262,18 @@ def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
-        ("task", "" if task is None else task.description or task.kind.name, ""),
+        ("task", "" if task is None else _task_text(task), ""),
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
         ("battery", " ".join(filter(None, (_known(percent, "{:.0f} %"), _known(voltage, "{:.1f} V")))), ""),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
         ("satellites", "" if gps is None else f"{gps.satellites_count} ({gps.fix.name})", ""),
         ("autopilot says", t.status_text, "dim"),
     ]
+
+
+def _task_text(task: TaskInfo) -> str:
+    text = task.description or task.kind.name
+    return f"{text} (paused)" if task.is_paused else text
 
 
 def _known(value: float | None, text: str) -> str:

@@ -209,6 +209,14 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         """Cancels the task or reference, and stops the UAV; see `ual.interface.Uav.abort`."""
         await self._command(_calls.abort(freeze))
 
+    async def pause(self) -> None:
+        """Stops the running task on its way; see `ual.interface.Uav.pause`."""
+        await self._command(_calls.pause())
+
+    async def resume(self) -> None:
+        """Goes on with the paused task; see `ual.interface.Uav.resume`."""
+        await self._command(_calls.resume())
+
     async def task(self, task_id: str) -> Task:
         """Returns the handle of a task that runs, or ended lately.
 

@@ -56,6 +56,14 @@ class Task(KnownTask[Connection]):
             if not await self.done():
                 raise
 
+    async def pause(self) -> None:
+        """Stops it on its way, and holds there; see `ual.interface.Task.pause`."""
+        await self._connection.run(_calls.pause(self.id))
+
+    async def resume(self) -> None:
+        """Goes on with it along the rest of its way; see `ual.interface.Task.resume`."""
+        await self._connection.run(_calls.resume(self.id))
+
     async def watch(self, rate_hz: float = 10.0) -> AsyncIterator[TaskInfo]:
         """Yields how it stands, `rate_hz` times a second, until it has ended; the last value says how it ended."""
         async for info in self._watch(rate_hz, None):

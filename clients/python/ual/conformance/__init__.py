@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from ual.conformance import dry_runs, flying, grounded, paths, piloted, refusals, reports, tasks, velocities
+from ual.conformance import dry_runs, flying, grounded, missions, paths, piloted, refusals, reports, tasks, velocities
 from ual.conformance.check import Check, Need, Outcome, Result
 from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Tolerances
 from ual.conformance.runner import run, run_check
@@ -20,6 +20,7 @@ CHECKS: tuple[Check, ...] = (
     *tasks.CHECKS,
     *refusals.CHECKS,
     *piloted.CHECKS,
+    *missions.CHECKS,
 )
 """In an order that changes the UAV's state as rarely as possible: checks on the ground come first."""
 

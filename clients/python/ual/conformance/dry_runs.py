@@ -53,6 +53,7 @@ def _commands(dry: DryRun[Plan], goal: Pose) -> tuple[tuple[Capability, Ask, boo
         (Capability.POSITION, lambda: dry.set_pose(goal), False),
         (Capability.VELOCITY, lambda: dry.set_velocity(Twist(Vector3(1.0, 0.0, 0.0))), False),
         (Capability.LAND, dry.land, False),
+        (Capability.LAND, dry.return_to_launch, False),
     )
 
 

@@ -15,11 +15,12 @@ means `<ns>/odom`. More frames come from the configuration and from AddFrame.
 
 STATE. It is estimated anew from the autopilot's data at each update and never remembered. See `State`.
 
-TASKS. TakeOff, Land, GoToWaypoint, GoToWaypointGeo and FollowPath take time. By default the call returns when the
-manoeuvre has ended; with `non_blocking` it returns at once with a running `Task` for GetTask and WatchTask. A new
-flying command replaces a running task, which ends as ABORTED; take-off and landing cannot be replaced. If the caller
-of a blocking GoToWaypoint, GoToWaypointGeo or FollowPath vanishes or its deadline passes, the task is cancelled and
-the UAV holds its position. If the safety pilot takes over, the running task ends as ABORTED at once.
+TASKS. TakeOff, Land, GoToWaypoint, GoToWaypointGeo, FollowPath and ReturnToLaunch take time. By default the call
+returns when the manoeuvre has ended; with `non_blocking` it returns at once with a running `Task` for GetTask and
+WatchTask. A new flying command replaces a running task, which ends as ABORTED; take-off and landing (that of
+ReturnToLaunch, too) cannot be replaced. If the caller of a blocking GoToWaypoint, GoToWaypointGeo, FollowPath or
+ReturnToLaunch vanishes or its deadline passes, the task is cancelled and the UAV holds its position. If the safety
+pilot takes over, the running task ends as ABORTED at once. Pause stops a running task on its way; Resume goes on.
 
 DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
@@ -179,6 +180,7 @@ class _TaskKindEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumT
     TASK_KIND_GO_TO_WAYPOINT: _TaskKind.ValueType  # 3
     TASK_KIND_GO_TO_WAYPOINT_GEO: _TaskKind.ValueType  # 4
     TASK_KIND_FOLLOW_PATH: _TaskKind.ValueType  # 5
+    TASK_KIND_RETURN_TO_LAUNCH: _TaskKind.ValueType  # 6
 
 class TaskKind(_TaskKind, metaclass=_TaskKindEnumTypeWrapper):
     """Which manoeuvre a task is."""
@@ -189,6 +191,7 @@ TASK_KIND_LAND: TaskKind.ValueType  # 2
 TASK_KIND_GO_TO_WAYPOINT: TaskKind.ValueType  # 3
 TASK_KIND_GO_TO_WAYPOINT_GEO: TaskKind.ValueType  # 4
 TASK_KIND_FOLLOW_PATH: TaskKind.ValueType  # 5
+TASK_KIND_RETURN_TO_LAUNCH: TaskKind.ValueType  # 6
 Global___TaskKind: typing_extensions.TypeAlias = TaskKind
 
 class _TaskStatus:
@@ -776,6 +779,7 @@ class Task(google.protobuf.message.Message):
     WAYPOINT_INDEX_FIELD_NUMBER: builtins.int
     ERROR_FIELD_NUMBER: builtins.int
     DESCRIPTION_FIELD_NUMBER: builtins.int
+    IS_PAUSED_FIELD_NUMBER: builtins.int
     id: builtins.str
     kind: Global___TaskKind.ValueType
     status: Global___TaskStatus.ValueType
@@ -786,6 +790,8 @@ class Task(google.protobuf.message.Message):
     """Of FollowPath: the waypoint it flies to, counted from 0."""
     description: builtins.str
     """What it was told to do, for people."""
+    is_paused: builtins.bool
+    """It runs, but Pause stopped it on its way; Resume goes on."""
     @property
     def elapsed(self) -> google.protobuf.duration_pb2.Duration: ...
     @property
@@ -804,9 +810,10 @@ class Task(google.protobuf.message.Message):
         waypoint_index: builtins.int | None = ...,
         error: Global___TaskError | None = ...,
         description: builtins.str = ...,
+        is_paused: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_distance_left_m", b"_distance_left_m", "_progress", b"_progress", "_waypoint_index", b"_waypoint_index", "distance_left_m", b"distance_left_m", "elapsed", b"elapsed", "error", b"error", "progress", b"progress", "waypoint_index", b"waypoint_index"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_distance_left_m", b"_distance_left_m", "_progress", b"_progress", "_waypoint_index", b"_waypoint_index", "description", b"description", "distance_left_m", b"distance_left_m", "elapsed", b"elapsed", "error", b"error", "id", b"id", "kind", b"kind", "progress", b"progress", "status", b"status", "waypoint_index", b"waypoint_index"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_distance_left_m", b"_distance_left_m", "_progress", b"_progress", "_waypoint_index", b"_waypoint_index", "description", b"description", "distance_left_m", b"distance_left_m", "elapsed", b"elapsed", "error", b"error", "id", b"id", "is_paused", b"is_paused", "kind", b"kind", "progress", b"progress", "status", b"status", "waypoint_index", b"waypoint_index"]) -> None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_distance_left_m", b"_distance_left_m"]) -> typing.Literal["distance_left_m"] | None: ...
     @typing.overload
@@ -819,7 +826,7 @@ Global___Task: typing_extensions.TypeAlias = Task
 @typing.final
 class Plan(google.protobuf.message.Message):
     """What a motion would be, from where the UAV is (or is told to be) now. What cannot be told is not set: of a landing,
-    which the autopilot flies by itself, and of a reference.
+    which the autopilot flies by itself, and of a reference. That of ReturnToLaunch ends where its landing begins.
     """
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
@@ -1445,6 +1452,7 @@ class FollowPathRequest(google.protobuf.message.Message):
     POINT_OF_INTEREST_FIELD_NUMBER: builtins.int
     DRY_RUN_FIELD_NUMBER: builtins.int
     GEO_WAYPOINTS_FIELD_NUMBER: builtins.int
+    HOLDS_S_FIELD_NUMBER: builtins.int
     corner_radius_m: builtins.float
     """The path leaves and rejoins the straight legs at most this far from a corner; 0 stops at each waypoint."""
     non_blocking: builtins.bool
@@ -1471,6 +1479,12 @@ class FollowPathRequest(google.protobuf.message.Message):
     def geo_waypoints(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___GeoWaypoint]:
         """Instead of waypoints."""
 
+    @property
+    def holds_s(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.float]:
+        """None, or one for each waypoint: where it is not 0, the UAV stops at the waypoint and holds it for so long, from its
+        arrival, before it goes on. Not negative, at most 3600.
+        """
+
     def __init__(
         self,
         *,
@@ -1483,9 +1497,10 @@ class FollowPathRequest(google.protobuf.message.Message):
         point_of_interest: Global___PointStamped | None = ...,
         dry_run: builtins.bool = ...,
         geo_waypoints: collections.abc.Iterable[Global___GeoWaypoint] | None = ...,
+        holds_s: collections.abc.Iterable[builtins.float] | None = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["point_of_interest", b"point_of_interest"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["corner_radius_m", b"corner_radius_m", "dry_run", b"dry_run", "geo_waypoints", b"geo_waypoints", "heading", b"heading", "leg_speeds_m_s", b"leg_speeds_m_s", "max_speed_m_s", b"max_speed_m_s", "non_blocking", b"non_blocking", "point_of_interest", b"point_of_interest", "waypoints", b"waypoints"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["corner_radius_m", b"corner_radius_m", "dry_run", b"dry_run", "geo_waypoints", b"geo_waypoints", "heading", b"heading", "holds_s", b"holds_s", "leg_speeds_m_s", b"leg_speeds_m_s", "max_speed_m_s", b"max_speed_m_s", "non_blocking", b"non_blocking", "point_of_interest", b"point_of_interest", "waypoints", b"waypoints"]) -> None: ...
 
 Global___FollowPathRequest: typing_extensions.TypeAlias = FollowPathRequest
 
@@ -1511,6 +1526,56 @@ class FollowPathResponse(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
 
 Global___FollowPathResponse: typing_extensions.TypeAlias = FollowPathResponse
+
+@typing.final
+class ReturnToLaunchRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HEIGHT_M_FIELD_NUMBER: builtins.int
+    NON_BLOCKING_FIELD_NUMBER: builtins.int
+    DRY_RUN_FIELD_NUMBER: builtins.int
+    height_m: builtins.float
+    """The UAV flies home at least at this height above the ground of the take-off, and at its present height where that
+    is larger; more than 0. Not set: the daemon's `rtl_height_m`, but not above the ceiling and the geofence.
+    """
+    non_blocking: builtins.bool
+    dry_run: builtins.bool
+    """Only says what would happen."""
+    def __init__(
+        self,
+        *,
+        height_m: builtins.float | None = ...,
+        non_blocking: builtins.bool = ...,
+        dry_run: builtins.bool = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_height_m", b"_height_m", "height_m", b"height_m"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_height_m", b"_height_m", "dry_run", b"dry_run", "height_m", b"height_m", "non_blocking", b"non_blocking"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_height_m", b"_height_m"]) -> typing.Literal["height_m"] | None: ...
+
+Global___ReturnToLaunchRequest: typing_extensions.TypeAlias = ReturnToLaunchRequest
+
+@typing.final
+class ReturnToLaunchResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    TASK_FIELD_NUMBER: builtins.int
+    PLAN_FIELD_NUMBER: builtins.int
+    @property
+    def task(self) -> Global___Task: ...
+    @property
+    def plan(self) -> Global___Plan:
+        """Of a dry run, instead of the task."""
+
+    def __init__(
+        self,
+        *,
+        task: Global___Task | None = ...,
+        plan: Global___Plan | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["plan", b"plan", "task", b"task"]) -> None: ...
+
+Global___ReturnToLaunchResponse: typing_extensions.TypeAlias = ReturnToLaunchResponse
 
 @typing.final
 class SetPoseRequest(google.protobuf.message.Message):
@@ -1724,6 +1789,58 @@ class AbortResponse(google.protobuf.message.Message):
     ) -> None: ...
 
 Global___AbortResponse: typing_extensions.TypeAlias = AbortResponse
+
+@typing.final
+class PauseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    TASK_ID_FIELD_NUMBER: builtins.int
+    task_id: builtins.str
+    """Only if this task is the running one; any when empty."""
+    def __init__(
+        self,
+        *,
+        task_id: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["task_id", b"task_id"]) -> None: ...
+
+Global___PauseRequest: typing_extensions.TypeAlias = PauseRequest
+
+@typing.final
+class PauseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___PauseResponse: typing_extensions.TypeAlias = PauseResponse
+
+@typing.final
+class ResumeRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    TASK_ID_FIELD_NUMBER: builtins.int
+    task_id: builtins.str
+    """Only if this task is the running one; any when empty."""
+    def __init__(
+        self,
+        *,
+        task_id: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["task_id", b"task_id"]) -> None: ...
+
+Global___ResumeRequest: typing_extensions.TypeAlias = ResumeRequest
+
+@typing.final
+class ResumeResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___ResumeResponse: typing_extensions.TypeAlias = ResumeResponse
 
 @typing.final
 class GetTaskRequest(google.protobuf.message.Message):

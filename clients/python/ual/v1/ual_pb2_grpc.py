@@ -105,6 +105,11 @@ class UalServiceStub(object):
                 request_serializer=ual_dot_v1_dot_ual__pb2.FollowPathRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.FollowPathResponse.FromString,
                 _registered_method=True)
+        self.ReturnToLaunch = channel.unary_unary(
+                '/ual.v1.UalService/ReturnToLaunch',
+                request_serializer=ual_dot_v1_dot_ual__pb2.ReturnToLaunchRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.ReturnToLaunchResponse.FromString,
+                _registered_method=True)
         self.SetPose = channel.unary_unary(
                 '/ual.v1.UalService/SetPose',
                 request_serializer=ual_dot_v1_dot_ual__pb2.SetPoseRequest.SerializeToString,
@@ -134,6 +139,16 @@ class UalServiceStub(object):
                 '/ual.v1.UalService/Abort',
                 request_serializer=ual_dot_v1_dot_ual__pb2.AbortRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.AbortResponse.FromString,
+                _registered_method=True)
+        self.Pause = channel.unary_unary(
+                '/ual.v1.UalService/Pause',
+                request_serializer=ual_dot_v1_dot_ual__pb2.PauseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.PauseResponse.FromString,
+                _registered_method=True)
+        self.Resume = channel.unary_unary(
+                '/ual.v1.UalService/Resume',
+                request_serializer=ual_dot_v1_dot_ual__pb2.ResumeRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.ResumeResponse.FromString,
                 _registered_method=True)
         self.GetTask = channel.unary_unary(
                 '/ual.v1.UalService/GetTask',
@@ -261,6 +276,16 @@ class UalServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def ReturnToLaunch(self, request, context):
+        """TASK. Climbs to a safe height, flies straight over home, and lands there. Home is the autopilot's home position;
+        where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
+        already, it lands without a climb. Allowed in FLYING_AUTO. It can be replaced and cancelled until the landing
+        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def SetPose(self, request, context):
         """A pose reference, given to the autopilot as it is, without a trajectory. Allowed in FLYING_AUTO. Returns at once;
         the UAV holds the last reference.
@@ -302,6 +327,24 @@ class UalServiceServicer(object):
 
     def Abort(self, request, context):
         """Cancels the running task, or the reference of SetPose and SetVelocity, and stops. Allowed in FLYING_AUTO.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def Pause(self, request, context):
+        """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+        does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
+        ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
+        Errors: WRONG_STATE (no such task runs, or it cannot be paused).
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def Resume(self, request, context):
+        """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+        Errors: WRONG_STATE (no such task runs, or it is not paused).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -394,6 +437,11 @@ def add_UalServiceServicer_to_server(servicer, server):
                     request_deserializer=ual_dot_v1_dot_ual__pb2.FollowPathRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.FollowPathResponse.SerializeToString,
             ),
+            'ReturnToLaunch': grpc.unary_unary_rpc_method_handler(
+                    servicer.ReturnToLaunch,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.ReturnToLaunchRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.ReturnToLaunchResponse.SerializeToString,
+            ),
             'SetPose': grpc.unary_unary_rpc_method_handler(
                     servicer.SetPose,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.SetPoseRequest.FromString,
@@ -423,6 +471,16 @@ def add_UalServiceServicer_to_server(servicer, server):
                     servicer.Abort,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.AbortRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.AbortResponse.SerializeToString,
+            ),
+            'Pause': grpc.unary_unary_rpc_method_handler(
+                    servicer.Pause,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.PauseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.PauseResponse.SerializeToString,
+            ),
+            'Resume': grpc.unary_unary_rpc_method_handler(
+                    servicer.Resume,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.ResumeRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.ResumeResponse.SerializeToString,
             ),
             'GetTask': grpc.unary_unary_rpc_method_handler(
                     servicer.GetTask,
@@ -825,6 +883,33 @@ class UalService(object):
             _registered_method=True)
 
     @staticmethod
+    def ReturnToLaunch(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/ReturnToLaunch',
+            ual_dot_v1_dot_ual__pb2.ReturnToLaunchRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.ReturnToLaunchResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
     def SetPose(request,
             target,
             options=(),
@@ -976,6 +1061,60 @@ class UalService(object):
             '/ual.v1.UalService/Abort',
             ual_dot_v1_dot_ual__pb2.AbortRequest.SerializeToString,
             ual_dot_v1_dot_ual__pb2.AbortResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Pause(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/Pause',
+            ual_dot_v1_dot_ual__pb2.PauseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.PauseResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Resume(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/Resume',
+            ual_dot_v1_dot_ual__pb2.ResumeRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.ResumeResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -15,11 +15,12 @@ means `<ns>/odom`. More frames come from the configuration and from AddFrame.
 
 STATE. It is estimated anew from the autopilot's data at each update and never remembered. See `State`.
 
-TASKS. TakeOff, Land, GoToWaypoint, GoToWaypointGeo and FollowPath take time. By default the call returns when the
-manoeuvre has ended; with `non_blocking` it returns at once with a running `Task` for GetTask and WatchTask. A new
-flying command replaces a running task, which ends as ABORTED; take-off and landing cannot be replaced. If the caller
-of a blocking GoToWaypoint, GoToWaypointGeo or FollowPath vanishes or its deadline passes, the task is cancelled and
-the UAV holds its position. If the safety pilot takes over, the running task ends as ABORTED at once.
+TASKS. TakeOff, Land, GoToWaypoint, GoToWaypointGeo, FollowPath and ReturnToLaunch take time. By default the call
+returns when the manoeuvre has ended; with `non_blocking` it returns at once with a running `Task` for GetTask and
+WatchTask. A new flying command replaces a running task, which ends as ABORTED; take-off and landing (that of
+ReturnToLaunch, too) cannot be replaced. If the caller of a blocking GoToWaypoint, GoToWaypointGeo, FollowPath or
+ReturnToLaunch vanishes or its deadline passes, the task is cancelled and the UAV holds its position. If the safety
+pilot takes over, the running task ends as ABORTED at once. Pause stops a running task on its way; Resume goes on.
 
 DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
@@ -293,6 +294,22 @@ _UalServiceFollowPathType = typing_extensions.TypeVar(
     ],
 )
 
+_UalServiceReturnToLaunchType = typing_extensions.TypeVar(
+    '_UalServiceReturnToLaunchType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReturnToLaunchRequest,
+        ual.v1.ual_pb2.ReturnToLaunchResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReturnToLaunchRequest,
+        ual.v1.ual_pb2.ReturnToLaunchResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReturnToLaunchRequest,
+        ual.v1.ual_pb2.ReturnToLaunchResponse,
+    ],
+)
+
 _UalServiceSetPoseType = typing_extensions.TypeVar(
     '_UalServiceSetPoseType',
     grpc.UnaryUnaryMultiCallable[
@@ -389,6 +406,38 @@ _UalServiceAbortType = typing_extensions.TypeVar(
     ],
 )
 
+_UalServicePauseType = typing_extensions.TypeVar(
+    '_UalServicePauseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.PauseRequest,
+        ual.v1.ual_pb2.PauseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.PauseRequest,
+        ual.v1.ual_pb2.PauseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.PauseRequest,
+        ual.v1.ual_pb2.PauseResponse,
+    ],
+)
+
+_UalServiceResumeType = typing_extensions.TypeVar(
+    '_UalServiceResumeType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ResumeRequest,
+        ual.v1.ual_pb2.ResumeResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ResumeRequest,
+        ual.v1.ual_pb2.ResumeResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ResumeRequest,
+        ual.v1.ual_pb2.ResumeResponse,
+    ],
+)
+
 _UalServiceGetTaskType = typing_extensions.TypeVar(
     '_UalServiceGetTaskType',
     grpc.UnaryUnaryMultiCallable[
@@ -421,7 +470,7 @@ _UalServiceWatchTaskType = typing_extensions.TypeVar(
     ],
 )
 
-class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
+class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
     """Flies one UAV."""
 
     @typing.overload
@@ -483,6 +532,10 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
             ual.v1.ual_pb2.FollowPathResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ReturnToLaunchRequest,
+            ual.v1.ual_pb2.ReturnToLaunchResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.SetPoseRequest,
             ual.v1.ual_pb2.SetPoseResponse,
         ],
@@ -505,6 +558,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.AbortRequest,
             ual.v1.ual_pb2.AbortResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.PauseRequest,
+            ual.v1.ual_pb2.PauseResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ResumeRequest,
+            ual.v1.ual_pb2.ResumeResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.GetTaskRequest,
@@ -575,6 +636,10 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
             ual.v1.ual_pb2.FollowPathResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ReturnToLaunchRequest,
+            ual.v1.ual_pb2.ReturnToLaunchResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.SetPoseRequest,
             ual.v1.ual_pb2.SetPoseResponse,
         ],
@@ -597,6 +662,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.AbortRequest,
             ual.v1.ual_pb2.AbortResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.PauseRequest,
+            ual.v1.ual_pb2.PauseResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ResumeRequest,
+            ual.v1.ual_pb2.ResumeResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.GetTaskRequest,
@@ -671,6 +744,13 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     Allowed in FLYING_AUTO.
     """
 
+    ReturnToLaunch: _UalServiceReturnToLaunchType
+    """TASK. Climbs to a safe height, flies straight over home, and lands there. Home is the autopilot's home position;
+    where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
+    already, it lands without a climb. Allowed in FLYING_AUTO. It can be replaced and cancelled until the landing
+    begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+    """
+
     SetPose: _UalServiceSetPoseType
     """A pose reference, given to the autopilot as it is, without a trajectory. Allowed in FLYING_AUTO. Returns at once;
     the UAV holds the last reference.
@@ -696,6 +776,18 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
 
     Abort: _UalServiceAbortType
     """Cancels the running task, or the reference of SetPose and SetVelocity, and stops. Allowed in FLYING_AUTO."""
+
+    Pause: _UalServicePauseType
+    """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+    does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
+    ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
+    Errors: WRONG_STATE (no such task runs, or it cannot be paused).
+    """
+
+    Resume: _UalServiceResumeType
+    """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+    Errors: WRONG_STATE (no such task runs, or it is not paused).
+    """
 
     GetTask: _UalServiceGetTaskType
     """A task by its id, running or ended lately. Errors: INVALID_ARGUMENT (no such task)."""
@@ -761,6 +853,10 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
         ual.v1.ual_pb2.FollowPathResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReturnToLaunchRequest,
+        ual.v1.ual_pb2.ReturnToLaunchResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.SetPoseRequest,
         ual.v1.ual_pb2.SetPoseResponse,
     ],
@@ -783,6 +879,14 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.AbortRequest,
         ual.v1.ual_pb2.AbortResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.PauseRequest,
+        ual.v1.ual_pb2.PauseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ResumeRequest,
+        ual.v1.ual_pb2.ResumeResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.GetTaskRequest,
@@ -931,6 +1035,18 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         """
 
     @abc.abstractmethod
+    def ReturnToLaunch(
+        self,
+        request: ual.v1.ual_pb2.ReturnToLaunchRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.ReturnToLaunchResponse, collections.abc.Awaitable[ual.v1.ual_pb2.ReturnToLaunchResponse]]:
+        """TASK. Climbs to a safe height, flies straight over home, and lands there. Home is the autopilot's home position;
+        where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
+        already, it lands without a climb. Allowed in FLYING_AUTO. It can be replaced and cancelled until the landing
+        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+        """
+
+    @abc.abstractmethod
     def SetPose(
         self,
         request: ual.v1.ual_pb2.SetPoseRequest,
@@ -985,6 +1101,28 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.AbortResponse, collections.abc.Awaitable[ual.v1.ual_pb2.AbortResponse]]:
         """Cancels the running task, or the reference of SetPose and SetVelocity, and stops. Allowed in FLYING_AUTO."""
+
+    @abc.abstractmethod
+    def Pause(
+        self,
+        request: ual.v1.ual_pb2.PauseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.PauseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.PauseResponse]]:
+        """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+        does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
+        ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
+        Errors: WRONG_STATE (no such task runs, or it cannot be paused).
+        """
+
+    @abc.abstractmethod
+    def Resume(
+        self,
+        request: ual.v1.ual_pb2.ResumeRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.ResumeResponse, collections.abc.Awaitable[ual.v1.ual_pb2.ResumeResponse]]:
+        """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+        Errors: WRONG_STATE (no such task runs, or it is not paused).
+        """
 
     @abc.abstractmethod
     def GetTask(

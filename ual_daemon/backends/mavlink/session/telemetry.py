@@ -54,6 +54,7 @@ class Telemetry:
         self.discard_state()
         self._projection: Projection | None = None
         self._home_altitude_amsl_m: float | None = None
+        self._home_geo: GeoPoint | None = None
         self._geoid_separation_m: float | None = None
         self._battery: Battery | None = None
         self._gps: GpsInfo | None = None
@@ -104,6 +105,7 @@ class Telemetry:
         self.version = None
         self._projection = None
         self._home_altitude_amsl_m = None
+        self._home_geo = None
 
     @property
     def decoded_ids(self) -> frozenset[int]:
@@ -179,6 +181,7 @@ class Telemetry:
             battery=self._battery,
             gps=self._gps,
             status_text=self._status_text.text,
+            home_geo=self._home_geo,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -253,6 +256,13 @@ class Telemetry:
         altitude_m = milli(message.altitude)
         if self.plausibility.accepts_altitude(altitude_m):
             self._home_altitude_amsl_m = altitude_m
+            self._home_geo = self._place_of_home(degrees(message.latitude), degrees(message.longitude))
+
+    def _place_of_home(self, latitude_deg: float, longitude_deg: float) -> GeoPoint | None:
+        if latitude_deg == longitude_deg == 0.0:  # not known: an autopilot may send it before its first fix
+            return None
+        is_on_earth = self.plausibility.accepts_place(latitude_deg, longitude_deg)
+        return GeoPoint(latitude_deg, longitude_deg) if is_on_earth else None
 
     def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:
         self._gps = gps_info(message)

@@ -244,6 +244,8 @@ def test_battery_gps_and_places_are_told_in_our_units() -> None:
     assert (geo.altitude_amsl_m, geo.altitude_home_m) == (492.0, 3.0)
     assert geo.altitude_ellipsoid_m == pytest.approx(539.5)
     assert snapshot.home_altitude_amsl_m == 489.454
+    assert snapshot.home_geo is not None
+    assert (snapshot.home_geo.latitude_deg, snapshot.home_geo.longitude_deg) == (47.3977427, 8.5455967)
     assert isinstance(snapshot.projection, SphereProjection)
     assert snapshot.projection.altitude_amsl_m == 489.052
 
@@ -346,6 +348,13 @@ def _charge(percent: int) -> Message:
 
 def _ellipsoid(altitude_m: float) -> Message:
     return mavlink.MAVLink_gps_raw_int_message(0, 3, 1, 1, 1000, 0, 0, 0, 0, 9, round(altitude_m * 1e3))
+
+
+def test_a_home_without_a_place_is_none() -> None:
+    harness = Harness()
+    nowhere = mavlink.MAVLink_home_position_message(0, 0, 400_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    harness.receive(heartbeat(), nowhere)
+    assert harness.snapshot().home_geo is None
 
 
 def _home(altitude_m: float) -> Message:

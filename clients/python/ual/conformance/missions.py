@@ -1,0 +1,123 @@
+"""Checks of what a mission is made of: pausing, holding at waypoints, returning home."""
+
+from __future__ import annotations
+
+from ual.conformance.check import LANDED, check
+from ual.conformance.flight import HEIGHT_M, CannotRunError, Flight, position, require
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.interface import Task
+from ual.types import Capability, State, TaskKind, TaskStatus, Telemetry
+
+_POSITION = (Capability.POSITION,)
+_FLYING = State.FLYING_AUTO
+_AHEAD_M = 4.0
+_AWAY_M = 3.0
+_HOLD_S = 3.0
+
+
+@check(_FLYING, capabilities=_POSITION, moves="4 m ahead, with a pause")
+def a_paused_task_holds_on_its_way_and_goes_on(flight: Flight) -> None:
+    """A pause stops the UAV on its way, and the task still runs; after a resume it flies the rest."""
+    uav, goal, start = flight.uav, flight.goal(_AHEAD_M, 0.0), flight.position()
+    with flight.recording() as recorded:
+        task = uav.go_to_waypoint(goal, blocking=False)
+        _wait_until_moving(flight)
+        uav.pause()
+        uav.pause()  # again
+        _require_paused(flight, task)
+        task.resume()
+        require(not task.info().is_paused, "it is still paused")
+        require(task.wait().status is TaskStatus.SUCCEEDED, "it did not go on")
+        flight.require_straight(recorded(), start, goal.position)
+    flight.require_at(goal, "at the waypoint")
+
+
+@check(_FLYING, capabilities=_POSITION, moves="4 m ahead at most")
+def a_paused_task_can_be_ended(flight: Flight) -> None:
+    """An abort ends a paused task; afterwards there is nothing to pause or to resume."""
+    uav = flight.uav
+    flight.refuses(WrongStateError, uav.pause, "a pause without a task")
+    task = uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    flight.refuses(WrongStateError, task.resume, "resuming a task that is not paused")
+    _wait_until_moving(flight)
+    task.pause()
+    uav.abort()
+    flight.refuses(TaskAbortedError, task.wait, "waiting for the aborted task")
+    require(not task.info().is_paused, "an ended task is paused")
+    flight.refuses(WrongStateError, task.pause, "pausing an ended task")
+    flight.refuses(WrongStateError, uav.resume, "a resume without a task")
+    flight.wait(flight.is_slow, "rest")
+
+
+@check(_FLYING, capabilities=_POSITION, moves="2 m ahead, and back")
+def holds_at_a_waypoint(flight: Flight) -> None:
+    """A path holds at a waypoint for as long as it says; the plan includes that."""
+    uav, goal, back = flight.uav, flight.goal(2.0, 0.0), flight.start
+    without, plan = uav.dry_run.follow_path([goal, back]), uav.dry_run.follow_path([goal, back], holds_s=[_HOLD_S, 0.0])
+    assert plan.duration_s is not None
+    assert without.duration_s is not None
+    longer_s = plan.duration_s - without.duration_s
+    require(abs(longer_s - _HOLD_S) <= 0.5, f"the plan takes {longer_s:.1f} s longer with a hold of {_HOLD_S:g} s")
+    with flight.recording() as recorded:
+        uav.follow_path([goal, back], holds_s=[_HOLD_S, 0.0])
+        samples = recorded()
+    radius_m = flight.tolerances.position_m
+    near = [sample.stamp_s for sample in samples if (position(sample) - goal.position).norm() <= radius_m]
+    require(bool(near), "it did not reach the waypoint")
+    stayed_s = near[-1] - near[0]
+    require(stayed_s >= _HOLD_S - 0.5, f"it was at the waypoint for {stayed_s:.1f} s only")
+    flight.require_at(back, "at the end of the path")
+
+
+@check(
+    _FLYING,
+    capabilities=(Capability.POSITION, Capability.LAND),
+    moves="3 m aside, with a pause on the way home, and down",
+)
+def returns_home_and_lands(flight: Flight) -> None:
+    """A return flies over home and lands there, as one task, which can be paused until it lands."""
+    uav = flight.uav
+    uav.go_to_waypoint(flight.goal(0.0, _AWAY_M))
+    plan = uav.dry_run.return_to_launch(HEIGHT_M)
+    way_m = plan.length_m or 0.0
+    if abs(way_m - _AWAY_M) > 1.0 + 2 * flight.tolerances.way_m:
+        raise CannotRunError(f"home is not where it took off: the way there is {way_m:.1f} m")
+    begun = flight.position()
+    task = uav.return_to_launch(HEIGHT_M, blocking=False)
+    require(task.kind is TaskKind.RETURN_TO_LAUNCH, f"the task is {task.kind.name}")
+    flight.wait(lambda sample: (position(sample) - begun).norm() >= 0.3, "motion")
+    uav.pause()
+    _require_paused(flight, task)
+    uav.resume()
+    flight.wait_for_state(State.LANDING, *LANDED, limit_s=60.0)
+    if uav.state() is State.LANDING:
+        flight.refuses(WrongStateError, uav.pause, "a pause of a landing")
+    require(task.wait().status is TaskStatus.SUCCEEDED, "it did not succeed")
+    require(uav.state() in LANDED, f"it is {uav.state().name}, not on the ground")
+    off_m = (flight.position() - flight.place).horizontal_norm()
+    require(off_m <= 1.0 + 2 * flight.tolerances.position_m, f"it landed {off_m:.2f} m from where it took off")
+
+
+def _wait_until_moving(flight: Flight) -> None:
+    start = flight.start.position
+    flight.wait(lambda sample: (position(sample) - start).norm() >= 0.3, "motion")
+
+
+def _require_paused(flight: Flight, task: Task) -> None:
+    flight.wait(_is_paused, "the pause in the telemetry")
+    flight.wait(flight.is_slow, "rest")
+    flight.require_stays("while it is paused")
+    info = task.info()
+    require(info.status is TaskStatus.RUNNING and info.is_paused, f"the task is {info.status.name}, not paused")
+
+
+def _is_paused(sample: Telemetry) -> bool:
+    return sample.task is not None and sample.task.is_paused
+
+
+CHECKS = (
+    a_paused_task_holds_on_its_way_and_goes_on,
+    a_paused_task_can_be_ended,
+    holds_at_a_waypoint,
+    returns_home_and_lands,
+)

@@ -1,0 +1,46 @@
+"""Where the UAV flies when it returns home."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ual.geometry import Vector3
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.ground import Ground
+from ual_daemon.flight.state import Estimate
+
+
+class HomePlace(NamedTuple):
+    """Home in the local frame, on the ground, and what it follows from, for people."""
+
+    position: Vector3
+    what: str
+
+
+class Home:
+    """The home of one UAV: the autopilot's, where the autopilot's own return would fly; else the place of the take-off.
+
+    The ground from which UAL saw it take off gives the height: autopilots correct the altitude of home in flight.
+    """
+
+    def __init__(self) -> None:
+        self._ground = Ground()
+
+    def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Notes where the UAV stands. Called by the update thread at each update."""
+        self._ground.observe(snapshot, raw)
+
+    def place(self, snapshot: Snapshot) -> HomePlace | None:
+        """Returns home; None if none is known."""
+        autopilots, seen = _autopilots(snapshot), self._ground.place
+        if autopilots is None:
+            return None if seen is None else HomePlace(seen, "the place of the take-off")
+        z = autopilots.z if seen is None else seen.z
+        return HomePlace(Vector3(autopilots.x, autopilots.y, z), "the autopilot's home")
+
+
+def _autopilots(snapshot: Snapshot) -> Vector3 | None:
+    place, altitude_m, projection = snapshot.home_geo, snapshot.home_altitude_amsl_m, snapshot.projection
+    if place is None or altitude_m is None or projection is None:
+        return None
+    return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)

@@ -1,0 +1,87 @@
+"""Returning home: the way there by our own tracker, and then a landing, as one task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+
+from typing_extensions import override
+
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.land import Land
+from ual_daemon.flight.manoeuvre import Handover, Step
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import Progress, VehicleTask
+from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tracker.pure_pursuit import Pursuit
+from ual_daemon.tracker.references import Reference, TrajectoryReference, measured_motion
+from ual_daemon.trajectory import Motion, Trajectory
+
+_NAME = "return_to_launch"
+
+
+class ReturnToLaunch(FollowTrajectory):
+    """The way home. It can be replaced, cancelled and paused until the UAV is over home; then a landing goes on."""
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        trajectory: Trajectory,
+        ground_z_m: float,
+        land: Callable[[], Future[None]],
+        tolerance: ToleranceSettings,
+        tracker: type[TrajectoryReference | Pursuit],
+        planned_s: float,
+    ) -> None:
+        """`ground_z_m` is the ground at home in the local frame; `land` makes the autopilot land."""
+        super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s)
+        self._land = land
+        self._ground_z_m = ground_z_m
+        self._descent_m = max(0.0, trajectory.end().position.z - ground_z_m)
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if not step.has_ended or step.error is not None:
+            return step
+        command = AutopilotCommand("land", snapshot.time_s)
+        length_m = self._trajectory.length_m + self._descent_m
+        landing = _LandAtHome(self._task, command, self._hold, snapshot, self._ground_z_m, length_m)
+        return Step(handover=Handover(landing, partial(command.send, self._land)))
+
+    @override
+    def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
+        left_m = (super()._progress(snapshot, motion, time_s).distance_left_m or 0.0) + self._descent_m
+        return _progress(left_m, self._trajectory.length_m + self._descent_m)
+
+
+class _LandAtHome(Land):
+    """The landing at the end of the way home."""
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        command: AutopilotCommand,
+        reference: Reference,
+        start: Snapshot,
+        ground_z_m: float,
+        length_m: float,
+    ) -> None:
+        super().__init__(task, command, reference, start, name=_NAME)
+        self._task = task
+        self._ground_z_m, self._length_m = ground_z_m, length_m
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if not step.has_ended:
+            left_m = max(0.0, measured_motion(snapshot).position.z - self._ground_z_m)
+            self._task.report(partial(_progress, left_m, self._length_m))
+        return step
+
+
+def _progress(left_m: float, length_m: float) -> Progress:
+    return Progress(max(0.0, 1.0 - left_m / length_m) if length_m > 0.0 else None, left_m)
