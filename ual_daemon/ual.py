@@ -11,10 +11,20 @@ from typing import Any
 
 from typing_extensions import Self, override
 
+from ual import _views
 from ual._callbacks import Callbacks, Listener
 from ual._time_limit import time_limit
 from ual.errors import UalTimeoutError
-from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, stamped_pose, stamped_twist
+from ual.geometry import (
+    Pose,
+    PoseStamped,
+    Transform,
+    Twist,
+    TwistStamped,
+    checked_transform,
+    stamped_pose,
+    stamped_twist,
+)
 from ual.interface import DryRun, Simulation, Subscription, Task, Uav
 from ual.types import Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
 from ual_daemon import logs, validation
@@ -69,7 +79,11 @@ class UAL(Uav):
         self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
+        self._is_closed = False
         self.vehicle.open()
+
+    def __repr__(self) -> str:
+        return f"<ual_daemon.UAL {self.vehicle.ns}, {'closed' if self._is_closed else 'open'}>"
 
     @override
     def close(self) -> None:
@@ -78,6 +92,7 @@ class UAL(Uav):
         A take-off or landing ends first, any other task is cancelled, and the autopilot holds the position by itself.
         If that takes more than 60 s, the UAV is left in motion; the log says so, and what the UAV was doing.
         """
+        self._is_closed = True
         try:
             self.vehicle.prepare_shutdown().result(_CLOSE_PATIENCE_S)
         except concurrent.futures.TimeoutError:
@@ -125,7 +140,7 @@ class UAL(Uav):
 
     @override
     def add_frame(self, transform: Transform) -> None:
-        self.vehicle.commands.add_frame(transform)
+        self.vehicle.commands.add_frame(checked_transform(transform))
 
     @override
     def remove_frame(self, frame_id: str) -> None:
@@ -207,6 +222,9 @@ class _Task(Task):
         self._task = task
         self._commands = commands
 
+    def __repr__(self) -> str:
+        return f"<Task {self.id} {self.kind.name} {self.info().status.name}>"
+
     @property
     @override
     def id(self) -> str:
@@ -257,11 +275,17 @@ class _Subscription(Subscription):
     def __init__(
         self, vehicle: Vehicle, listener: Listener, rate_hz: float, on_close: Callable[[_Subscription], None]
     ) -> None:
+        self._ns = vehicle.ns
+        self._rate_hz = rate_hz
+        self._is_closed = False
         self._listener = listener
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
         self._next_s = time.monotonic()  # a rate is in real time, as that of the server's streams
         self._on_close = on_close
         self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s)
+
+    def __repr__(self) -> str:
+        return _views.subscription_text(self._ns, self._rate_hz, is_closed=self._is_closed)
 
     def _offer(self, sample: Telemetry) -> None:
         self._next_s = max(self._next_s + self._period_s, time.monotonic())
@@ -270,6 +294,7 @@ class _Subscription(Subscription):
     @override
     def close(self) -> None:
         """Ends it. No callback runs after this returns (unless it is called from a callback)."""
+        self._is_closed = True
         self._unsubscribe()
         self._listener.close()
         self._on_close(self)

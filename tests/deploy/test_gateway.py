@@ -195,6 +195,136 @@ def test_a_uav_that_is_not_there_is_told(
         assert caught.value.code() is code
 
 
+# --- The gateway's own errors, as they are on the wire ----------------------------------------------------------------
+
+HEADERS, DATA, SETTINGS = 1, 0, 4
+END_STREAM, END_HEADERS = 1, 4
+HTTP_STATUS_200 = b"\x88"  # the static table of HPACK has it whole
+CONTENT_TYPE_GRPC = bytes.fromhex("5f8b1d75d0620d263d4c4d6564")  # content-type: application/grpc, in Huffman's code
+
+
+def http2_frame(kind: int, flags: int, stream: int, payload: bytes = b"") -> bytes:
+    return len(payload).to_bytes(3, "big") + bytes([kind, flags]) + stream.to_bytes(4, "big") + payload
+
+
+def http2_headers(**more: str) -> bytes:
+    fields = {
+        ":method": "POST",
+        ":scheme": "http",
+        ":path": "/ual.v1.UalService/GetInfo",
+        ":authority": "gateway",
+        "content-type": "application/grpc",
+        "te": "trailers",
+        **{name.replace("_", "-"): value for name, value in more.items()},
+    }
+    # Each as HPACK's literal that is not indexed, without Huffman's code.
+    return b"".join(
+        bytes([0, len(name), *name.encode(), len(value), *value.encode()]) for name, value in fields.items()
+    )
+
+
+def frames_of_answer(address: str, headers: bytes) -> list[tuple[int, int, bytes]]:
+    """Kind, flags and payload of each frame that answers one request, until the stream ends."""
+    host, _, port = address.rpartition(":")
+    with socket.create_connection((host, int(port)), timeout=LIMIT_S) as connection, connection.makefile("rb") as read:
+        connection.sendall(
+            b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+            + http2_frame(SETTINGS, 0, 0)
+            + http2_frame(HEADERS, END_HEADERS, 1, headers)
+            + http2_frame(DATA, END_STREAM, 1, bytes(5))
+        )
+        found: list[tuple[int, int, bytes]] = []
+        while True:
+            head = read.read(9)
+            payload = read.read(int.from_bytes(head[:3], "big"))
+            if int.from_bytes(head[5:], "big") == 1:
+                found.append((head[3], head[4], payload))
+                if head[3] not in (HEADERS, DATA) or head[4] & END_STREAM:
+                    return found
+
+
+@pytest.mark.parametrize("ns", ["uav_9", "uav_1", ""])
+def test_an_error_is_one_frame_of_headers_as_grpc_prescribes(start_gateway: StartGateway, ns: str) -> None:
+    headers = http2_headers(ual_ns=ns) if ns else http2_headers()
+    [(kind, flags, payload)] = frames_of_answer(start_gateway({"uav_1": "127.0.0.1:1"}), headers)
+    assert kind == HEADERS
+    assert flags & END_STREAM
+    assert payload.startswith(HTTP_STATUS_200)
+    assert CONTENT_TYPE_GRPC in payload
+
+
+def test_a_gateway_without_a_free_connection_says_so(start_daemon: StartDaemon, start_gateway: StartGateway) -> None:
+    daemon = start_daemon()
+
+    def with_few_connections(text: str) -> str:
+        assert "worker_connections 8192;" in text
+        return text.replace("worker_connections 8192;", "worker_connections 8;").replace(
+            "worker_processes auto;", "worker_processes 1;"
+        )
+
+    address = start_gateway({"uav_1": daemon.address}, with_few_connections)
+    with grpc.insecure_channel(address) as channel:
+        stub: Any = ual_pb2_grpc.UalServiceStub(channel)
+        streams = [
+            stub.StreamTelemetry(pb.StreamTelemetryRequest(), metadata=(("ual-ns", "uav_1"),), timeout=LIMIT_S)
+            for _ in range(12)
+        ]
+        codes = []
+        for stream in streams:
+            try:
+                next(stream)
+            except grpc.RpcError as error:
+                codes.append(error.code())
+        for stream in streams:
+            stream.cancel()
+    assert codes
+    assert set(codes) == {grpc.StatusCode.RESOURCE_EXHAUSTED}
+
+
+def test_a_caller_without_a_certificate_is_unauthenticated(
+    start_daemon: StartDaemon, start_gateway: StartGateway
+) -> None:
+    daemon = start_daemon()
+
+    def with_callers(text: str) -> str:
+        files = f"ssl_certificate {TLS}/certificate.pem; ssl_certificate_key {TLS}/key.pem;"
+        callers = f"ssl_client_certificate {TLS}/certificate.pem; ssl_verify_client on;"
+        return text.replace("listen 127.0.0.1:50050 http2", f"{files} {callers} listen 127.0.0.1:50050 ssl http2")
+
+    address = start_gateway({"uav_1": daemon.address}, with_callers).replace("127.0.0.1", "localhost")
+    with (
+        ual.Uav("uav_1", address=address, tls_ca=TLS / "certificate.pem") as uav,
+        pytest.raises(ual.UnauthenticatedError, match="certificate"),
+    ):
+        uav.info()
+
+
+def test_a_daemon_that_dies_during_a_call_is_unreachable_to_the_python_client(
+    start_daemon: StartDaemon, start_gateway: StartGateway
+) -> None:
+    daemon = start_daemon("--auto-arm", "--set", "light.speed_factor=10")
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with ual.Uav("uav_1", address=start_gateway({"uav_1": daemon.address})) as uav:
+        task = uav.take_off(100.0, blocking=False)
+        progress = task.watch()
+        next(progress)
+        daemon.process.kill()
+        with pytest.raises(ual.DaemonUnreachableError, match="was lost"):
+            for _ in progress:
+                pass
+
+
+def test_the_python_client_says_in_words_what_the_gateway_misses(start_gateway: StartGateway) -> None:
+    address = start_gateway({"uav_1": "127.0.0.1:1"})
+    for ns, message in (
+        ("uav_9", "the gateway knows no UAV of the namespace uav_9"),
+        ("uav_1", "the gateway cannot reach the daemon of uav_1 at 127.0.0.1:1"),
+    ):
+        with ual.Uav(ns, address=address) as uav, pytest.raises(ual.DaemonUnreachableError) as caught:
+            uav.info()
+        assert caught.value.message == f"{message} (at {address})"
+
+
 def test_daemons_on_unix_sockets(start_daemon: StartDaemon, start_gateway: StartGateway, tmp_path: Path) -> None:
     daemon = start_daemon(listen=f"unix:{tmp_path}/uav_1.sock")
     daemon.wait_for("listening")

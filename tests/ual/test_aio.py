@@ -86,7 +86,7 @@ def test_its_commands_and_dry_runs_are_coroutines() -> None:
 
 def test_a_whole_flight(daemon: DaemonProcess) -> None:
     async def fly(uav: aio.Uav) -> None:
-        assert await uav.ns() == "uav_1"
+        assert uav.ns == "uav_1"
         assert (await uav.info()).backend == "light"
         await take_off(uav)
         task = await uav.go_to_waypoint(Pose.at(4.0, 2.0, 3.0, 1.57), blocking=False)

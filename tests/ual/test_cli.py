@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 from typing import Any
 
 import click
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner, Result
 from typing_extensions import Self
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, open_terminal
+from tests.pages import why_wrong
 from tests.ual import fake_daemon
-from ual._cli import cli, values, watch
+from ual._cli import cli, values
 from ual._cli.app import UalCommand, UalGroup
+from ual._cli.help import Section
+from ual._cli.watch_board import Board
 from ual._discovery import Registration
 from ual.types import State, Telemetry
 
@@ -88,6 +95,73 @@ def test_every_command_is_documented_and_takes_the_shared_options(name: str, com
         assert option in text
 
 
+@pytest.mark.parametrize(("name", "command"), every_command(), ids=[name for name, _ in every_command()])
+def test_the_help_of_every_command_has_an_example_that_is_accepted(name: str, command: click.Command) -> None:
+    assert isinstance(command, (UalCommand, UalGroup))
+    assert command.examples
+    text = done(*name.split()[1:], "--help")
+    for example in command.examples:
+        assert f"  {example}\n" in text
+        assert name.rsplit(maxsplit=1)[-1] in example
+        if example.startswith("ual "):
+            assert why_wrong(shlex.join(shlex.split(example.partition(" | ")[0], comments=True))) is None
+
+
+def test_the_help_lists_commands_in_sections_and_each_once() -> None:
+    text = done("--help")
+    headings = re.findall(r"^(\S.*):$", text, re.MULTILINE)
+    assert headings == ["Options", *(section.value for section in Section), "Examples"]
+    for name in cli.commands:
+        assert len(re.findall(rf"^  {name}  ", text, re.MULTILINE)) == 1
+
+
+def test_only_the_help_of_ual_describes_the_shared_options() -> None:
+    assert "Certificates to trust" in done("--help")
+    for words in (["goto"], ["sim"], ["sim", "fault", "begin", "link-lost"]):
+        text = done(*words, "--help")
+        assert "Certificates to trust" not in text
+        assert "--ns, --address, --tls-ca, --timeout, --json" in text
+
+
+@pytest.mark.parametrize(("columns", "longest"), [(60, 60), (80, 80), (110, 110), (300, 120)])
+def test_the_help_uses_the_width_of_the_terminal(columns: int, longest: int) -> None:
+    shown = subprocess.run(
+        [*UAL, "path", "--help"], env=os.environ | {"COLUMNS": str(columns)}, capture_output=True, text=True, check=True
+    )
+    widths = [len(line) for line in shown.stdout.partition("Example")[0].splitlines()]
+    assert longest - 15 <= max(widths) <= longest
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["gotoo", "1", "2", "3"], "Did you mean goto or goto-geo?"),
+        (["take_off", "3"], "Did you mean takeoff?"),
+        (["stop"], "Did you mean abort?"),
+        (["sim", "takeover"], "Did you mean take-over?"),
+        (["goto", "1", "2", "3", "--max_speed", "1"], "'--max-speed'"),
+        (["frames", "ad"], "Did you mean add?"),
+    ],
+)
+def test_a_mistyped_word_is_answered_with_what_was_meant(words: list[str], meant: str) -> None:
+    result = run(*words)
+    assert result.exit_code == 2
+    assert meant in result.stderr
+
+
+def test_simulation_is_another_name_of_sim(daemon: DaemonProcess) -> None:
+    del daemon
+    assert done("simulation", "fault", "list") == ""
+    assert "take-over" in done("simulation", "--help")
+
+
+def test_messages_name_a_command_as_it_is_typed(daemon: DaemonProcess) -> None:
+    wait_for_state(State.LANDED_ARMED)
+    for words in (["goto", "1", "2", "3"], ["path", "1,2,3"], ["recover"], ["pose", "1", "2", "3"]):
+        refused = run(*words, "--ns", daemon.ns)
+        assert refused.stderr.startswith(f"ual: WRONG_STATE: {words[0]} needs the state ")
+
+
 def test_help_needs_no_grpc() -> None:
     code = "import sys, ual._cli; sys.exit('grpc' in sys.modules or 'rich' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
@@ -117,7 +191,7 @@ def test_help_needs_no_grpc() -> None:
         ["check", "--only", "no_such_check"],
         ["sim", "fault", "begin", "estimator-jumps", "--offset", "1"],
         ["state", "--tls-ca", "/no/such/file"],
-        ["completion", "fish"],
+        ["completion", "tcsh"],
     ],
     ids=" ".join,
 )
@@ -128,9 +202,58 @@ def test_wrong_usage_is_told_with_status_2(words: list[str]) -> None:
     assert "Error: " in result.stderr
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh"])
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_prints_the_script_of_a_shell(shell: str) -> None:
     assert "_UAL_COMPLETE" in done("completion", shell)
+
+
+def completed(*words: str) -> list[str]:
+    """What click completes after some words, of which the last one is incomplete."""
+    *given, incomplete = words
+    found = ShellComplete(cli, {}, "ual", "_UAL_COMPLETE").get_completions(given, incomplete)
+    return [each.value for each in found]
+
+
+def test_names_of_frames_are_completed(daemon: DaemonProcess) -> None:
+    del daemon
+    done("frames", "add", "pad", "1", "2", "0")
+    names = ["map", "uav_1/odom", "uav_1/base_link", "pad"]
+    for words in (["goto", "1", "2", "3", "--frame"], ["velocity", "--frame"], ["waypoints", "save", "--frame"]):
+        assert completed(*words, "") == names
+    assert completed("--ns", "uav_1", "pose", "--frame", "uav_1/b") == ["uav_1/base_link"]
+    assert completed("frames", "remove", "p") == ["pad"]
+    assert completed("frames", "add", "--parent", "m") == ["map"]
+
+
+def test_faults_checks_and_states_are_completed(daemon: DaemonProcess) -> None:
+    del daemon
+    fault = done("sim", "fault", "begin", "battery-low").strip()
+    assert completed("sim", "fault", "end", "") == [fault]
+    assert "takes_off" in completed("check", "--only", "t")
+    assert completed("wait", "landed") == ["landed_disarmed", "landed_armed"]
+
+
+@pytest.mark.parametrize("words", [["--address", "nonsense"], ["--address", "127.0.0.1:1"], ["--ns", "uav_4"]])
+def test_without_a_daemon_nothing_is_completed_and_nothing_said(
+    words: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert completed(*words, "goto", "--frame", "") == []
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("shell", "environment", "expected"),
+    [
+        ("bash", {"COMP_WORDS": "ual take", "COMP_CWORD": "1"}, "plain,takeoff"),
+        ("zsh", {"COMP_WORDS": "ual take", "COMP_CWORD": "1"}, "plain\ntakeoff\n"),
+        ("fish", {"COMP_WORDS": "ual take", "COMP_CWORD": "take"}, "plain"),
+    ],
+)
+def test_each_shell_gets_its_completions(shell: str, environment: dict[str, str], expected: str) -> None:
+    asked = os.environ | {"_UAL_COMPLETE": f"{shell}_complete"} | environment
+    result = subprocess.run(UAL, env=asked, capture_output=True, text=True, timeout=LIMIT_S)
+    assert result.stdout.startswith(expected)
+    assert "takeoff" in result.stdout
 
 
 def test_namespaces_are_completed(daemon: DaemonProcess) -> None:
@@ -270,7 +393,7 @@ def test_watch_tells_one_that_does_not_answer_beside_the_others(start_daemon: St
 
 
 def test_samples_that_were_not_printed_are_counted() -> None:
-    board = watch._Board(["uav_1", "uav_2"], 0.0)
+    board = Board(["uav_1", "uav_2"], 0.0)
 
     def put(ns: str, sequence: int, missed_count: int) -> None:
         board.put(ns, Telemetry(State.FLYING_AUTO, sequence=sequence, missed_count=missed_count))
@@ -454,7 +577,7 @@ def test_speeds_are_kept(flying: DaemonProcess) -> None:
 def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
     result = run("goto", "1000", "0", "3", "--timeout", "0.3")
     assert result.exit_code == 1
-    told = "ual: TIMEOUT: GoToWaypoint did not end within 0.3 s; if it reached the UAV it is cancelled"
+    told = "ual: TIMEOUT: goto did not end within 0.3 s; if it reached the UAV it is cancelled"
     assert result.stderr.startswith(told)
     flying.wait_for("task_ended", task="go_to_waypoint")
 
@@ -615,6 +738,12 @@ class Terminal:
         while text not in self.text:
             assert self._read(), f"{text!r} never came:\n{self.text}"
 
+    def press(self, keys: bytes) -> None:
+        os.write(self._ours, keys)
+
+    def mode(self) -> list[object]:
+        return list(termios.tcgetattr(self._ours))
+
     def interrupt(self) -> None:
         """What a terminal does at Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
@@ -663,6 +792,19 @@ def test_watch_is_one_screen_of_every_uav(start_daemon: StartDaemon) -> None:
             terminal.wait_for(text)
         terminal.interrupt()
         assert terminal.wait() == 130
+
+
+def test_q_leaves_watch_and_the_terminal_as_it_was(start_daemon: StartDaemon) -> None:
+    start_daemon(ns="uav_1").wait_for("listening")
+    for words in (["watch", "--all"], ["watch"]):
+        with Terminal(*words) as terminal:
+            before = terminal.mode()
+            terminal.wait_for("LANDED_DISARMED")
+            terminal.press(b"x\x1b[Bq")
+            assert terminal.wait() == 0
+            # Shows the cursor again, and the screen that was there before.
+            assert terminal.text.endswith("\x1b[?25h\x1b[?1049l")
+            assert terminal.mode() == before
 
 
 def test_watch_does_not_show_a_dead_uav_as_alive(start_daemon: StartDaemon) -> None:
@@ -717,7 +859,11 @@ def test_faults_begin_end_and_are_listed(daemon: DaemonProcess) -> None:
     kinds = {fault["fault_id"]: fault["kind"] for fault in done_json("sim", "fault", "list")}
     assert list(kinds) == ids
     assert kinds[ids[0]] == "BatteryLow"
-    assert len(done("sim", "fault", "list").splitlines()) == len(ids)
+    lines = done("sim", "fault", "list").splitlines()
+    assert len(lines) == len(ids)
+    assert lines[0] == f"{ids[0]}\tbattery-low remaining_percent=5.0"
+    assert lines[2] == f"{ids[2]}\testimator-jumps offset=0,0,-1 period_s=2.0"
+    assert lines[3] == f"{ids[3]}\tcommand-refused command=take_off text=not today"
     done("sim", "fault", "end", ids[0])
     assert ids[0] not in done("sim", "fault", "list")
     done("sim", "fault", "end")

@@ -15,8 +15,9 @@ from google.protobuf.message import Message
 
 from ual import _convert
 from ual._time_limit import time_limit
+from ual._wrong_type import require, wrong_part
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
-from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3
+from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3, checked_transform
 from ual.simulation import Fault
 from ual.types import (
     FollowPathRequest,
@@ -110,14 +111,14 @@ def _nothing(_: Message) -> None:
     return None
 
 
-def _built(make: Callable[[], Message], what: str) -> Message:
-    # Protobuf refuses what is no number or no text with these.
+def _built(make: Callable[[], Message], field: str, value: object = None) -> Message:
+    """Makes a request. `value` is searched for what protobuf refuses, and the error names that."""
     try:
         return make()
     except InvalidArgumentError:
         raise
-    except (TypeError, ValueError, AttributeError) as error:
-        raise InvalidArgumentError(f"{what}: {error}", {"field": what}) from None
+    except (TypeError, ValueError, AttributeError) as error:  # by these protobuf refuses what is no number or no text
+        raise wrong_part(value, field, error) from None
 
 
 def get_info() -> Call[Info]:
@@ -149,7 +150,10 @@ def list_frames() -> Call[list[Frame]]:
 
 
 def add_frame(transform: Transform) -> Call[None]:
-    request = _built(lambda: pb.AddFrameRequest(transform=_convert.transform_to_proto(transform)), "transform")
+    checked_transform(transform)
+    request = _built(
+        lambda: pb.AddFrameRequest(transform=_convert.transform_to_proto(transform)), "transform", transform
+    )
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
 
@@ -207,7 +211,7 @@ _TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
 def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
     method, field, at_timeout = _TASK_METHODS[type(request)]
-    message = _built(lambda: _convert.task_request_to_proto(request, non_blocking=not blocking), field)
+    message = _built(lambda: _convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
     quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
     return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
 
@@ -255,7 +259,7 @@ def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     try:
         return _convert.setpoint_to_proto(reference)
     except (TypeError, ValueError, AttributeError) as error:
-        raise InvalidArgumentError(f"{field}: {error}", {"field": field}) from None
+        raise wrong_part(reference, field, error) from None
 
 
 def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
@@ -326,6 +330,7 @@ def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
 
 
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
+    require(velocity_m_s, Vector3, "velocity_m_s")
     request = _built(
         lambda: sim_pb.SetWindRequest(velocity_m_s=_convert.vector3_to_proto(velocity_m_s)), "velocity_m_s"
     )

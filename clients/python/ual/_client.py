@@ -48,6 +48,9 @@ class Uav(interface.Uav):
         self._is_simulation = False
         self._subscriptions = Subscriptions(self._connection)
 
+    def __repr__(self) -> str:
+        return f"<ual.Uav {self._connection.described}>"
+
     @property
     @override
     def ns(self) -> str:
@@ -68,7 +71,9 @@ class Uav(interface.Uav):
 
     @override
     def info(self) -> Info:
-        return self._connection.run(_calls.get_info())
+        info = self._connection.run(_calls.get_info())
+        self._connection.target.note_ns(info.namespace)
+        return info
 
     @override
     def telemetry(self) -> Telemetry:
@@ -162,6 +167,9 @@ class Simulation(interface.Simulation):
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Simulation of {self._connection.described}>"
 
     @override
     def pilot_arm(self) -> None:

@@ -29,6 +29,16 @@ class Connection:
         self._is_closed = False
         self._was_reached = False
 
+    @property
+    def described(self) -> str:
+        """Which UAV it is, where, and whether its daemon has answered. Asks nobody."""
+        status = "closed" if self._is_closed else "connected" if self._was_reached else "not connected"
+        return self.target.described(status)
+
+    def note_answer(self) -> None:
+        """Notes that the daemon has answered by a stream."""
+        self._was_reached = True
+
     def run(self, call: Call[T], timeout_s: float | None = None) -> T:
         """Makes a call and blocks until it is answered. An interruption (Ctrl-C) cancels the call.
 

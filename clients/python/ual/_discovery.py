@@ -180,7 +180,7 @@ def _is_locked(file: Path) -> bool | None:
 def list_daemons() -> list[Registration]:
     """Returns the daemons that run on this computer, sorted by name and number."""
     found = (Registration.read(file) for file in runtime_dir().glob("*.json"))
-    return sorted((each for each in found if each is not None and each.is_alive()), key=_natural)
+    return sorted((each for each in found if each is not None and each.is_alive()), key=_by_name)
 
 
 def registered(ns: str) -> Registration | None:
@@ -214,6 +214,11 @@ def find(ns: str = "") -> str:
     return default_address(ns) if registration is None else registration.address
 
 
-def _natural(registration: Registration) -> tuple[str, int, str]:
-    match = re.fullmatch(r"(.*?)(\d+)", registration.ns)
-    return (registration.ns, 0, "") if match is None else (match[1], int(match[2]), registration.ns)
+def _by_name(registration: Registration) -> tuple[str, int, str]:
+    return natural_order(registration.ns)
+
+
+def natural_order(ns: str) -> tuple[str, int, str]:
+    """Returns the key by which names are sorted: ``uav_2`` before ``uav_10``."""
+    match = re.fullmatch(r"(.*?)(\d+)", ns)
+    return (ns, 0, "") if match is None else (match[1], int(match[2]), ns)

@@ -45,6 +45,10 @@ _NOT_CONNECTED = (
     "DNS resolution failed",
 )
 
+_GATEWAY = "the gateway "
+"""How each message of the gateway (deploy/gateway) begins."""
+_RESET = "RST_STREAM"
+
 # What gRPC's messages mean if only one side uses TLS or the certificates do not match. The first one found counts.
 _TLS_CAUSES: Mapping[str, str] = {
     "WRONG_VERSION_NUMBER": "it does not use TLS (leave out --tls-ca)",
@@ -105,6 +109,10 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
     match code:
         case grpc.StatusCode.UNAVAILABLE:
             return unreachable(address, ns, details)
+        case grpc.StatusCode.NOT_FOUND if details.startswith(_GATEWAY):
+            return unreachable(address, ns, details)
+        case grpc.StatusCode.INTERNAL if _RESET in details:  # a proxy whose connection to the daemon was lost
+            return unreachable(address, ns, details)
         case grpc.StatusCode.DEADLINE_EXCEEDED:
             return UalTimeoutError("no answer within the time given (timeout_s)", metadata)
         case grpc.StatusCode.UNIMPLEMENTED:
@@ -126,6 +134,8 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
     and what to do.
     """
     metadata = {"address": address, "ns": ns, "details": details}
+    if details.startswith(_GATEWAY):
+        return DaemonUnreachableError(f"{details} (at {address})", metadata)
     if details and not details.startswith(_NOT_CONNECTED):
         return DaemonUnreachableError(f"the connection to the UAL daemon at {address} was lost ({details})", metadata)
     whom = f"no UAL daemon of {ns} answers" if ns else "no UAL daemon answers"

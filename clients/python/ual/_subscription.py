@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from typing_extensions import Self, override
 
-from ual import _calls, _convert, interface
+from ual import _calls, _convert, _views, interface
 from ual._callbacks import Callbacks, Listener
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
@@ -54,7 +54,7 @@ class Subscriptions:
                 raise _calls.closed()
             subscription = Subscription(self._callbacks.open(callback), lambda ended: self._leave(feed, ended))
             known = self._feeds.get(rate_hz)
-            feed = known or _Feed(self._connection, rate_hz)
+            subscription.feed = feed = known or _Feed(self._connection, rate_hz)
             self._feeds[rate_hz] = feed
             feed.join(subscription)
         try:
@@ -91,13 +91,21 @@ class Subscription(interface.Subscription):
 
     def __init__(self, listener: Listener, on_close: Callable[[Subscription], None]) -> None:
         self.listener = listener
+        self.feed: _Feed | None = None
         self._on_close = on_close
+        self._is_closed = False
+
+    def __repr__(self) -> str:
+        feed = self.feed
+        ns, rate_hz = ("", 0.0) if feed is None else (feed.ns, feed.rate_hz)
+        return _views.subscription_text(ns, rate_hz, is_closed=self._is_closed)
 
     @override
     def close(self) -> None:
         """Ends it. Waits for the callback to return, unless it is called from a callback of this client; after that the
         callback does not run again.
         """
+        self._is_closed = True
         self.listener.close()
         self._on_close(self)
 
@@ -134,6 +142,11 @@ class _Feed:
         self._has_ended = threading.Event()
         """Set while no thread reads the stream: before the start and after the end."""
         self._has_ended.set()
+
+    @property
+    def ns(self) -> str:
+        """The namespace of the UAV, as far as it is known."""
+        return self._connection.target.shown_ns
 
     def start(self) -> None:
         """Starts the threads that read."""
@@ -258,6 +271,7 @@ class _Feed:
         for subscription in subscriptions:
             subscription.listener.offer(sample)
         if not self._is_answered.is_set():
+            self._connection.note_answer()
             self._is_answered.set()
         self._interruptions.resumed()
         return subscriptions

@@ -76,11 +76,33 @@ class Target:
         self._credentials = None if tls_ca is None else _read_ca(Path(tls_ca))
         self._address: str | None = self._fixed_address
         self._seen: tuple[int, int] | None = None
+        self._answered_ns = ""
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """The metadata that every request carries."""
         return ((NS_METADATA_KEY, self.ns),) if self.ns else ()
+
+    @property
+    def known_ns(self) -> str:
+        """The namespace as given, as registered on this computer, or as the daemon said last; else empty."""
+        if not (self.ns or self._fixed_address):
+            self.address()
+        return self.shown_ns
+
+    @property
+    def shown_ns(self) -> str:
+        """The namespace as far as it is known already; for `repr`, which looks nothing up."""
+        return self.ns or self._answered_ns
+
+    def note_ns(self, ns: str) -> None:
+        """Stores the namespace that the daemon says. Requests carry only one that was given."""
+        self._answered_ns = ns
+
+    def described(self, status: str) -> str:
+        """Returns in words which UAV it is, where it is, and the status of the connection. Asks nobody."""
+        where = f"at {self._address}" if self._address else ""
+        return f"{' '.join(filter(None, (self.shown_ns, where))) or 'the only UAV'}, {status}"
 
     def open_channel(self, api: Any, address: str, more_options: tuple[tuple[str, int], ...] = ()) -> Any:  # noqa: ANN401 (grpc or grpc.aio, and its channel)
         """Opens a channel to an address by `api`, which is the module `grpc` or `grpc.aio`."""

@@ -50,6 +50,12 @@ def _known(value: T | None, what: str, telemetry: Telemetry) -> T:
     return value
 
 
+def subscription_text(ns: str, rate_hz: float, *, is_closed: bool) -> str:
+    """Returns what Python prints of a subscription."""
+    rate = f"{rate_hz:g} Hz" if rate_hz else "every update"
+    return f"<Subscription to {ns or 'the only UAV'}, {rate}{', closed' if is_closed else ''}>"
+
+
 def require_states(states: Sequence[State]) -> None:
     """Raises `InvalidArgumentError` unless there is at least one state, and nothing else."""
     if not states or not all(isinstance(state, State) for state in states):

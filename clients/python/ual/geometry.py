@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from ual._wrong_type import require, wrong_type
 from ual.errors import InvalidArgumentError
 
 
@@ -150,8 +151,8 @@ def _half(angle_rad: float, name: str) -> tuple[float, float]:
     """Returns sine and cosine of half an angle."""
     try:
         return math.sin(angle_rad / 2), math.cos(angle_rad / 2)
-    except ValueError:
-        raise InvalidArgumentError(f"{name}: {angle_rad} is not an angle", {"field": name}) from None
+    except (TypeError, ValueError):
+        raise InvalidArgumentError(f"{name}: {angle_rad!r} is not an angle", {"field": name}) from None
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -212,19 +213,38 @@ class TwistStamped:
     stamp_s: float = 0.0
 
 
-def stamped_pose(pose: PoseStamped | Pose) -> PoseStamped:
-    """Returns the pose with its frame; one without a frame is in ``<ns>/odom``."""
-    return PoseStamped(pose) if isinstance(pose, Pose) else pose
+def stamped_pose(pose: PoseStamped | Pose, field: str = "pose") -> PoseStamped:
+    """Returns the pose with its frame; one without a frame is in ``<ns>/odom``. Raises `InvalidArgumentError`, which
+    names the field, unless it is a pose in all its parts.
+    """
+    stamped = PoseStamped(pose) if isinstance(pose, Pose) else pose
+    require(stamped, PoseStamped, field)
+    require(stamped.pose, Pose, f"{field}.pose")
+    require(stamped.pose.position, Vector3, f"{field}.pose.position")
+    require(stamped.pose.orientation, Quaternion, f"{field}.pose.orientation")
+    return stamped
 
 
-def stamped_point(point: PointStamped | Vector3) -> PointStamped:
-    """Returns the point with its frame; one without a frame is in ``<ns>/odom``."""
-    return PointStamped(point) if isinstance(point, Vector3) else point
+def stamped_point(point: PointStamped | Vector3, field: str = "point") -> PointStamped:
+    """Returns the point with its frame; one without a frame is in ``<ns>/odom``. Raises as `stamped_pose`."""
+    stamped = PointStamped(point) if isinstance(point, Vector3) else point
+    require(stamped, PointStamped, field)
+    require(stamped.point, Vector3, f"{field}.point")
+    return stamped
 
 
-def stamped_twist(velocity: TwistStamped | Twist) -> TwistStamped:
-    """Returns the velocity with its frame; one without a frame is in ``<ns>/odom``."""
-    return TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
+def stamped_twist(velocity: TwistStamped | Twist, field: str = "velocity") -> TwistStamped:
+    """Returns the velocity with its frame; one without a frame is in ``<ns>/odom``. Raises as `stamped_pose`."""
+    stamped = TwistStamped(velocity) if isinstance(velocity, Twist) else velocity
+    # Written out, because each setpoint takes this path: the usual case costs three checks of a type.
+    if not isinstance(stamped, TwistStamped):
+        raise wrong_type(velocity, Twist, field)
+    twist = stamped.twist
+    if not (isinstance(twist, Twist) and isinstance(twist.linear, Vector3) and isinstance(twist.angular, Vector3)):
+        require(twist, Twist, f"{field}.twist")
+        require(twist.linear, Vector3, f"{field}.twist.linear")
+        require(twist.angular, Vector3, f"{field}.twist.angular")
+    return stamped
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,3 +281,11 @@ class Transform:
         """Returns the transform from the parent to the child."""
         back = self.rotation.inverse()
         return Transform(-back.rotate(self.translation), back, self.child_frame_id, self.frame_id, self.stamp_s)
+
+
+def checked_transform(transform: Transform, field: str = "transform") -> Transform:
+    """Returns the transform. Raises `InvalidArgumentError` as `stamped_pose`."""
+    require(transform, Transform, field)
+    require(transform.translation, Vector3, f"{field}.translation")
+    require(transform.rotation, Quaternion, f"{field}.rotation")
+    return transform

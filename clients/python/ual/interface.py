@@ -219,7 +219,7 @@ class DryRun(Generic[P]):
 
     def go_to_waypoint(self, waypoint: PoseStamped | Pose, *, max_speed_m_s: float | None = None) -> P:
         """Returns the plan of `Uav.go_to_waypoint`."""
-        return self._plan(GoToWaypointRequest(stamped_pose(waypoint), max_speed_m_s))
+        return self._plan(GoToWaypointRequest(stamped_pose(waypoint, "waypoint"), max_speed_m_s))
 
     def go_to_waypoint_geo(
         self,
@@ -247,16 +247,9 @@ class DryRun(Generic[P]):
         holds_s: Sequence[float] = (),
     ) -> P:
         """Returns the plan of `Uav.follow_path`."""
-        interest = None if point_of_interest is None else stamped_point(point_of_interest)
         return self._plan(
-            FollowPathRequest(
-                _stamped_waypoints(waypoints),
-                corner_radius_m,
-                max_speed_m_s,
-                leg_speeds_m_s,
-                heading,
-                interest,
-                holds_s,
+            _path_request(
+                waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, holds_s
             )
         )
 
@@ -364,7 +357,7 @@ class TaskCommands(ABC, Generic[T]):
             >>> uav.go_to_waypoint(ual.Pose.at(4.0, 2.0, 3.0, yaw_rad=1.57), max_speed_m_s=2.0)
 
         """
-        return self._begin(GoToWaypointRequest(stamped_pose(waypoint), max_speed_m_s), blocking, timeout_s)
+        return self._begin(GoToWaypointRequest(stamped_pose(waypoint, "waypoint"), max_speed_m_s), blocking, timeout_s)
 
     def go_to_waypoint_geo(
         self,
@@ -443,9 +436,8 @@ class TaskCommands(ABC, Generic[T]):
             >>> uav.follow_path(corners, corner_radius_m=1.0)
 
         """
-        interest = None if point_of_interest is None else stamped_point(point_of_interest)
-        request = FollowPathRequest(
-            _stamped_waypoints(waypoints), corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, interest, holds_s
+        request = _path_request(
+            waypoints, corner_radius_m, max_speed_m_s, leg_speeds_m_s, heading, point_of_interest, holds_s
         )
         return self._begin(request, blocking, timeout_s)
 
@@ -827,11 +819,28 @@ class Uav(TaskCommands[Task]):
         """
 
 
-def _stamped_waypoints(waypoints: Iterable[PoseStamped | Pose | GeoWaypoint]) -> list[PoseStamped | GeoWaypoint]:
-    """The waypoints of a path; a bare pose is in ``<ns>/odom``."""
+def _path_request(
+    waypoints: Waypoints,
+    corner_radius_m: float,
+    max_speed_m_s: float | None,
+    leg_speeds_m_s: Sequence[float],
+    heading: PathHeading,
+    point_of_interest: PointStamped | Vector3 | None,
+    holds_s: Sequence[float],
+) -> FollowPathRequest:
+    """The request of a path. Poses and points without a frame are in ``<ns>/odom``."""
+    interest = None if point_of_interest is None else stamped_point(point_of_interest, "point_of_interest")
+    speeds_m_s = _listed(leg_speeds_m_s, "leg_speeds_m_s", "speeds; pass [1.0, ...]")
+    stamped = [
+        each if isinstance(each, GeoWaypoint) else stamped_pose(each, f"waypoints[{i}]")
+        for i, each in enumerate(_listed(waypoints, "waypoints", "waypoints; pass [ual.Pose.at(x, y, z), ...]"))
+    ]
+    holds = _listed(holds_s, "holds_s", "times; pass [0.0, ...]")
+    return FollowPathRequest(stamped, corner_radius_m, max_speed_m_s, speeds_m_s, heading, interest, holds)
+
+
+def _listed(values: Iterable[T], field: str, of_what: str) -> list[T]:
     try:
-        return [each if isinstance(each, GeoWaypoint) else stamped_pose(each) for each in waypoints]
+        return list(values)
     except TypeError:
-        raise InvalidArgumentError(
-            f"waypoints: {waypoints!r:.100} is not a list of waypoints", {"field": "waypoints"}
-        ) from None
+        raise InvalidArgumentError(f"{field}: {values!r:.100} is not a list of {of_what}", {"field": field}) from None

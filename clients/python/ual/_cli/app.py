@@ -6,15 +6,16 @@ import functools
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
 from typing_extensions import override
 
+from ual._cli import complete
+from ual._cli.help import ALIASES, Section, as_typed, close, no_such_command, write_commands, write_examples
 from ual._cli.output import error_text, to_json
 from ual._cli.values import Number
 from ual.errors import UalError
@@ -58,7 +59,7 @@ class Session:
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed."""
-        click.echo(f"ual: {error_text(error)}", err=True)
+        click.echo(f"ual: {as_typed(error_text(error))}", err=True)
         if self.as_json:
             click.echo(json.dumps({"error": to_json(error)}, allow_nan=False))
 
@@ -83,67 +84,118 @@ def note(text: str) -> None:
     click.echo(text, err=True)
 
 
-class _SharedOptions:
-    """Adds the options of `Session` to a command or group."""
-
-    params: list[click.Parameter]
-
-    def add_shared_options(self) -> None:
-        """Adds them."""
-        self.params.extend(
-            [
-                click.Option(
-                    ["--ns"],
-                    metavar="NAME",
-                    envvar="UAL_NS",
-                    help="Which UAV.",
-                    expose_value=False,
-                    callback=_store("ns"),
-                    shell_complete=_complete_ns,
-                ),
-                click.Option(
-                    ["--address"],
-                    metavar="HOST:PORT|unix:PATH",
-                    envvar="UAL_ADDRESS",
-                    help="Where its daemon is, if not on this computer.",
-                    expose_value=False,
-                    callback=_store("address"),
-                ),
-                click.Option(
-                    ["--tls-ca"],
-                    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-                    envvar="UAL_TLS_CA",
-                    help="Certificates to trust, for a daemon that uses TLS.",
-                    expose_value=False,
-                    callback=_store("tls_ca"),
-                ),
-                click.Option(
-                    ["--timeout", "timeout_s"],
-                    type=Number(min=0.0, min_open=True),
-                    metavar="SECONDS",
-                    help="How long to wait; a go-to or path is then cancelled.",
-                    expose_value=False,
-                    callback=_store("timeout_s"),
-                ),
-                click.Option(
-                    ["--json", "as_json"],
-                    is_flag=True,
-                    help="Print one JSON object a line.",
-                    expose_value=False,
-                    callback=_store("as_json"),
-                ),
-            ]
-        )
+SHARED_OPTIONS = "--ns, --address, --tls-ca, --timeout, --json"
 
 
-class UalCommand(_SharedOptions, click.Command):
+class _SharedOption(click.Option):
+    """An option of `Session`. Only the help of `ual` itself describes it."""
+
+    @override
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        return super().get_help_record(ctx) if ctx.parent is None else None
+
+
+class _SharedOptions(click.Command):
+    """A command or group with the options of `Session`, a section of the help, and examples.
+
+    Args:
+        section: Where `ual --help` lists it.
+        examples: Calls of it, as they are typed.
+
+    """
+
+    def __init__(
+        self,
+        *args: Any,  # noqa: ANN401 (click's)
+        section: Section = Section.FLYING,
+        examples: Sequence[str] = (),
+        **kwargs: Any,  # noqa: ANN401 (click's)
+    ) -> None:
+        super().__init__(*args, **kwargs)
+        self.section = section
+        self.examples = examples
+        self.params.extend(_shared_options())
+
+    @override
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        write_examples(formatter, self.examples)
+        if ctx.parent is not None:
+            with formatter.section("Options of every command (see ual --help)"):
+                formatter.write_text(SHARED_OPTIONS)
+        super().format_epilog(ctx, formatter)
+
+    @override
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if not ctx.resilient_parsing:
+            self._refuse_unknown_options(ctx, args)
+        return super().parse_args(ctx, args)
+
+    def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
+        """Refuses an option that does not exist, which click would take for an argument: see `UalCommand`."""
+
+
+def _shared_options() -> list[click.Parameter]:
+    return [
+        _SharedOption(
+            ["--ns"],
+            metavar="NAME",
+            envvar="UAL_NS",
+            help="Which UAV.",
+            expose_value=False,
+            callback=_store("ns"),
+            shell_complete=complete.namespaces,
+        ),
+        _SharedOption(
+            ["--address"],
+            metavar="HOST:PORT|unix:PATH",
+            envvar="UAL_ADDRESS",
+            help="Where its daemon is, if not on this computer.",
+            expose_value=False,
+            callback=_store("address"),
+        ),
+        _SharedOption(
+            ["--tls-ca"],
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            envvar="UAL_TLS_CA",
+            help="Certificates to trust, for a daemon that uses TLS.",
+            expose_value=False,
+            callback=_store("tls_ca"),
+        ),
+        _SharedOption(
+            ["--timeout", "timeout_s"],
+            type=Number(min=0.0, min_open=True),
+            metavar="SECONDS",
+            help="How long to wait; a go-to or path is then cancelled.",
+            expose_value=False,
+            callback=_store("timeout_s"),
+        ),
+        _SharedOption(
+            ["--json", "as_json"],
+            is_flag=True,
+            help="Print one JSON object a line.",
+            expose_value=False,
+            callback=_store("as_json"),
+        ),
+    ]
+
+
+class UalCommand(_SharedOptions):
     """A command that takes the shared options, and negative numbers as arguments."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
         super().__init__(*args, **kwargs)
         # No command has an option like `-1`: so it is an argument.
         self.ignore_unknown_options = True
-        self.add_shared_options()
+
+    @override
+    def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
+        known = {name for option in self.get_params(ctx) for name in (*option.opts, *option.secondary_opts)}
+        for word in args:
+            name = word.partition("=")[0]
+            if word == "--":
+                return
+            if name.startswith("--") and name not in known:
+                raise click.NoSuchOption(name, possibilities=close(name, known), ctx=ctx)
 
 
 class UalGroup(_SharedOptions, click.Group):
@@ -151,9 +203,27 @@ class UalGroup(_SharedOptions, click.Group):
 
     command_class = UalCommand
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
-        super().__init__(*args, **kwargs)
-        self.add_shared_options()
+    @override
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        found = super().get_command(ctx, cmd_name)
+        return super().get_command(ctx, ALIASES.get(cmd_name, "")) if found is None else found
+
+    @override
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not (ctx.resilient_parsing or name.startswith("-")):
+            ctx.fail(no_such_command(name, self.commands))
+        return super().resolve_command(ctx, args)
+
+    @override
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        if ctx.parent is not None:
+            super().format_commands(ctx, formatter)
+            return
+        sections = {name: each.section for name, each in self.commands.items() if isinstance(each, _SharedOptions)}
+        write_commands(formatter, self.commands, sections)
 
     @override
     def invoke(self, ctx: click.Context) -> Any:
@@ -170,9 +240,11 @@ class UalGroup(_SharedOptions, click.Group):
             ctx.exit(0)
 
 
-def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Makes a command that takes the shared options."""
-    return click.command(name, cls=UalCommand)
+def command(
+    name: str, *examples: str, section: Section = Section.FLYING
+) -> Callable[[Callable[..., None]], click.Command]:
+    """Makes a command that takes the shared options. `examples` are calls of it, as they are typed."""
+    return click.command(name, cls=UalCommand, section=section, examples=examples)
 
 
 def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
@@ -185,9 +257,3 @@ def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
                 setattr(held, field, value)
 
     return store
-
-
-def _complete_ns(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    from ual import _discovery
-
-    return [CompletionItem(each.ns) for each in _discovery.list_daemons() if each.ns.startswith(incomplete)]

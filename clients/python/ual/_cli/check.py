@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ual._cli import complete
 from ual._cli.app import REFUSED, Session, command, note, pass_session
+from ual._cli.help import Section
 from ual._cli.tables import print_table
 
 if TYPE_CHECKING:
     from ual.conformance import Check, Flight, Result
 
 
-@command("check")
+@command("check", "ual check --no-motion", "ual check --list", section=Section.TOOLS)
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option("--no-motion", is_flag=True, help="Only the checks that move nothing.")
-@click.option("--only", metavar="NAME", multiple=True, help="Only this check; may be given again.")
+@click.option(
+    "--only", metavar="NAME", multiple=True, help="Only this check; may be given again.", shell_complete=complete.checks
+)
 @click.option("--list", "only_list", is_flag=True, help="List the checks, and end.")
 @pass_session
 def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], only_list: bool) -> None:

@@ -6,13 +6,20 @@ import click
 from click.shell_completion import get_completion_class
 
 from ual._cli.app import command
+from ual._cli.help import Section
 
 
-@command("completion")
-@click.argument("shell", type=click.Choice(["bash", "zsh"]))
+@command(
+    "completion",
+    'eval "$(ual completion bash)"    # in ~/.bashrc',
+    'eval "$(ual completion zsh)"     # in ~/.zshrc',
+    "ual completion fish | source     # in ~/.config/fish/config.fish",
+    section=Section.TOOLS,
+)
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @click.pass_context
 def completion(context: click.Context, shell: str) -> None:
-    """Print the completion script of a shell: eval "$(ual completion bash)" in its start-up file."""
+    """Print the script that completes commands, options, UAVs and frames in a shell."""
     kind = get_completion_class(shell)
     assert kind is not None
     click.echo(kind(context.find_root().command, {}, "ual", "_UAL_COMPLETE").source())

@@ -11,6 +11,7 @@ import click
 
 from ual._cli import manoeuvre, options, values
 from ual._cli.app import Session, command, note, pass_session
+from ual._cli.help import Section
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
@@ -20,7 +21,7 @@ _VELOCITY_PERIOD_S = 0.05
 _GOES_ON = "goes on: only the safety pilot can abort it"
 
 
-@command("arm")
+@command("arm", "ual arm")
 @pass_session
 def arm(session: Session) -> None:
     """Arm the motors (where the daemon permits it)."""
@@ -29,7 +30,7 @@ def arm(session: Session) -> None:
     session.emit({"done": "arm"}, "armed")
 
 
-@command("disarm")
+@command("disarm", "ual disarm")
 @pass_session
 def disarm(session: Session) -> None:
     """Disarm the motors (where the daemon permits it)."""
@@ -38,7 +39,7 @@ def disarm(session: Session) -> None:
     session.emit({"done": "disarm"}, "disarmed")
 
 
-@command("takeoff")
+@command("takeoff", "ual takeoff 3")
 @click.argument("height_m", type=float, metavar="HEIGHT")
 @options.dry_run
 @pass_session
@@ -59,7 +60,7 @@ def takeoff(session: Session, height_m: float, dry_run: bool) -> None:
         )
 
 
-@command("land")
+@command("land", "ual land")
 @options.dry_run
 @pass_session
 def land(session: Session, dry_run: bool) -> None:
@@ -73,7 +74,7 @@ def land(session: Session, dry_run: bool) -> None:
         )
 
 
-@command("goto")
+@command("goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5")
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
@@ -113,7 +114,7 @@ def goto(
         )
 
 
-@command("goto-geo")
+@command("goto-geo", "ual goto-geo 37.4122 -5.9984 20", "ual goto-geo 37.4122 -5.9984 120 --reference amsl")
 @click.argument("latitude_deg", type=float, metavar="LAT")
 @click.argument("longitude_deg", type=float, metavar="LON")
 @click.argument("altitude_m", type=float, metavar="ALT")
@@ -157,7 +158,7 @@ def goto_geo(
         )
 
 
-@command("velocity")
+@command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3")
 @click.argument("vx", type=float)
 @click.argument("vy", type=float)
 @click.argument("vz", type=float)
@@ -236,7 +237,7 @@ def _stop(uav: Uav) -> None:
         raise type(error)(f"the UAV could not be stopped: {error.message}", error.metadata) from None
 
 
-@command("pose")
+@command("pose", "ual pose 1 1 3")
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
@@ -258,7 +259,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
     session.emit({"done": "pose"}, "reference set")
 
 
-@command("recover")
+@command("recover", "ual recover", section=Section.TASKS)
 @options.dry_run
 @pass_session
 def recover(session: Session, dry_run: bool) -> None:
@@ -271,7 +272,7 @@ def recover(session: Session, dry_run: bool) -> None:
     session.emit({"done": "recover"}, "recovered")
 
 
-@command("home")
+@command("home", "ual home --set-z", section=Section.FRAMES)
 @click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
 def home(session: Session, set_z: bool) -> None:
@@ -281,7 +282,7 @@ def home(session: Session, set_z: bool) -> None:
     session.emit({"done": "home"}, "home set")
 
 
-@command("abort")
+@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS)
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
 def abort(session: Session, freeze: bool) -> None:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import click
 
-from ual._cli import values
+from ual._cli import complete, values
 from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.help import Section
 from ual._cli.output import vector_text
 from ual._cli.tables import print_table
 from ual.geometry import Quaternion, Transform, Vector3
 
 
-@click.group("frames", cls=UalGroup, invoke_without_command=True)
+@click.group(
+    "frames",
+    cls=UalGroup,
+    invoke_without_command=True,
+    section=Section.FRAMES,
+    examples=("ual frames", "ual frames add pad 1 -2 0.5 --yaw 90deg"),
+)
 @click.pass_context
 def frames(context: click.Context) -> None:
     """List the frames, add one, or remove one."""
@@ -37,7 +44,7 @@ def list_frames(session: Session) -> None:
     print_table(("frame", "parent", "x y z (m)", "yaw (rad)", ""), rows)
 
 
-@frames.command("add", cls=UalCommand)
+@frames.command("add", cls=UalCommand, examples=("ual frames add pad 1 -2 0.5 --yaw 90deg",))
 @click.argument("name")
 @click.argument("x", type=float)
 @click.argument("y", type=float)
@@ -45,7 +52,7 @@ def list_frames(session: Session) -> None:
 @click.option(
     "--yaw", type=values.angle, default="0", help="Its rotation about z, counter-clockwise: 90deg, 1.57rad or 1.57."
 )
-@click.option("--parent", default="", help="Its parent; map when not given.")
+@click.option("--parent", default="", help="Its parent; map when not given.", shell_complete=complete.frames)
 @pass_session
 def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:
     """Add the frame NAME at X Y Z in its parent, or move it there."""
@@ -54,8 +61,8 @@ def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, p
     session.emit({"done": "frames add", "frame_id": name}, f"frame {name} added")
 
 
-@frames.command("remove", cls=UalCommand)
-@click.argument("name")
+@frames.command("remove", cls=UalCommand, examples=("ual frames remove pad",))
+@click.argument("name", shell_complete=complete.frames)
 @pass_session
 def remove(session: Session, name: str) -> None:
     """Remove the frame NAME, which was added."""

@@ -9,15 +9,26 @@ import click
 from ual import __version__
 from ual._cli import check, completion, flight, frames, path, simulation, status, task, waypoints
 from ual._cli.app import UalGroup
+from ual._cli.help import WIDEST
 
 
-@click.group(cls=UalGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=UalGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST},
+    examples=(
+        "ual list",
+        "ual takeoff 3",
+        "ual goto 4 2 3 --yaw 90deg",
+        "ual --ns uav_2 --json state",
+        "ual watch --all",
+    ),
+)
 @click.version_option(__version__, prog_name="ual")
 def cli() -> None:
     """Fly a UAV through its daemon.
 
-    Without --ns and --address this is the only UAV of this computer. Exit status: 0 done, 1 refused or failed (the
-    reason is on stderr), 2 wrong usage, 130 interrupted.
+    Without --ns and --address this is the only UAV of this computer. The options below may also stand behind the
+    command. Exit status: 0 done, 1 refused or failed (the reason is on stderr), 2 wrong usage, 130 interrupted.
     """
 
 

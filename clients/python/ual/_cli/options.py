@@ -6,14 +6,20 @@ from pathlib import Path
 
 import click
 
-from ual._cli import values
+from ual._cli import complete, values
 
 yaw = click.option(
     "--yaw",
     type=values.angle,
     help="Heading, counter-clockwise from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57. Kept when not given.",
 )
-frame = click.option("--frame", "frame_id", default="", help="The frame of the coordinates; <ns>/odom when not given.")
+frame = click.option(
+    "--frame",
+    "frame_id",
+    default="",
+    help="The frame of the coordinates; <ns>/odom when not given.",
+    shell_complete=complete.frames,
+)
 max_speed = click.option(
     "--max-speed",
     "max_speed_m_s",

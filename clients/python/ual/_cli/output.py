@@ -36,6 +36,12 @@ def to_json(value: object) -> object:
     return value
 
 
+def task_text(task: TaskInfo) -> str:
+    """Returns what a task was told to do, and whether it is paused."""
+    text = task.description or task.kind.name
+    return f"{text} (paused)" if task.is_paused else text
+
+
 def vector_text(vector: Vector3) -> str:
     """Returns the three components with two decimals."""
     return " ".join(f"{component:.2f}" for component in vector)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 import click
 
@@ -13,6 +14,17 @@ from ual._cli.app import Session, command, note, pass_session
 from ual.geometry import PointStamped, Pose, PoseStamped, Vector3
 from ual.routes import Route
 from ual.types import PathHeading
+
+
+class PathArguments(TypedDict):
+    """The arguments that `follow_path` and its dry run share."""
+
+    corner_radius_m: float
+    max_speed_m_s: float | None
+    leg_speeds_m_s: Sequence[float]
+    heading: PathHeading
+    point_of_interest: PointStamped | None
+    holds_s: Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -28,8 +40,19 @@ class PathOptions:
     plot: Path | None = None
     holds_s: Sequence[float] = ()
 
+    def arguments(self, route: Route) -> PathArguments:
+        """Returns the arguments of `follow_path`, which its dry run has, too."""
+        return {
+            "corner_radius_m": self.corner_radius_m,
+            "max_speed_m_s": self.max_speed_m_s,
+            "leg_speeds_m_s": self.leg_speeds_m_s or route.leg_speeds_m_s,
+            "heading": self.heading,
+            "point_of_interest": self.point_of_interest,
+            "holds_s": self.holds_s or route.holds_s,
+        }
 
-@command("path")
+
+@command("path", "ual path 10,0,5 10,10,5 0,10,5 --corner-radius 2", "ual path --file mission.plan --dry-run")
 @click.argument("waypoints", type=values.waypoint, nargs=-1, metavar="X,Y,Z[,YAW] ...")
 @click.option(
     "--file",
@@ -103,34 +126,15 @@ def fly_path(session: Session, route: Route, how: PathOptions) -> None:
     """Flies through the waypoints of a route and prints how it ended."""
     for each in route.left_out:
         note(f"ual: not flown: {each}")
-    waypoints, speeds_m_s = route.waypoints, how.leg_speeds_m_s or route.leg_speeds_m_s
-    holds_s = how.holds_s or route.holds_s
+    path = how.arguments(route)
     with session.connect() as uav:
         if how.dry_run:
-            plan = uav.dry_run.follow_path(
-                waypoints,
-                corner_radius_m=how.corner_radius_m,
-                max_speed_m_s=how.max_speed_m_s,
-                leg_speeds_m_s=speeds_m_s,
-                heading=how.heading,
-                point_of_interest=how.point_of_interest,
-                holds_s=holds_s,
-            )
-            manoeuvre.print_plan(session, plan)
+            manoeuvre.print_plan(session, uav.dry_run.follow_path(route.waypoints, **path))
             return
         manoeuvre.wait_for(
             session,
             uav,
-            lambda: uav.follow_path(
-                waypoints,
-                corner_radius_m=how.corner_radius_m,
-                max_speed_m_s=how.max_speed_m_s,
-                leg_speeds_m_s=speeds_m_s,
-                heading=how.heading,
-                point_of_interest=how.point_of_interest,
-                holds_s=holds_s,
-                timeout_s=session.timeout_s,
-            ),
+            lambda: uav.follow_path(route.waypoints, **path, timeout_s=session.timeout_s),
             how.plot,
         )
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 from collections.abc import Callable
 
 import click
 
-from ual._cli import values
+from ual._cli import complete, values
 from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual.geometry import Vector3
 from ual.simulation import (
@@ -25,7 +28,7 @@ from ual.simulation import (
 )
 
 
-@click.group("sim", cls=UalGroup)
+@click.group("sim", cls=UalGroup, section=Section.SIMULATION, examples=("ual sim arm", "ual sim speed 10"))
 def sim() -> None:
     """Control the world around a simulated UAV: its safety pilot, faults, time, noise and wind."""
 
@@ -36,7 +39,7 @@ def _pilot(name: str, help_text: str, done: str, act: str) -> None:
             getattr(uav.simulation, act)()
         session.emit({"done": f"sim {name}"}, done)
 
-    sim.add_command(UalCommand(name, callback=pass_session(run), help=help_text))
+    sim.add_command(UalCommand(name, callback=pass_session(run), help=help_text, examples=(f"ual sim {name}",)))
 
 
 _pilot("arm", "The safety pilot arms.", "armed by the pilot", "pilot_arm")
@@ -45,7 +48,7 @@ _pilot("take-over", "The safety pilot takes over and flies by hand.", "the pilot
 _pilot("give-back", "The safety pilot switches back to the daemon.", "given back by the pilot", "pilot_give_back")
 
 
-@sim.command("sticks", cls=UalCommand)
+@sim.command("sticks", cls=UalCommand, examples=("ual sim sticks --forward 0.5",))
 @click.option("--forward", type=float, default=0.0)
 @click.option("--left", type=float, default=0.0)
 @click.option("--up", type=float, default=0.0)
@@ -58,7 +61,7 @@ def sticks(session: Session, forward: float, left: float, up: float, turn: float
     session.emit({"done": "sim sticks"}, "sticks moved")
 
 
-@sim.command("speed", cls=UalCommand)
+@sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",))
 @click.argument("factor", type=float)
 @pass_session
 def speed(session: Session, factor: float) -> None:
@@ -68,7 +71,7 @@ def speed(session: Session, factor: float) -> None:
     session.emit({"done": "sim speed", "speed_factor": factor if math.isfinite(factor) else "inf"}, "speed set")
 
 
-@sim.command("step", cls=UalCommand)
+@sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",))
 @click.argument("duration_s", type=float, metavar="SECONDS")
 @pass_session
 def step(session: Session, duration_s: float) -> None:
@@ -78,7 +81,7 @@ def step(session: Session, duration_s: float) -> None:
     session.emit({"done": "sim step"}, f"{duration_s:g} s passed")
 
 
-@sim.command("noise", cls=UalCommand)
+@sim.command("noise", cls=UalCommand, examples=("ual sim noise 0.05 0.02",))
 @click.argument("position_m", type=float, metavar="POSITION")
 @click.argument("velocity_m_s", type=float, metavar="VELOCITY")
 @pass_session
@@ -89,7 +92,7 @@ def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
     session.emit({"done": "sim noise"}, "noise set")
 
 
-@sim.command("wind", cls=UalCommand)
+@sim.command("wind", cls=UalCommand, examples=("ual sim wind 2 0",))
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float, default=0.0)
@@ -101,12 +104,12 @@ def wind(session: Session, x: float, y: float, z: float) -> None:
     session.emit({"done": "sim wind"}, "wind set")
 
 
-@sim.group("fault", cls=UalGroup)
+@sim.group("fault", cls=UalGroup, examples=("ual sim fault begin link-lost --for 3",))
 def fault() -> None:
     """Begin, end and list simulated faults."""
 
 
-@fault.group("begin", cls=UalGroup)
+@fault.group("begin", cls=UalGroup, examples=("ual sim fault begin link-lost --for 3",))
 def begin() -> None:
     """Begin a fault; prints its id."""
 
@@ -133,14 +136,18 @@ def _simple(name: str, help_text: str, make: Callable[[], Fault]) -> None:
     def run(session: Session, duration_s: float) -> None:
         _begin(session, make(), duration_s)
 
-    begin.command(name, cls=UalCommand, help=help_text)(_duration(pass_session(run)))
+    begin.command(name, cls=UalCommand, help=help_text, examples=(f"ual sim fault begin {name} --for 3",))(
+        _duration(pass_session(run))
+    )
 
 
 _simple("link-lost", "The link to the autopilot carries nothing in either direction.", LinkLost)
 _simple("position-lost", "The autopilot loses its position.", PositionLost)
 
 
-@begin.command("estimator-jumps", cls=UalCommand)
+@begin.command(
+    "estimator-jumps", cls=UalCommand, examples=("ual sim fault begin estimator-jumps --offset 0,0,-1 --period 2",)
+)
 @click.option("--offset", type=values.vector, default="1,0,0", show_default=True, help="By how much (m).")
 @click.option("--period", "period_s", type=float, default=5.0, show_default=True, help="Between two jumps.")
 @_duration
@@ -150,7 +157,7 @@ def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration
     _begin(session, EstimatorJumps(offset, period_s), duration_s)
 
 
-@begin.command("motors-weak", cls=UalCommand)
+@begin.command("motors-weak", cls=UalCommand, examples=("ual sim fault begin motors-weak --power 0.4",))
 @click.option("--power", "power_ratio", type=float, default=0.5, show_default=True, help="0 to 1.")
 @_duration
 @pass_session
@@ -159,7 +166,7 @@ def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None
     _begin(session, MotorsWeak(power_ratio), duration_s)
 
 
-@begin.command("battery-low", cls=UalCommand)
+@begin.command("battery-low", cls=UalCommand, examples=("ual sim fault begin battery-low --percent 5",))
 @click.option("--percent", type=float, default=10.0, show_default=True, help="0 to 100.")
 @_duration
 @pass_session
@@ -168,7 +175,7 @@ def battery_low(session: Session, percent: float, duration_s: float) -> None:
     _begin(session, BatteryLow(percent), duration_s)
 
 
-@begin.command("command-refused", cls=UalCommand)
+@begin.command("command-refused", cls=UalCommand, examples=("ual sim fault begin command-refused --command take_off",))
 @_command
 @click.option("--text", default="refused by a simulated fault", show_default=True)
 @_duration
@@ -178,7 +185,7 @@ def command_refused(session: Session, command: str, text: str, duration_s: float
     _begin(session, CommandRefused(Command[command.upper()], text), duration_s)
 
 
-@begin.command("ack-lost", cls=UalCommand)
+@begin.command("ack-lost", cls=UalCommand, examples=("ual sim fault begin ack-lost --command arm",))
 @_command
 @_duration
 @pass_session
@@ -187,7 +194,7 @@ def ack_lost(session: Session, command: str, duration_s: float) -> None:
     _begin(session, AckLost(Command[command.upper()]), duration_s)
 
 
-@begin.command("ack-late", cls=UalCommand)
+@begin.command("ack-late", cls=UalCommand, examples=("ual sim fault begin ack-late --delay 2",))
 @_command
 @click.option("--delay", "delay_s", type=float, default=1.0, show_default=True, help="Seconds.")
 @_duration
@@ -197,8 +204,8 @@ def ack_late(session: Session, command: str, delay_s: float, duration_s: float) 
     _begin(session, AckLate(Command[command.upper()], delay_s), duration_s)
 
 
-@fault.command("end", cls=UalCommand)
-@click.argument("fault_id", default="", metavar="[ID]")
+@fault.command("end", cls=UalCommand, examples=("ual sim fault end",))
+@click.argument("fault_id", default="", metavar="[ID]", shell_complete=complete.faults)
 @pass_session
 def end(session: Session, fault_id: str) -> None:
     """End the fault ID, or all of them."""
@@ -207,7 +214,7 @@ def end(session: Session, fault_id: str) -> None:
     session.emit({"done": "sim fault end"}, "fault ended" if fault_id else "faults ended")
 
 
-@fault.command("list", cls=UalCommand)
+@fault.command("list", cls=UalCommand, examples=("ual sim fault list",))
 @pass_session
 def list_faults(session: Session) -> None:
     """List the active faults."""
@@ -217,7 +224,20 @@ def list_faults(session: Session) -> None:
         for fault_id, active in found.items():
             session.emit({"fault_id": fault_id, "kind": type(active).__name__, "fault": active})
         return
-    print_table(("id", "fault"), [(fault_id, str(active)) for fault_id, active in found.items()])
+    print_table(("id", "fault"), [(fault_id, _fault_text(active)) for fault_id, active in found.items()])
+
+
+def _fault_text(fault: Fault) -> str:
+    """Returns a fault as `ual sim fault begin` names it, with its values."""
+    name = re.sub(r"(?<!^)(?=[A-Z])", "-", type(fault).__name__).lower()
+    values = (f"{field.name}={_value_text(getattr(fault, field.name))}" for field in dataclasses.fields(fault))
+    return " ".join([name, *values])
+
+
+def _value_text(value: object) -> str:
+    if isinstance(value, Vector3):
+        return ",".join(f"{component:g}" for component in value)
+    return value.name.lower() if isinstance(value, Command) else str(value)
 
 
 COMMANDS = (sim,)

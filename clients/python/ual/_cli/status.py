@@ -10,6 +10,7 @@ import click
 from ual import _discovery
 from ual._cli.app import REFUSED, Session, command, pass_session
 from ual._cli.everyone import ask_all
+from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual._cli.watch import watch
 from ual.types import State, Telemetry
@@ -17,7 +18,7 @@ from ual.types import State, Telemetry
 _STATES = [state.name for state in State]
 
 
-@command("list")
+@command("list", "ual list", "ual --json list", section=Section.LOOKING)
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
@@ -45,7 +46,7 @@ def list_uavs(session: Session) -> None:
             click.echo("no daemon runs on this computer: start one with `ual-daemon`")
 
 
-@command("info")
+@command("info", "ual info", "ual --ns uav_2 info", section=Section.LOOKING)
 @pass_session
 def info(session: Session) -> None:
     """Print the UAV's name, its autopilot, and what it can do."""
@@ -75,7 +76,7 @@ def info(session: Session) -> None:
     print_table(("", ""), rows)
 
 
-@command("state")
+@command("state", "ual state", "ual --json state", section=Section.LOOKING)
 @pass_session
 def state(session: Session) -> None:
     """Print the state of the UAV."""
@@ -90,7 +91,7 @@ def state(session: Session) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-@command("wait")
+@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING)
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:

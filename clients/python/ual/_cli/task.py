@@ -6,11 +6,12 @@ import click
 
 from ual._cli import manoeuvre, options
 from ual._cli.app import Session, command, pass_session
+from ual._cli.help import Section
 
 _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
 
 
-@command("rtl")
+@command("rtl", "ual rtl", "ual rtl --height 30")
 @click.option(
     "--height",
     "height_m",
@@ -38,7 +39,7 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
         )
 
 
-@command("pause")
+@command("pause", "ual pause", section=Section.TASKS)
 @pass_session
 def pause(session: Session) -> None:
     """Stop the running task on its way and hold; `ual resume` goes on."""
@@ -47,7 +48,7 @@ def pause(session: Session) -> None:
     session.emit({"done": "pause"}, "paused: ual resume goes on")
 
 
-@command("resume")
+@command("resume", "ual resume", section=Section.TASKS)
 @pass_session
 def resume(session: Session) -> None:
     """Go on with the paused task, along the rest of its way."""

@@ -7,22 +7,34 @@ from pathlib import Path
 
 import click
 
-from ual._cli import options, values
+from ual._cli import complete, options, values
 from ual._cli.app import Session, UalCommand, UalGroup, pass_session
+from ual._cli.help import Section
 from ual._cli.output import pose_json, pose_text
 from ual._cli.path import PathOptions, fly_path
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
 
 
-@click.group("waypoints", cls=UalGroup)
+@click.group(
+    "waypoints",
+    cls=UalGroup,
+    section=Section.FRAMES,
+    examples=("ual waypoints save here.jsonl", "ual waypoints fly here.jsonl"),
+)
 def waypoints() -> None:
     """Save poses to a file and fly through them. The file has one JSON object a line."""
 
 
-@waypoints.command("save", cls=UalCommand)
+@waypoints.command("save", cls=UalCommand, examples=("ual waypoints save here.jsonl --frame map",))
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--frame", "frame_id", default="", help="The frame to save it in; that of the telemetry when not given.")
+@click.option(
+    "--frame",
+    "frame_id",
+    default="",
+    help="The frame to save it in; that of the telemetry when not given.",
+    shell_complete=complete.frames,
+)
 @pass_session
 def save(session: Session, file: Path, frame_id: str) -> None:
     """Append the present pose to FILE."""
@@ -41,7 +53,7 @@ def save(session: Session, file: Path, frame_id: str) -> None:
     session.emit(pose_json(here), f"{pose_text(here.pose)} in {here.frame_id} saved to {file}")
 
 
-@waypoints.command("fly", cls=UalCommand)
+@waypoints.command("fly", cls=UalCommand, examples=("ual waypoints fly here.jsonl --max-speed 2 --dry-run",))
 @click.argument("file", type=click.Path(path_type=Path))
 @options.corner_radius
 @options.max_speed

@@ -17,6 +17,7 @@ from ual.aio._connection import Connection
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
+from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.interface import DryRun, TaskCommands
 from ual.simulation import Fault
@@ -46,9 +47,20 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         self._simulation = Simulation(self._connection)
         self._subscriptions: set[Subscription] = set()
 
-    async def ns(self) -> str:
-        """Returns the namespace. Asks the daemon where none was given."""
-        return self._connection.target.ns or (await self.info()).namespace
+    def __repr__(self) -> str:
+        return f"<ual.aio.Uav {self._connection.described}>"
+
+    @property
+    def ns(self) -> str:
+        """The namespace: as given, as registered on this computer, or as the daemon said in `info`.
+
+        Raises:
+            UalError: Only an address was given, and `info` was not called yet.
+        """
+        ns = self._connection.target.known_ns
+        if not ns:
+            raise UalError("the namespace is not known yet: call `await uav.info()` first")
+        return ns
 
     @property
     def address(self) -> str:
@@ -70,7 +82,9 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
 
     async def info(self) -> Info:
         """Returns who the UAV is and what it can do; see `ual.interface.Uav.info`."""
-        return await self._connection.run(_calls.get_info())
+        info = await self._connection.run(_calls.get_info())
+        self._connection.target.note_ns(info.namespace)
+        return info
 
     async def telemetry(self) -> Telemetry:
         """Returns the newest sample of everything known; see `ual.interface.Uav.telemetry`."""
@@ -250,6 +264,9 @@ class Simulation:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Simulation of {self._connection.described}>"
 
     async def pilot_arm(self) -> None:
         """Arms, as the safety pilot does; see `ual.interface.Simulation.pilot_arm`."""

@@ -35,6 +35,12 @@ class Connection:
         """Whether it was closed."""
         return self._is_closed
 
+    @property
+    def described(self) -> str:
+        """Which UAV it is, where, and whether its daemon has answered. Asks nobody."""
+        status = "closed" if self._is_closed else "connected" if self._was_reached else "not connected"
+        return self.target.described(status)
+
     async def run(self, call: Call[T], timeout_s: float | None = None) -> T:
         """Makes a call and waits for its answer. Cancelling the waiting task cancels the call.
 
@@ -60,6 +66,7 @@ class Connection:
             call = route.stubs.ual.StreamTelemetry(request, metadata=self.target.metadata)
             try:
                 async for response in call:
+                    self._was_reached = True
                     yield response
             except grpc.aio.AioRpcError as error:
                 raise self.error(error) from error

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from typing_extensions import Self
 
-from ual import _convert
+from ual import _convert, _views
 from ual._interruption_log import InterruptionLog
 from ual._subscription import RETRY_S
 from ual.aio._connection import Connection
@@ -37,6 +37,9 @@ class Subscription:
         self._refusal: Exception | None = None
         self._is_closed = False
         self._reading: asyncio.Task[None] | None = None
+
+    def __repr__(self) -> str:
+        return _views.subscription_text(self._connection.target.shown_ns, self._rate_hz, is_closed=self._is_closed)
 
     def __aiter__(self) -> Self:
         return self

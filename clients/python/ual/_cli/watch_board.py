@@ -1,0 +1,93 @@
+"""What `ual watch` knows of each UAV: its newest sample, when it came, and why no newer one comes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from ual import _discovery
+from ual.errors import UalError
+from ual.types import Telemetry
+
+LOST_S = 2.0
+"""Telemetry that is older than this is shown as lost; at low rates, telemetry that is older than two periods."""
+GONE_S = 10.0
+"""For this time a UAV whose daemon has ended is still shown, so that nobody misses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is known of one UAV: its newest sample, when it came, and why no newer one comes, if that is known."""
+
+    since_s: float
+    telemetry: Telemetry | None = None
+    why: str = ""
+    gone_s: float | None = None
+    """When its daemon ended."""
+
+
+class Board:
+    """The newest sample of each UAV. Sets `changed` at every change."""
+
+    def __init__(self, names: Iterable[str], rate_hz: float) -> None:
+        self.changed = threading.Event()
+        self.lost_after_s = max(LOST_S, 2.0 / rate_hz if rate_hz else 0.0)
+        self._lock = threading.Lock()
+        self._seen = {ns: Seen(time.monotonic()) for ns in names}
+        self._new: dict[str, Telemetry] = {}
+
+    def add(self, ns: str) -> None:
+        """Adds a UAV whose daemon has appeared."""
+        with self._lock:
+            self._seen[ns] = Seen(time.monotonic())
+        self.changed.set()
+
+    def remove(self, ns: str) -> None:
+        """Marks a UAV whose daemon has ended. It vanishes after `GONE_S`."""
+        with self._lock:
+            self._seen[ns] = replace(self._seen[ns], gone_s=time.monotonic())
+        self.changed.set()
+
+    def put(self, ns: str, telemetry: Telemetry) -> None:
+        """Stores a sample."""
+        with self._lock:
+            if not self._is_here(ns):
+                return
+            self._seen[ns] = Seen(time.monotonic(), telemetry)
+            unseen = self._new.get(ns)
+            if unseen is not None:  # the unseen sample counts as missed, in addition to those that it had missed
+                telemetry = replace(telemetry, missed_count=telemetry.missed_count + unseen.missed_count + 1)
+            self._new[ns] = telemetry
+        self.changed.set()
+
+    def put_error(self, ns: str, error: UalError) -> None:
+        """Stores why no samples come."""
+        with self._lock:
+            if not self._is_here(ns):
+                return
+            self._seen[ns] = replace(self._seen[ns], why=f"{error.reason}: {error.message}")
+        self.changed.set()
+
+    def take(self) -> Mapping[str, Telemetry]:
+        """Returns the newest sample of each UAV that has a new one since the last call. Its `missed_count` includes the
+        samples that were replaced.
+        """
+        with self._lock:
+            new, self._new = self._new, {}
+        return new
+
+    def seen(self) -> Mapping[str, Seen]:
+        """Returns what is known of each UAV, sorted by name and number, without those that ended a while ago."""
+        now_s = time.monotonic()
+        with self._lock:
+            self._seen = {
+                ns: each for ns, each in self._seen.items() if each.gone_s is None or now_s - each.gone_s < GONE_S
+            }
+            return dict(sorted(self._seen.items(), key=lambda item: _discovery.natural_order(item[0])))
+
+    def _is_here(self, ns: str) -> bool:
+        # The last sample of a daemon that has ended may come late: its UAV must not come back by it.
+        seen = self._seen.get(ns)
+        return seen is not None and seen.gone_s is None

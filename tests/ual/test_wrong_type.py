@@ -1,0 +1,117 @@
+"""An argument of the wrong type gets one clear error: the same from the class and from both clients."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import pytest
+
+import ual
+from ual.types import PathHeading
+from ual_daemon import UAL
+
+P = ual.Pose.at(1.0, 2.0, 3.0)
+Refuse = Callable[..., ual.InvalidArgumentError]
+
+
+def refused_by_client(member: str, *args: object, **kwargs: object) -> ual.InvalidArgumentError:
+    with ual.Uav("uav_1", address="127.0.0.1:1") as uav, pytest.raises(ual.InvalidArgumentError) as caught:
+        getattr(uav, member)(*args, **kwargs)
+    return caught.value
+
+
+def refused_by_dry_run(member: str, *args: object, **kwargs: object) -> ual.InvalidArgumentError:
+    with ual.Uav("uav_1", address="127.0.0.1:1") as uav, pytest.raises(ual.InvalidArgumentError) as caught:
+        getattr(uav.dry_run, member)(*args, **kwargs)
+    return caught.value
+
+
+def refused_by_aio(member: str, *args: object, **kwargs: object) -> ual.InvalidArgumentError:
+    async def main() -> ual.InvalidArgumentError:
+        async with ual.aio.Uav("uav_1", address="127.0.0.1:1") as uav:
+            with pytest.raises(ual.InvalidArgumentError) as caught:
+                await getattr(uav, member)(*args, **kwargs)
+        return caught.value
+
+    return asyncio.run(main())
+
+
+@pytest.fixture(scope="module")
+def refused_by_class() -> Iterator[Refuse]:
+    with UAL(backend="light") as uav:
+
+        def refuse(member: str, *args: object, **kwargs: object) -> ual.InvalidArgumentError:
+            with pytest.raises(ual.InvalidArgumentError) as caught:
+                getattr(uav, member)(*args, **kwargs)
+            return caught.value
+
+        yield refuse
+
+
+# Member, arguments, field, and what the message says of it.
+STRUCTURE: list[tuple[str, tuple[Any, ...], str, str]] = [
+    ("go_to_waypoint", ((1, 2, 3),), "waypoint", "(1, 2, 3) is of type tuple; pass ual.Pose.at(x, y, z)"),
+    ("go_to_waypoint", (5,), "waypoint", "5 is of type int; pass ual.Pose.at(x, y, z)"),
+    ("go_to_waypoint", (None,), "waypoint", "None is of type NoneType; pass ual.Pose.at(x, y, z)"),
+    ("go_to_waypoint", (ual.Vector3(1, 2, 3),), "waypoint", "is of type Vector3; pass ual.Pose.at(x, y, z)"),
+    ("go_to_waypoint", (ual.GeoWaypoint(1, 2, 3),), "waypoint", "is of type GeoWaypoint; pass ual.Pose.at(x, y, z)"),
+    ("go_to_waypoint", (ual.Pose((1, 2, 3)),), "waypoint.pose.position", "pass ual.Vector3(x, y, z)"),  # type: ignore[arg-type]
+    ("go_to_waypoint", (ual.Pose(P.position, 0.5),), "waypoint.pose.orientation", "Quaternion.from_yaw(yaw_rad)"),  # type: ignore[arg-type]
+    ("go_to_waypoint", (ual.PoseStamped((1, 2, 3), "map"),), "waypoint.pose", "pass ual.Pose.at(x, y, z)"),  # type: ignore[arg-type]
+    ("set_pose", ((1, 2, 3),), "pose", "(1, 2, 3) is of type tuple; pass ual.Pose.at(x, y, z)"),
+    ("set_pose", (ual.Twist(),), "pose", "is of type Twist; pass ual.Pose.at(x, y, z)"),
+    ("set_velocity", ((1, 0, 0),), "velocity", "(1, 0, 0) is of type tuple; pass ual.Twist(ual.Vector3(x, y, z))"),
+    ("set_velocity", (ual.Vector3(1, 0, 0),), "velocity", "is of type Vector3; pass ual.Twist(ual.Vector3(x, y, z))"),
+    ("set_velocity", (ual.Twist((1, 0, 0)),), "velocity.twist.linear", "pass ual.Vector3(x, y, z)"),  # type: ignore[arg-type]
+    ("set_velocity", (ual.Twist(angular=0.5),), "velocity.twist.angular", "0.5 is of type float"),  # type: ignore[arg-type]
+    ("follow_path", ([P, (1, 2, 3)],), "waypoints[1]", "(1, 2, 3) is of type tuple; pass ual.Pose.at(x, y, z)"),
+    ("follow_path", (P,), "waypoints", "is not a list of waypoints; pass [ual.Pose.at(x, y, z), ...]"),
+]
+NO_DRY_RUN: list[tuple[str, tuple[Any, ...], str, str]] = [
+    ("add_frame", ((1, 2, 3),), "transform", "pass ual.Transform(ual.Vector3(x, y, z), child_frame_id=name)"),
+    ("add_frame", (ual.Transform((1, 2, 3)),), "transform.translation", "pass ual.Vector3(x, y, z)"),  # type: ignore[arg-type]
+]
+PARTS: list[tuple[str, tuple[Any, ...], Mapping[str, Any], str, str]] = [
+    ("take_off", ("3",), {}, "height_m", "'3' is not a number"),
+    ("take_off", ((3,),), {}, "height_m", "(3,) is not a number"),
+    ("go_to_waypoint", (ual.Pose.at("1", 2, 3),), {}, "waypoint.pose.position.x", "'1' is not a number"),  # type: ignore[arg-type]
+    ("go_to_waypoint", (P,), {"max_speed_m_s": "2"}, "max_speed_m_s", "'2' is not a number"),
+    ("go_to_waypoint_geo", ("a", 2, 3), {}, "latitude_deg", "'a' is not a number"),
+    ("go_to_waypoint_geo", (1, 2, 3, "home"), {}, "altitude_reference", "'home' is not an AltitudeReference"),
+    ("follow_path", ([P],), {"heading": "along"}, "heading", "'along' is not a PathHeading"),
+    ("follow_path", ([P],), {"leg_speeds_m_s": ["1"]}, "leg_speeds_m_s[0]", "'1' is not a number"),
+    ("set_velocity", (ual.Twist(ual.Vector3("x")),), {}, "velocity.twist.linear.x", "'x' is not a number"),  # type: ignore[arg-type]
+]
+
+
+def test_a_wrong_type_is_refused_alike_by_all(refused_by_class: Refuse) -> None:
+    for member, args, field, said in STRUCTURE + NO_DRY_RUN:
+        refusals = [refuse(member, *args) for refuse in (refused_by_class, refused_by_client, refused_by_aio)]
+        if member != "add_frame":
+            refusals.append(refused_by_dry_run(member, *args))
+        assert {error.message for error in refusals} == {refusals[0].message}
+        assert refusals[0].message.startswith(f"{field}: ")
+        assert said in refusals[0].message
+        assert refusals[0].metadata["field"] == field
+
+
+@pytest.mark.parametrize(("member", "args", "kwargs", "field", "said"), PARTS)
+def test_a_part_that_is_no_number_is_named_alike_by_all(
+    member: str, args: tuple[Any, ...], kwargs: Mapping[str, Any], field: str, said: str, refused_by_class: Refuse
+) -> None:
+    for refuse in (refused_by_class, refused_by_client, refused_by_aio, refused_by_dry_run):
+        error = refuse(member, *args, **kwargs)
+        assert error.message.startswith(f"{field}: {said}")
+        assert error.metadata["field"] == field
+
+
+def test_a_point_of_interest_is_a_vector() -> None:
+    error = refused_by_client("follow_path", [P], heading=PathHeading.POINT_OF_INTEREST, point_of_interest=(1, 2, 3))
+    assert error.message == "point_of_interest: (1, 2, 3) is of type tuple; pass ual.Vector3(x, y, z)"
+
+
+def test_a_heading_that_is_no_number_is_refused_where_it_is_given() -> None:
+    with pytest.raises(ual.InvalidArgumentError, match="yaw_rad: 'north' is not an angle"):
+        ual.Pose.at(1.0, 2.0, 3.0, "north")  # type: ignore[arg-type]
