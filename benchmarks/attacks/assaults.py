@@ -139,16 +139,15 @@ _RATE_HZ = 500.0
 """More would take the machine by the attacker alone: one of its calls costs it about as much as it costs a server."""
 
 
+_GARBAGE = (("magics", 0.3), ("magics", 10.0), ("magics_v1", 10.0), ("random", 10.0))
+"""Kinds, and MB/s. A PX4 sends 0.024."""
+
+
 def assaults() -> list[Assault]:
     """Returns all attacks."""
     return [
         Nothing(),
         *(Calls(name, _RATES_HZ.get(name, _RATE_HZ)) for name in calls.ATTACKS),
-        *(
-            Garbage(kind, rate, is_own=is_own)
-            for is_own in (False, True)
-            for kind in ("random", "magics", "magics_v1")
-            for rate in (0.3, 10.0)
-        ),
+        *(Garbage(kind, rate, is_own=is_own) for is_own in (False, True) for kind, rate in _GARBAGE),
         *(Connections(name) for name in connections.ATTACKS),
     ]
