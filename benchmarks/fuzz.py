@@ -2,7 +2,8 @@
 
 Random bytes, bytes dense in beginnings of frames, real packets repeated, damaged, and changed with a right checksum,
 and invented messages. Prints for each kind what a byte costs, and by how much memory grew. Exit status 1 when an error
-was logged, or when memory grew by more than `_LIMIT_MIB`.
+was logged, or when memory grew by more than `_LIMIT_MIB`. With ``--calls 100000`` it calls a daemon instead
+(`benchmarks.fuzz_calls`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import tracemalloc
 
 from typing_extensions import override
 
+from benchmarks.fuzz_calls import fuzz_calls
 from tests.ual_daemon.backends.mavlink.fuzz import KINDS, Fuzz
 
 _LIMIT_MIB = 0.5
@@ -39,8 +41,11 @@ def main() -> int:
     """Returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
     parser.add_argument("--bytes", type=int, default=10_000_000, help="in all")
+    parser.add_argument("--calls", type=int, default=0, help="so many calls of a daemon, instead of bytes")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
+    if arguments.calls:
+        return int(not fuzz_calls(arguments.calls, arguments.seed))
     errors = _Errors()
     logging.getLogger().addHandler(errors)
     tracemalloc.start()

@@ -77,11 +77,19 @@ class VehicleTask:
     def report(self, progress: Callable[[], Progress]) -> None:
         """Sets its progress, as a pure function that `info` calls. Called by the update thread."""
         self._progress = progress
+        if self._ended_s is not None:  # another thread has ended it during this update
+            self._keep_progress()
 
     def end(self, error: UalError | None) -> None:
         """Ends it. Runs the callbacks of its future, so hold no lock."""
         self._ended_s = self._clock.now_s()
+        self._keep_progress()
         end_future(self.future, error)
+
+    def _keep_progress(self) -> None:
+        """Keeps how far it has come, and not the function: that holds the trajectory, up to 10,000 waypoints."""
+        last = self._progress()
+        self._progress = lambda: last
 
 
 class Tasks:

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 _CANNOT_START = 1
 _WRONG_USAGE = 2
 _LEFT_IN_MOTION = 3
+_SWITCH_S = 0.0005
+"""A thread that computes (a plan) gives way to one that flies or serves after so long. With Python's default, 5 ms, a
+thread that waits for messages would wait as long at each step, several times for each message."""
 
 
 def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
@@ -238,6 +241,7 @@ def _serve(
                 namespace = held.enter_context(Namespace(vehicle.ns))
                 uavs.append(Uav(vehicle, namespace, each.listen))
             daemon = Daemon(uavs, credentials, transport=settings.transport, is_auto_arming=settings.auto_arm)
+            sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
     except (ListenError, NamespaceError) as error:
         _fail(str(error), _CANNOT_START)

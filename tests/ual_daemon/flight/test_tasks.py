@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import gc
+import weakref
+
 import pytest
 
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
@@ -54,6 +57,26 @@ def test_progress_is_what_was_reported_last_but_never_goes_back(task: VehicleTas
     task.report(lambda: Progress(0.4, 4.1, 1))
     info = task.info()
     assert (info.progress, info.distance_left_m, info.waypoint_index) == (0.5, 4.1, 1)
+
+
+class Trajectory:
+    """What a progress function holds."""
+
+    def progress(self) -> Progress:
+        return Progress(0.5, 4.0, 1)
+
+
+def test_a_task_that_has_ended_says_how_far_it_came_and_keeps_no_trajectory(task: VehicleTask) -> None:
+    trajectory = Trajectory()
+    held = weakref.ref(trajectory)
+    task.report(trajectory.progress)
+    task.end(TaskAbortedError("replaced by land"))
+    task.report(trajectory.progress)  # a step of the update thread that was under way
+    del trajectory
+    gc.collect()
+    assert held() is None
+    info = task.info()
+    assert (info.progress, info.distance_left_m, info.waypoint_index) == (0.5, 4.0, 1)
 
 
 @pytest.mark.parametrize(

@@ -177,6 +177,9 @@ class Session:
         if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot()
             self.restart_setup()
+        elif boot_ms > 0 and self._supervision.is_boot_doubtful:
+            telemetry.on_frame(message.get_seq(), now_s)
+            return
         telemetry.update(message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 
 from ual_daemon import logs
+from ual_daemon.backends.mavlink.session.boot_time import BootTime
 from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGaps
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 
@@ -18,8 +18,6 @@ STALE_S = 0.5
 """A link that is silent for this long is degraded: of every stream of 4 Hz or more two messages did not come."""
 WINDOW_S = 10.0
 """Rate and loss are those of the last so many seconds."""
-REBOOT_S = 1.0
-"""A time since boot that goes back by more than this is of a new boot; one that goes back by less came late."""
 _SHORT_SILENCE_S = 0.1
 """Sequence numbers cannot wrap within this time: the link carries fewer than 256 messages in it."""
 
@@ -82,9 +80,17 @@ class Supervision:
         self._url = url
         self._gaps = SequenceGaps()
         self._seconds: deque[_Second] = deque()
-        self.boot_s = -math.inf
+        self._boot_time = BootTime()
+
+    @property
+    def boot_s(self) -> float:
         """The newest time since boot."""
-        self._boot_received_s = math.inf
+        return self._boot_time.boot_s
+
+    @property
+    def is_boot_doubtful(self) -> bool:
+        """See `BootTime.is_doubtful`."""
+        return self._boot_time.is_doubtful
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot."""
@@ -105,9 +111,7 @@ class Supervision:
 
     def update_boot_time(self, boot_s: float, now_s: float) -> bool:
         """Takes the autopilot's time since boot from a message. Returns whether the autopilot has rebooted."""
-        # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.
-        is_new = boot_s < self.boot_s - REBOOT_S or boot_s < now_s - self._boot_received_s - REBOOT_S
-        self.boot_s, self._boot_received_s = boot_s, now_s
+        is_new = self._boot_time.update(boot_s, now_s)
         if is_new:
             self.reboots_count += 1
             self._gaps = SequenceGaps()

@@ -39,6 +39,11 @@ CREDIT_PER_BYTE = 4
 """Each byte that is passed over or read pays for this much work on beginnings that turn out to be false."""
 LARGEST_CREDIT = 4096
 """So much work may be saved up: for 14 false beginnings of the largest frame in a row."""
+WORK_PER_S = 400_000
+"""So much of this work is done in a second at most: what a line of 921,600 baud pays for that carries damaged frames
+only. A byte that is searched counts as 1. A flood must not take the thread from flying."""
+SAVED_S = 0.25
+"""The work of so long may be saved up."""
 _LOOK = 48
 """The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
 
@@ -64,7 +69,8 @@ class FrameReader:
     byte, so that the time is linear in the number of bytes, whatever they are. Where false beginnings are so dense that
     the credit is used up, up to 90 bytes are passed over unseen, and a frame that begins in them is lost. Damaged
     frames alone do not use it up: one of n bytes pays for 4 n and costs n + 48, and the shortest that matter, the
-    heartbeats, have 17 and 21.
+    heartbeats, have 17 and 21. Where `refill` tells the time, the work is also limited to `WORK_PER_S`. In a flood that
+    uses this up, the rest of a datagram, or of a piece, is passed over from its first false beginning on.
 
     `garbage_count` is the number of bytes that belong to no frame, `corrupt_count` the number of uninterrupted runs of
     them: about the number of damaged frames.
@@ -76,11 +82,21 @@ class FrameReader:
         self._rest = b""
         self._is_in_garbage = False
         self._credit = float(LARGEST_CREDIT)
+        self._budget = math.inf
+        self._refilled_s: float | None = None
 
     @property
     def is_waiting(self) -> bool:
         """Whether the last bytes may be the beginning of a frame."""
         return bool(self._rest)
+
+    def refill(self, now_s: float) -> None:
+        """Tells the time, for the limit on the work in a second; to be called before bytes are read."""
+        if self._refilled_s is None:
+            self._budget = WORK_PER_S * SAVED_S
+        else:
+            self._budget = min(self._budget + WORK_PER_S * (now_s - self._refilled_s), WORK_PER_S * SAVED_S)
+        self._refilled_s = now_s
 
     def feed(self, data: bytes) -> list[Frame]:
         """Returns the frames that end in the next piece of a stream."""
@@ -99,6 +115,8 @@ class FrameReader:
         if frame is not None:  # nearly always: one frame
             self._is_in_garbage = False
             return [frame]
+        if self._budget < 0.0:
+            return self.read_beginning(datagram)
         # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
         self._credit = min(LARGEST_CREDIT, CREDIT_PER_BYTE * len(datagram))
         frames = self._scan(datagram, goes_on=False)
@@ -125,7 +143,7 @@ class FrameReader:
         self._rest = b""
         begin = 0  # of the garbage that is not counted yet
         at = self._blind_until(data, 0)
-        while match := _BEGINNING.search(data, at):
+        while match := self._find(data, at):
             found = match.start()
             size = _size_at(data, found)
             if size is None or len(data) - found < size:
@@ -138,7 +156,8 @@ class FrameReader:
             frame = _frame(data[found : found + size]) if size else None
             if frame is None:
                 self._earn(found + 1 - at - (_LOOK + size) / CREDIT_PER_BYTE)
-                at = found + 1 if self._credit >= 0.0 else self._blind_until(data, found + 1)
+                self._budget -= _LOOK + size
+                at = found + 1 if self._credit >= 0.0 <= self._budget else self._blind_until(data, found + 1)
             else:
                 self._skip(found - begin)
                 self._is_in_garbage = False
@@ -150,6 +169,14 @@ class FrameReader:
         self._skip(len(data) - begin)
         return frames
 
+    def _find(self, data: bytes, at: int) -> re.Match[bytes] | None:
+        """Returns the next beginning; while the budget is used up, only one right there. Each byte searched costs 1."""
+        if self._budget < 0.0:
+            return _BEGINNING.match(data, at)
+        found = _BEGINNING.search(data, at)
+        self._budget -= (found.start() if found else len(data)) - at
+        return found
+
     def _skip(self, count: int) -> None:
         if count:
             self.garbage_count += count
@@ -160,7 +187,9 @@ class FrameReader:
         self._credit = min(self._credit + CREDIT_PER_BYTE * bytes_count, LARGEST_CREDIT)
 
     def _blind_until(self, data: bytes, at: int) -> int:
-        """Returns where to look for the next beginning: further on while the credit is used up."""
+        """Returns where to look for the next beginning: further on while credit or budget are used up."""
+        if self._budget < 0.0 < at:
+            return len(data)
         if self._credit >= 0.0:
             return at
         count = min(math.ceil(-self._credit / CREDIT_PER_BYTE), len(data) - at)

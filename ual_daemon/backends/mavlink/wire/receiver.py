@@ -90,6 +90,7 @@ class Receiver:
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
         self._utc_offset_s = utc_now_s - now_s
+        self._reader.refill(now_s)
         if self._link.is_stream:
             frames = self._reader.feed(data)
             self._incomplete_since_s = now_s if self._reader.is_waiting else None

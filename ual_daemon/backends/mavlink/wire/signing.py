@@ -6,9 +6,11 @@ import hashlib
 import os
 import stat
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
+from typing import TypeAlias
 
 from ual_daemon.backends.mavlink.settings import SECTION
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -23,6 +25,8 @@ EPOCH_S = 1_420_070_400.0
 _UNITS_PER_S = 100_000
 OLDEST_S = 60.0
 """A new sender's clock may be at most this much behind ours."""
+MOST_SENDERS = 64
+"""So many senders (a component of a system, on one of its links) are remembered. A vehicle has a few."""
 _LARGEST_FILE = 4096
 
 
@@ -58,6 +62,10 @@ def read_key(path: str) -> bytes:
     return hashlib.sha256(passphrase).digest()
 
 
+_Sender: TypeAlias = tuple[int, int, int]
+"""Link, system, component."""
+
+
 class Verdict(Enum):
     """The result of checking a signature; the value is for people."""
 
@@ -66,6 +74,7 @@ class Verdict(Enum):
     WRONG_KEY = "signed with another key"
     OLD = "signed more than a minute ago (its clock is behind)"
     REPEATED = "signed before one that came already"
+    CROWDED = "too many senders have this key"
 
 
 class Signer:
@@ -77,12 +86,24 @@ class Signer:
     forged frame would lock the autopilot out, and it does not check messages that it does not know.
     """
 
-    def __init__(self, key: bytes, utc: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self, key: bytes, utc: Callable[[], float] = time.time, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.key = key
         self._utc = utc
+        self._clock = clock
         self._sent = 0
         self._received = 0
-        self._newest: dict[tuple[int, int, int], int] = {}
+        self._newest: OrderedDict[_Sender, tuple[int, float]] = OrderedDict()
+        """For each sender its newest timestamp and when that came; the sender heard last is at the end."""
+        self._forgotten = -1
+        """The newest timestamp of all senders that were forgotten. Nothing up to it is accepted from an unknown sender:
+        it could be a repetition."""
+
+    @property
+    def senders_count(self) -> int:
+        """How many senders are remembered."""
+        return len(self._newest)
 
     def next_timestamp(self) -> int:
         """Returns the timestamp of the next signature: newer than the last, not older than any valid received one."""
@@ -102,11 +123,30 @@ class Signer:
         if newest is None:
             if timestamp < max(self._sent, self._received, self._now()) - OLDEST_S * _UNITS_PER_S:
                 return Verdict.OLD
-        elif timestamp <= newest:
+            if timestamp <= self._forgotten:
+                return Verdict.REPEATED
+            if not self._has_room():
+                return Verdict.CROWDED
+        elif timestamp <= newest[0]:
             return Verdict.REPEATED
-        self._newest[sender] = timestamp
+        self._newest[sender] = timestamp, self._clock()
+        self._newest.move_to_end(sender)
         self._received = max(self._received, timestamp)
         return Verdict.GOOD
+
+    def _has_room(self) -> bool:
+        """Whether one more sender can be remembered. Forgets the one heard least lately, if it has fallen silent.
+
+        One that is heard is never forgotten: others with this key, whose clocks are ahead, could shut it out.
+        """
+        if len(self._newest) < MOST_SENDERS:
+            return True
+        timestamp, heard_s = next(iter(self._newest.values()))
+        if self._clock() - heard_s < OLDEST_S:
+            return False
+        self._newest.popitem(last=False)
+        self._forgotten = max(self._forgotten, timestamp)
+        return True
 
     def _now(self) -> int:
         return max(0, int((self._utc() - EPOCH_S) * _UNITS_PER_S))

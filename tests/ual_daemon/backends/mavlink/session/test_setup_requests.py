@@ -202,10 +202,12 @@ def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_fo
     harness = Harness()
     harness.receive(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
     assert _asked_streams(harness, until_s=10.0) == STREAMS
-    harness.receive(
-        mavlink.MAVLink_attitude_quaternion_message(BOOT_MS // 10, 1, 0, 0, 0, 0, 0, 0),
-        mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0),
-    )
+    young = mavlink.MAVLink_attitude_quaternion_message(BOOT_MS // 10, 1, 0, 0, 0, 0, 0, 0)
+    young_position = mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0)
+    before = harness.snapshot()
+    harness.receive(young, young_position)  # not believed yet: the old boot's places do not apply to its position
+    assert harness.snapshot().pose == before.pose
+    harness.receive(young, young_position)
     assert harness.snapshot().projection is None
     assert harness.snapshot().stamp_s == pytest.approx(UTC_S + harness.now_s)
     assert harness.supervision.reboots_count == 1

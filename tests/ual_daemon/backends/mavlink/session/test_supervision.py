@@ -72,8 +72,8 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
 
 def test_a_boot_time_that_runs_back_is_a_reboot() -> None:
     watch = Supervision("udp", lost_s=1.0)
-    told = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.1), (3.1, 1.2)]
-    assert [watch.update_boot_time(boot_s, now_s) for boot_s, now_s in told] == [False] * 4 + [True, False]
+    told = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.1), (3.1, 1.2), (3.2, 1.3), (3.3, 1.4)]
+    assert [watch.update_boot_time(boot_s, now_s) for boot_s, now_s in told] == [False] * 6 + [True, False]
     assert watch.statistics(0.0).reboots_count == 1
 
 
@@ -81,7 +81,8 @@ def test_a_boot_time_that_runs_back_is_a_reboot() -> None:
 def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: float, is_reboot: bool) -> None:
     watch = Supervision("udp", lost_s=1.0)
     assert not watch.update_boot_time(10.0, now_s=100.0)
-    assert watch.update_boot_time(boot_s, now_s=135.0) is is_reboot
+    believed = [watch.update_boot_time(boot_s + after_s, now_s=135.0 + after_s) for after_s in (0.0, 0.02, 0.04)]
+    assert believed == [False, False, is_reboot]
 
 
 # --- In the session ---------------------------------------------------------------------------------------------------
@@ -116,9 +117,10 @@ def test_timesync_is_asked_and_answered() -> None:
 def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude())
+    harness.now_s += 1.0
     young = attitude()
     young.time_boot_ms = BOOT_MS // 10
-    harness.receive(young)
+    harness.receive(young, young, young)
     assert harness.supervision.reboots_count == 1
 
 

@@ -266,6 +266,30 @@ def test_no_bytes_cost_more_work_than_they_pay_for(pieces: list[bytes]) -> None:
     assert counted.bytes_count + 48 * counted.looks_count <= 2 * CREDIT_PER_BYTE * len(data) + 600
 
 
+@pytest.mark.parametrize("is_stream", [False, True])
+@pytest.mark.parametrize("name", NASTY)
+def test_a_flood_costs_a_limited_work_in_a_second_and_hides_no_datagram_of_frames(
+    name: str, is_stream: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10 MB/s, and between them what the autopilot sends: a frame, and three in one datagram."""
+    piece = (NASTY[name] * 1400)[:1400]
+    reader, pieces_per_s = FrameReader(), 7000
+    own = [FRAMES[0], b"".join(FRAMES[:3])]
+    for number in range(pieces_per_s):  # the first second uses up what was saved
+        reader.refill(number / pieces_per_s)
+        reader.feed(piece) if is_stream else reader.read(piece)
+    counted, found_count = Work(monkeypatch), 0
+    for number in range(pieces_per_s, 2 * pieces_per_s):
+        reader.refill(number / pieces_per_s)
+        reader.feed(piece) if is_stream else reader.read(piece)
+        if not is_stream and number % 100 < 2:
+            found_count += len(reader.read(own[number % 2]))
+    assert counted.looks_count <= 3 * pieces_per_s + frames.WORK_PER_S / 48 + 3 * found_count
+    assert counted.bytes_count <= pieces_per_s * 280 + 2 * frames.WORK_PER_S + 400 * found_count
+    if not is_stream:
+        assert found_count == 4 * pieces_per_s / 100
+
+
 def test_a_frame_after_much_garbage_is_found_in_a_datagram_and_in_a_stream() -> None:
     for garbage in NASTY.values():
         noise = garbage * 40 + b"\0" * 400

@@ -9,7 +9,7 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.mavlink.wire.frames import Frame, split
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, Signer, Verdict, read_key
+from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, MOST_SENDERS, OLDEST_S, Signer, Verdict, read_key
 from ual_daemon.settings import ConfigError
 
 KEY = bytes(range(200, 232))
@@ -109,6 +109,49 @@ def test_each_link_of_a_sender_has_its_own_timestamps() -> None:
     ours = signer()
     assert ours.check(Vehicle(timestamp=NOW).frame()) is Verdict.GOOD
     assert ours.check(Vehicle(timestamp=NOW - 100, link_id=1).frame()) is Verdict.GOOD
+
+
+class Clock:
+    """Our clock, which a test sets."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def crowd(ours: Signer, timestamp: int) -> list[Verdict]:
+    """Signs once on each link but the last one."""
+    return [ours.check(Vehicle(timestamp=timestamp + each, link_id=each).frame()) for each in range(255)]
+
+
+def test_the_number_of_senders_that_are_remembered_is_limited() -> None:
+    ours = signer()
+    assert crowd(ours, NOW) == [Verdict.GOOD] * MOST_SENDERS + [Verdict.CROWDED] * (255 - MOST_SENDERS)
+    assert ours.senders_count == MOST_SENDERS
+
+
+def test_a_sender_that_is_heard_is_not_forgotten_for_others_whose_clock_is_ahead() -> None:
+    clock = Clock()
+    ours = Signer(KEY, lambda: NOW_S + clock.now_s, clock)
+    for each in range(3):
+        clock.now_s += OLDEST_S - 1.0
+        now = NOW + round(clock.now_s * 1e5)
+        assert ours.check(Vehicle(timestamp=now, link_id=255).frame()) is Verdict.GOOD
+        crowd(ours, now + 10**6 * each)
+        assert ours.check(Vehicle(timestamp=now + 1, link_id=255).frame()) is Verdict.GOOD
+
+
+def test_what_a_forgotten_sender_signed_is_not_accepted_again() -> None:
+    clock = Clock()
+    ours = Signer(KEY, lambda: NOW_S, clock)
+    ahead = [Vehicle(timestamp=NOW + 10**7 + each, link_id=each).frame() for each in range(MOST_SENDERS)]
+    assert {ours.check(frame) for frame in ahead} == {Verdict.GOOD}
+    clock.now_s = OLDEST_S + 1.0
+    new = Vehicle(timestamp=NOW + 10**7 + 1000, link_id=255)
+    assert ours.check(new.frame()) is Verdict.GOOD  # the first of them is forgotten for it
+    assert ours.check(ahead[0]) is Verdict.REPEATED
+    assert ours.senders_count == MOST_SENDERS
 
 
 def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:

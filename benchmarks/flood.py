@@ -1,4 +1,4 @@
-"""Loads one daemon for a long time, and shows whether its memory grows: ``python -m benchmarks.soak --minutes 15``.
+"""Loads one daemon for a long time, and shows whether its memory grows: ``python -m benchmarks.flood --minutes 15``.
 
 The vehicle sends ten times as much as PX4. One program floods setpoints; another one has ten subscribers, which leave
 and come back all the time. The setpoints of an hour of flight (180,000 at 50 Hz) take about a minute.
@@ -25,7 +25,7 @@ _SETPOINTS_PER_HOUR = 180_000
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.flood", description=__doc__)
     parser.add_argument("--minutes", type=float, default=15.0)
     arguments = parser.parse_args()
     samples = []

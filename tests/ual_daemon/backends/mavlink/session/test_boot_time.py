@@ -1,0 +1,92 @@
+"""When a reboot is believed: several messages agree, none of the old boot comes any more, and not too often."""
+
+from __future__ import annotations
+
+import logging
+import random
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, position
+from ual_daemon.backends.mavlink.session.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, BootTime
+from ual_daemon.backends.mavlink.wire.messages import Message
+
+
+def run(boot: BootTime, boot_s: float, now_s: float, duration_s: float, rate_hz: float = 50.0) -> int:
+    """An autopilot's stream. Returns how many reboots are believed."""
+    steps = round(duration_s * rate_hz)
+    return sum(boot.update(boot_s + step / rate_hz, now_s + step / rate_hz) for step in range(steps))
+
+
+def test_a_reboot_is_believed_at_the_third_message_after_the_silence_of_booting() -> None:
+    boot = BootTime()
+    assert run(boot, 100.0, 0.0, 1.0) == 0
+    assert [boot.update(boot_s, 4.0 + boot_s) for boot_s in (2.0, 2.02, 2.04)] == [False, False, True]
+    assert boot.boot_s == 2.04
+
+
+def test_a_reboot_without_a_silence_is_believed_once_the_old_boot_is_not_heard_any_more() -> None:
+    boot = BootTime()
+    run(boot, 100.0, 0.0, 1.0)
+    believed_s = next(step / 50.0 for step in range(100) if boot.update(3.0 + step / 50.0, 1.0 + step / 50.0))
+    assert QUIET_S - 0.04 <= believed_s <= QUIET_S + 0.02
+
+
+@pytest.mark.parametrize("wild_s", [0.001, 50.0, 2000.0, 4e6])
+def test_wild_times_between_true_ones_are_no_reboot(wild_s: float) -> None:
+    boot, count = BootTime(), 0
+    for step in range(2000):
+        count += boot.update(100.0 + step / 50.0, step / 50.0)
+        for proof in range(2 * PROOFS_COUNT):
+            count += boot.update(wild_s + (step + proof / 10.0) / 50.0, (step + proof / 10.0) / 50.0)
+    assert count == 0
+    assert boot.boot_s == pytest.approx(100.0 + 1999 / 50.0)
+
+
+def test_random_times_are_no_reboot_even_where_the_autopilot_is_silent() -> None:
+    boot, noise = BootTime(), random.Random(1)
+    run(boot, 100.0, 0.0, 1.0)
+    assert sum(boot.update(noise.uniform(0.0, 4e6), 1.0 + step / 1000.0) for step in range(10_000)) == 0
+
+
+def test_reboots_are_believed_no_more_often_than_an_autopilot_can_boot() -> None:
+    boot = BootTime()
+    run(boot, 1000.0, 0.0, 1.0)
+    count = sum(run(boot, 500.0 - 2.0 * number, 1.0 + 0.4 * number, 0.4) for number in range(100))
+    assert 2 <= count <= 40.0 / SHORTEST_BOOT_S + 1
+
+
+def test_a_simulator_may_run_much_faster_than_our_clock() -> None:
+    boot = BootTime()
+    assert sum(boot.update(10.0 + step * 0.5, step * 0.02) for step in range(1000)) == 0
+    assert boot.boot_s == 10.0 + 999 * 0.5
+
+
+def test_a_time_that_leaps_ahead_and_stays_there_is_followed_and_is_no_reboot() -> None:
+    boot = BootTime()
+    run(boot, 100.0, 0.0, 1.0)
+    assert run(boot, 5000.0, 1.0, 1.0) == 0
+    assert boot.boot_s > 5000.0
+
+
+def test_forged_times_discard_nothing_and_are_not_logged(caplog: pytest.LogCaptureFixture) -> None:
+    harness, noise = Harness(), random.Random(1)
+    harness.receive(heartbeat())
+    harness.session.telemetry.parameters["MPC_XY_VEL_MAX"] = 5.0
+    with caplog.at_level(logging.WARNING):
+        for _ in range(500):
+            harness.now_s += 0.02
+            harness.receive(attitude_at(harness.now_s), position(harness.now_s))
+            for _ in range(5):
+                wild = attitude_at(harness.now_s)
+                wild.time_boot_ms = noise.randrange(1, 1 << 32)
+                harness.receive(wild)
+    assert harness.supervision.reboots_count == 0
+    assert harness.session.telemetry.parameters["MPC_XY_VEL_MAX"] == 5.0
+    assert not [record for record in caplog.records if "rebooted" in record.message]
+
+
+def attitude_at(now_s: float) -> Message:
+    message = attitude()
+    message.time_boot_ms = BOOT_MS + int(now_s * 1000)
+    return message

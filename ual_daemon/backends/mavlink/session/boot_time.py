@@ -1,0 +1,87 @@
+"""The autopilot's time since boot, and whether it has rebooted: believed only when several messages agree.
+
+Any frame of the autopilot's system may carry any time: a damaged one, or a forged one where messages are not signed.
+A reboot that is believed discards parameters and places and requests everything anew, so single frames must not do it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+REBOOT_S = 1.0
+"""A time since boot that goes back by more than this is of a new boot; one that goes back by less came late."""
+PROOFS_COUNT = 3
+"""So many messages in a row must fit one new boot, ..."""
+QUIET_S = 0.3
+"""... with none that fits the old boot for so long. An autopilot that boots is silent for longer."""
+SHORTEST_BOOT_S = 2.0
+"""No autopilot reboots twice within this time."""
+_FASTEST = 50.0
+"""A simulator's time may pass so many times as fast as ours."""
+
+
+@dataclass(slots=True)
+class _Candidate:
+    """A boot that some messages in a row fit."""
+
+    boot_s: float
+    received_s: float
+    count: int = 1
+
+    def fits(self, boot_s: float, now_s: float) -> bool:
+        return _follows(self.boot_s, self.received_s, boot_s, now_s)
+
+
+class BootTime:
+    """Times since boot, from messages of one autopilot. Callers pass the time `now_s`."""
+
+    def __init__(self) -> None:
+        self.boot_s = -math.inf
+        """The newest time since boot that fits the boot before it."""
+        self._received_s = math.inf
+        self._rebooted_s = -math.inf
+        self._candidate: _Candidate | None = None
+        self.is_doubtful = False
+        """Whether the last message may be the first of a new boot, to which the places of the old one do not apply."""
+
+    def update(self, boot_s: float, now_s: float) -> bool:
+        """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
+        self.is_doubtful = False
+        if self._fits(boot_s, now_s):
+            self.boot_s, self._received_s, self._candidate = max(self.boot_s, boot_s), now_s, None
+            return False
+        agreeing_count = self._note(boot_s, now_s)
+        is_quiet = now_s - self._received_s >= QUIET_S
+        self.is_doubtful = is_quiet and agreeing_count < PROOFS_COUNT
+        if not is_quiet or agreeing_count < PROOFS_COUNT or now_s - self._rebooted_s < SHORTEST_BOOT_S:
+            return False
+        # A time that leapt ahead is no new boot, unless that could have begun in the silence before.
+        is_reboot = boot_s < max(self.boot_s, now_s - self._received_s)
+        self.boot_s, self._received_s, self._candidate = boot_s, now_s, None
+        if is_reboot:
+            self._rebooted_s = now_s
+        return is_reboot
+
+    def _fits(self, boot_s: float, now_s: float) -> bool:
+        if self.boot_s == -math.inf:
+            return True
+        # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.
+        has_booted_since = boot_s < now_s - self._received_s - REBOOT_S
+        return not has_booted_since and _follows(self.boot_s, self._received_s, boot_s, now_s)
+
+    def _note(self, boot_s: float, now_s: float) -> int:
+        """Returns how many messages in a row, with this one, fit one new boot."""
+        candidate = self._candidate
+        if candidate is None or not candidate.fits(boot_s, now_s):
+            self._candidate = _Candidate(boot_s, now_s)
+            return 1
+        candidate.boot_s, candidate.received_s = max(candidate.boot_s, boot_s), now_s
+        candidate.count += 1
+        return candidate.count
+
+
+def _follows(old_boot_s: float, old_s: float, boot_s: float, now_s: float) -> bool:
+    """Whether two times since boot, and when they came, can be of one boot."""
+    step_s = boot_s - old_boot_s
+    return -REBOOT_S <= step_s <= REBOOT_S + _FASTEST * (now_s - old_s)
