@@ -149,15 +149,15 @@ def _given_as(name: str, origin: ParameterSource) -> str:
 def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
-    # Saves one thread on the path of each message: docs/decisions/0010.
-    os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
     lazy.prepare()
     from ual_daemon.backends import registry
-    from ual_daemon.server import tls
-    from ual_daemon.vehicle.vehicle import Vehicle
 
     configuration = resolve(sources, registry.NAMES)
     settings = configuration.daemon
+    _choose_poller(configuration)  # gRPC reads it when it is imported
+    from ual_daemon.server import tls
+    from ual_daemon.vehicle.vehicle import Vehicle
+
     try:
         uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
         vehicles = [
@@ -177,6 +177,14 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
         return
     log_output.setup(settings.log_level, settings.log_format)
     _serve(configuration, uavs, vehicles, credentials)
+
+
+def _choose_poller(configuration: Configuration) -> None:
+    """Lets one thread less be on the path of each message where only this computer calls: docs/decisions/0010, 0020."""
+    from ual_daemon.server import addresses
+
+    if configuration.daemon.transport != "aio" and all(map(addresses.is_local, configuration.listen)):
+        os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
 
 
 class _Planned(NamedTuple):

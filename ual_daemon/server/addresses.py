@@ -11,11 +11,14 @@ import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import grpc
-
-from ual_daemon.server.transport.base import TransportServer
 from ual_daemon.settings import ConfigError
+
+if TYPE_CHECKING:  # the addresses decide how gRPC is to be imported
+    import grpc
+
+    from ual_daemon.server.transport.base import TransportServer
 
 _LONGEST_UNIX_PATH = 107
 
@@ -64,6 +67,14 @@ def parse(text: str) -> Address:
     if match is None or int(match[3]) > 65535:
         raise ConfigError(f"{text!r} is no address: expected HOST:PORT or unix:PATH", "listen")
     return Address(match[1] or match[2], int(match[3]))
+
+
+def is_local(template: str) -> bool:
+    """Returns whether only this computer can reach an address, in which ``{port}`` and ``{ns}`` may still stand."""
+    try:
+        return parse(template.replace("{port}", "0").replace("{ns}", "uav")).is_local
+    except ConfigError:
+        return False  # it will be refused
 
 
 def bind(server: TransportServer, address: Address, credentials: grpc.ServerCredentials | None) -> Address:

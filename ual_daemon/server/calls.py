@@ -20,6 +20,14 @@ MOST_OF_ONE_METHOD = 100
 """Calls and streams of one method that are under way for one UAV. For each method by itself: a hundred readers of the
 telemetry must not keep out who lands the UAV."""
 
+MOST_WITHOUT_REQUEST = 100
+"""Calls for one UAV whose request has not come yet. Beyond that the oldest is ended, not the newest refused: who sends
+both together, as each client does, must get in."""
+MOST_METADATA_BYTES = 16384
+"""Names and values of one call. gRPC has a limit for each frame of them only."""
+REQUEST_S = 10.0
+"""How long a call may wait for its request; up to twice as long, as that is looked at so often."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -41,6 +49,10 @@ class Calls:
         self._lock = threading.Lock()
         self._answers: set[Answer] = set()
         self._running: Counter[str] = Counter()
+        self._without_request: dict[Answer, float] = {}
+        self._refused_without_request: tuple[str, ResourceExhaustedError] | None = None
+        self._refused_count = 0
+        self._loop.call_later(REQUEST_S, self._end_late)
         self.is_shutting_down = False
 
     def add_generic_rpc_handlers(self, handlers: Sequence[grpc.GenericRpcHandler]) -> None:
@@ -66,6 +78,11 @@ class Calls:
         """How many calls are under way that a shutdown has to end."""
         return len(self._answers)
 
+    @property
+    def without_request_count(self) -> int:
+        """How many calls wait for their request."""
+        return len(self._without_request)
+
     def begin_shutdown(self) -> None:
         """Ends the streams, and refuses new calls that fly. To be called on the event loop, as is `end_waiting`."""
         self.is_shutting_down = True
@@ -81,6 +98,26 @@ class Calls:
             ending = [answer for answer in self._answers if answer.is_stream is streams]
         for answer in ending:
             answer.end()
+
+    def _end_late(self) -> None:
+        """Ends the calls whose request is late, and logs how many have ended without one."""
+        self._loop.call_later(REQUEST_S, self._end_late)
+        over_s = self._loop.time() - REQUEST_S
+        with self._lock:
+            late = [answer for answer, since_s in self._without_request.items() if since_s <= over_s]
+        for answer in late:
+            self._end_without_request(answer, f"the request did not come within {REQUEST_S:g} s")
+        refused, self._refused_without_request = self._refused_without_request, None
+        count, self._refused_count = self._refused_count, 0
+        if refused is not None:  # one line for all: a flood of them must not cost a line each
+            logs.refused(_log, *refused, repeated=count - 1)
+
+    def _end_without_request(self, answer: Answer, why: str) -> None:
+        self.has_request(answer)
+        error = ResourceExhaustedError(f"{answer.method_name}: {why}", {"limit": str(MOST_WITHOUT_REQUEST)})
+        self._refused_without_request = self._refused_without_request or (answer.method_name, error)
+        self._refused_count += 1
+        answer.fail(error)
 
     # --- For the answers ----------------------------------------------------------------------------------------------
 
@@ -106,6 +143,20 @@ class Calls:
                 self._answers.discard(answer)
                 self._running[answer.method_name] -= 1
 
+    def await_request(self, answer: Answer) -> None:
+        """Adds an answer whose request has to come yet. If there are too many, the oldest of them ends."""
+        oldest = None
+        with self._lock:
+            self._without_request[answer] = self._loop.time()
+            if len(self._without_request) > MOST_WITHOUT_REQUEST:
+                oldest = next(iter(self._without_request))
+        if oldest is not None:
+            self._end_without_request(oldest, f"{MOST_WITHOUT_REQUEST} later calls wait for their request, too")
+
+    def has_request(self, answer: Answer) -> None:
+        """Removes an answer whose request has come, or will not come any more."""
+        self._without_request.pop(answer, None)
+
     def require_room(self, method: str) -> None:
         """Refuses a call of a method of which too many are under way.
 
@@ -127,16 +178,22 @@ class Calls:
 
         Raises:
             InvalidArgumentError: The caller means another UAV.
+            ResourceExhaustedError: The metadata are too large.
             StatusError: The daemon is shutting down.
 
         """
         if self.is_shutting_down and call.method.startswith(self._shutdown_refuses):
             raise StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
+        size = 0
         for key, value in call.metadata:
+            size += len(key) + len(value)
             if key == NAMESPACE_KEY and value != self._ns:
                 raise InvalidArgumentError(
                     f"this daemon flies {self._ns}, not {value!s:.64}", {"field": NAMESPACE_KEY, "namespace": self._ns}
                 )
+        if size > MOST_METADATA_BYTES:
+            limit = f"metadata: {size} bytes, and at most {MOST_METADATA_BYTES} are accepted"
+            raise ResourceExhaustedError(limit, {"limit": str(MOST_METADATA_BYTES)})
 
     def set_log_context(self, call: Call | None) -> None:
         """Names this UAV, and the caller, in what this thread or task logs from now on."""

@@ -88,7 +88,7 @@ class Answer:
 
     def end(self) -> None:
         """Ends it because the daemon shuts down."""
-        self._fail(self._shutdown())
+        self.fail(self._shutdown())
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
@@ -96,15 +96,19 @@ class Answer:
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
-            self._fail(error)
+            self.fail(error)
         finally:
             self._calls.set_log_context(None)  # the thread must not keep the call alive
 
     def _begin(self) -> None:
         self._calls.require_accepted(self._call)
+        self._calls.await_request(self)
         self._call.receive(partial(self._do, self._receive))
 
     def _receive(self, message: bytes | None) -> None:
+        self._calls.has_request(self)
+        if self._call.is_finished:  # it came too late
+            return
         if message is None:
             raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self._call.method} takes one request")
         self._answer(self._decoded(message))
@@ -123,7 +127,8 @@ class Answer:
             return StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
         return TaskAbortedError(SHUTTING_DOWN, {"by": "shutdown"})
 
-    def _fail(self, error: BaseException) -> None:
+    def fail(self, error: BaseException) -> None:
+        """Ends it with an error."""
         self._calls.leave(self)
         if isinstance(error, StatusError):
             self._call.finish(code=error.code, details=str(error))
@@ -186,13 +191,13 @@ class _LoopAnswer(Answer):
         self._calls.leave(self)
         if task.cancelled():
             if not self._call.is_cancelled:
-                self._fail(self._shutdown())
+                self.fail(self._shutdown())
             return
         error = task.exception()
         if error is None:
             self._call.finish(task.result())
         else:
-            self._fail(error)
+            self.fail(error)
 
 
 class _UnaryAnswer(_LoopAnswer):
@@ -257,7 +262,8 @@ class _RequestStreamAnswer(Answer):
         self._calls.join(self)
         self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
         next(self._requests)
-        super()._begin()
+        self._calls.require_accepted(self._call)
+        self._call.receive(partial(self._do, self._receive))
 
     @override
     def _receive(self, message: bytes | None) -> None:

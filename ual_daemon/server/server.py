@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from typing import cast
 
 import grpc
-from grpc_health.v1 import health_pb2, health_pb2_grpc
+from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
 from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
+from ual_daemon.server import health
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.simulation_service import SimulationServicer
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.uav_service import UalServicer
@@ -42,6 +42,14 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     # default some 600 fit into the buffers; with these two at most 5 do, and the client drops the rest.
     ("grpc.http2.lookahead_bytes", 512),
     ("grpc.http2.bdp_probe", 0),
+    # Calls of one connection that have not ended yet, those included that its caller has reset ("rapid reset"): what is
+    # beyond is refused by gRPC, before Python runs. More than the calls of one method that may be under way.
+    ("grpc.max_concurrent_streams", 128),
+    # Who connects has to say so: by a TLS handshake if there is one, and by HTTP/2's preface.
+    ("grpc.server_handshake_timeout_ms", 20_000),
+    # A connection without a call ends after a while, and leaves its open file to others. Clients connect again when
+    # they call.
+    ("grpc.max_connection_idle_ms", 600_000),
     # The longest path that makes sense has some ten thousand waypoints.
     ("grpc.max_receive_message_length", 4 << 20),
 )
@@ -55,18 +63,20 @@ class Server:
     """
 
     def __init__(self, vehicle: Vehicle, transport: Transport, loop_calls: LoopCalls | None = None) -> None:
+        self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
         # During a shutdown only flying is refused: a simulated safety pilot must be able to act until the end.
         self._calls = calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
-        self._health = HealthServicer(services)
+        self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
         self._server = transport.server(_OPTIONS, calls.take)
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:
-            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(SimulationServicer(simulation), registry)
-        health_pb2_grpc.add_HealthServicer_to_server(self._health, registry)
+            self._simulation = SimulationServicer(simulation)
+            simulation_pb2_grpc.add_SimulationServiceServicer_to_server(self._simulation, registry)
+        health.add_to_server(self._health, registry)
         names = [*services, _HEALTH_SERVICE, reflection.SERVICE_NAME]
         servicer = reflection.aio.ReflectionServicer(names)
         reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, registry)  # type: ignore[no-untyped-call]
@@ -94,6 +104,8 @@ class Server:
         """Ends the calls that still wait, and closes."""
         self._calls.end_waiting()
         await self._server.stop(_GRACE_S)
+        if self._simulation is not None:
+            self._simulation.close()
 
     def _on_state(self, state: State) -> None:
         self._health.set_serving(state is not State.UNINITIALIZED)

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
+from typing import TypeVar
 
 from typing_extensions import override
 
@@ -11,6 +16,9 @@ from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
 
+T = TypeVar("T")
+
+_ACTIONS_AT_ONCE = 2
 _SLICE_S = 1.0
 _LONGEST_STEP_S = 3600.0
 
@@ -18,32 +26,47 @@ _LONGEST_STEP_S = 3600.0
 class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     """The interface of one simulation. ``ual/v1/simulation.proto`` describes each method.
 
-    The members of a simulation may block (a step, the pilot's switches), so each runs on a worker thread.
+    The members of a simulation may block (a step, the pilot's switches), so each runs on a worker thread of this
+    service: many calls wait for each other, and for nothing else of the daemon. Steps have a thread of their own,
+    because the pilot's actions may wait for simulated time.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
+        self._stepper = ThreadPoolExecutor(1, "simulated time")
+        self._actors = ThreadPoolExecutor(_ACTIONS_AT_ONCE, "simulated pilot")
+
+    def close(self) -> None:
+        """Lets the threads end. Actions that have not begun are dropped."""
+        for each in (self._stepper, self._actors):
+            each.shutdown(wait=False, cancel_futures=True)
+
+    async def _act(self, action: Callable[..., T], *arguments: object, **named: object) -> T:
+        return await _on(self._actors, partial(action, *arguments, **named))
+
+    async def _step(self, step: Callable[[float], None], duration_s: float) -> None:
+        await _on(self._stepper, partial(step, duration_s))
 
     # Names and order are those of the contract.
 
     @override
     async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
-        await asyncio.to_thread(self._simulation.pilot_arm)
+        await self._act(self._simulation.pilot_arm)
         return pb.PilotArmResponse()
 
     @override
     async def PilotDisarm(self, request: pb.PilotDisarmRequest, context: object) -> pb.PilotDisarmResponse:
-        await asyncio.to_thread(self._simulation.pilot_disarm)
+        await self._act(self._simulation.pilot_disarm)
         return pb.PilotDisarmResponse()
 
     @override
     async def PilotTakeOver(self, request: pb.PilotTakeOverRequest, context: object) -> pb.PilotTakeOverResponse:
-        await asyncio.to_thread(self._simulation.pilot_take_over)
+        await self._act(self._simulation.pilot_take_over)
         return pb.PilotTakeOverResponse()
 
     @override
     async def PilotMoveSticks(self, request: pb.PilotMoveSticksRequest, context: object) -> pb.PilotMoveSticksResponse:
-        await asyncio.to_thread(
+        await self._act(
             self._simulation.pilot_move_sticks,
             forward=request.forward,
             left=request.left,
@@ -54,28 +77,26 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def PilotGiveBack(self, request: pb.PilotGiveBackRequest, context: object) -> pb.PilotGiveBackResponse:
-        await asyncio.to_thread(self._simulation.pilot_give_back)
+        await self._act(self._simulation.pilot_give_back)
         return pb.PilotGiveBackResponse()
 
     @override
     async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
         fault = _convert.fault_from_proto(request.fault)
-        return pb.BeginFaultResponse(
-            fault_id=await asyncio.to_thread(self._simulation.begin_fault, fault, request.duration_s)
-        )
+        return pb.BeginFaultResponse(fault_id=await self._act(self._simulation.begin_fault, fault, request.duration_s))
 
     @override
     async def EndFault(self, request: pb.EndFaultRequest, context: object) -> pb.EndFaultResponse:
-        await asyncio.to_thread(self._simulation.end_fault, request.fault_id)
+        await self._act(self._simulation.end_fault, request.fault_id)
         return pb.EndFaultResponse()
 
     @override
     async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
-        return _convert.faults_to_proto(await asyncio.to_thread(self._simulation.faults))
+        return _convert.faults_to_proto(await self._act(self._simulation.faults))
 
     @override
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
-        await asyncio.to_thread(self._simulation.set_speed_factor, request.speed_factor)
+        await self._act(self._simulation.set_speed_factor, request.speed_factor)
         return pb.SetSpeedFactorResponse()
 
     @override
@@ -84,19 +105,23 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
         # not allowed is passed on as it is, to be refused.
         left_s = request.duration_s
         while 2.0 * _SLICE_S < left_s <= _LONGEST_STEP_S:
-            await asyncio.to_thread(self._simulation.step, _SLICE_S)
+            await self._step(self._simulation.step, _SLICE_S)
             left_s -= _SLICE_S
-        await asyncio.to_thread(self._simulation.step, left_s)
+        await self._step(self._simulation.step, left_s)
         return pb.StepResponse()
 
     @override
     async def SetNoise(self, request: pb.SetNoiseRequest, context: object) -> pb.SetNoiseResponse:
-        await asyncio.to_thread(
-            self._simulation.set_noise, position_m=request.position_m, velocity_m_s=request.velocity_m_s
-        )
+        await self._act(self._simulation.set_noise, position_m=request.position_m, velocity_m_s=request.velocity_m_s)
         return pb.SetNoiseResponse()
 
     @override
     async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
-        await asyncio.to_thread(self._simulation.set_wind, _convert.wind_from_proto(request))
+        await self._act(self._simulation.set_wind, _convert.wind_from_proto(request))
         return pb.SetWindResponse()
+
+
+async def _on(workers: Executor, action: Callable[[], T]) -> T:
+    """Runs it on a worker, with the caller's address for the log."""
+    run = contextvars.copy_context().run
+    return await asyncio.get_running_loop().run_in_executor(workers, run, action)

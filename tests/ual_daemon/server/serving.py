@@ -10,7 +10,7 @@ import grpc
 
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.transport import selection
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import Call, Options
 
 GRACE_S = 15.0
 
@@ -27,10 +27,12 @@ async def serving(
 
 
 @asynccontextmanager
-async def taking(choice: selection.Choice, take: Callable[[Call], None]) -> AsyncIterator[str]:
+async def taking(
+    choice: selection.Choice, take: Callable[[Call], None], options: Options = (("grpc.so_reuseport", 0),)
+) -> AsyncIterator[str]:
     """Serves on a transport until the block ends; its address. Calls that still run then are cancelled."""
     transport = await selection.choose(choice)
-    server = transport.server((("grpc.so_reuseport", 0),), take)
+    server = transport.server(options, take)
     port = server.listen("127.0.0.1:0")
     await server.start()
     try:

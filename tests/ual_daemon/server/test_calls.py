@@ -12,6 +12,7 @@ from typing import Any, cast
 import grpc
 import pytest
 
+from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import serving
 from ual import _rpc_errors
 from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
@@ -21,7 +22,8 @@ from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.server.calls import MOST_OF_ONE_METHOD, Calls
+from ual_daemon.server import calls as calls_module
+from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
@@ -238,6 +240,63 @@ def test_a_call_without_its_request_is_refused(transport: Choice) -> None:
             assert not it.vehicle.callers
 
     asyncio.run(run())
+
+
+def test_calls_without_their_request_are_bounded_and_others_get_in(transport: Choice) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            open_call: Any = it.channel.stream_unary("/ual.v1.UalService/SetHome")
+            first = open_call()
+            await until(lambda: it.calls.without_request_count == 1)
+            others = [open_call() for _ in range(MOST_WITHOUT_REQUEST - 1)]
+            await until(lambda: it.calls.without_request_count == MOST_WITHOUT_REQUEST)
+            await it.stub.SetHome(pb.SetHomeRequest())  # in the place of the first
+            error = await error_of(first)
+            assert isinstance(error, ResourceExhaustedError)
+            assert "100 later calls wait for their request" in error.message
+            assert it.calls.without_request_count == MOST_WITHOUT_REQUEST - 1
+            assert len(it.vehicle.callers) == 1
+            for each in others:
+                each.cancel()
+            await until(lambda: it.calls.without_request_count == 0)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("method", ["SetHome", "StreamTelemetry", "WatchTask"])
+def test_a_call_whose_request_is_late_is_ended_and_logged_in_one_line(
+    transport: Choice, method: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            open_call: Any = it.channel.stream_unary(f"/ual.v1.UalService/{method}")
+            for call in [open_call() for _ in range(3)]:
+                error = await error_of(call)
+                assert isinstance(error, ResourceExhaustedError)
+                assert "did not come within" in error.message
+            assert it.calls.without_request_count == it.calls.running_count == 0
+
+    monkeypatch.setattr(calls_module, "REQUEST_S", 0.5)
+    with caplog.at_level(logging.INFO, "ual_daemon"):
+        asyncio.run(run())
+    assert 1 <= len(caplog.records) <= 3
+    assert all(record.exc_info is None for record in caplog.records)
+
+
+def test_metadata_that_are_too_large_are_refused(transport: Choice, caplog: pytest.LogCaptureFixture) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            # gRPC's own clients do not send them. gRPC's server looks at each frame of them by itself.
+            large = {b"x%03d" % number: b"y" * 100 for number in range(400)}
+            method = {b":path": b"/ual.v1.UalService/SetHome"}
+            answer = await asyncio.to_thread(answer_to, it.address, {**method, **large})
+            assert b"grpc-status\x018" in answer  # RESOURCE_EXHAUSTED
+            assert b"at most 16384 are accepted" in answer
+            assert not it.vehicle.callers
+            assert b"grpc-status\x010" in await asyncio.to_thread(answer_to, it.address, method)
+
+    asyncio.run(run())
+    assert not caplog.records
 
 
 def test_another_uavs_name_is_refused(transport: Choice) -> None:

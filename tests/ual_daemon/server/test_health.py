@@ -11,6 +11,7 @@ import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 from tests.ual_daemon.server.serving import serving
+from ual_daemon.server import health
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
 from ual_daemon.server.transport.selection import Choice
@@ -24,11 +25,10 @@ SERVICE_UNKNOWN = health_pb2.HealthCheckResponse.SERVICE_UNKNOWN
 async def served(transport: Choice) -> AsyncIterator[tuple[HealthServicer, Any]]:
     servicer = HealthServicer(["ual.v1.UalService"])
     calls = Calls("uav_1", shutdown_refuses=())
-    async with serving(transport, calls, partial(health_pb2_grpc.add_HealthServicer_to_server, servicer)) as (
-        channel,
-        _,
-    ):
-        yield servicer, health_pb2_grpc.HealthStub(channel)
+    async with serving(transport, calls, partial(health.add_to_server, servicer)) as (channel, _):
+        stub: Any = health_pb2_grpc.HealthStub(channel)
+        stub.List = channel.unary_unary("/grpc.health.v1.Health/List")  # of bytes: the stub may not know it
+        yield servicer, stub
 
 
 def request(service: str = "") -> health_pb2.HealthCheckRequest:
@@ -43,6 +43,23 @@ def test_each_service_and_the_server_itself_have_the_status(transport: Choice) -
             servicer.set_serving(True)
             for service in ("", "ual.v1.UalService"):
                 assert (await stub.Check(request(service))).status == SERVING
+
+    asyncio.run(run())
+
+
+def entry(name: bytes, status: int) -> bytes:
+    """One of ``map<string, HealthCheckResponse> statuses = 1``."""
+    fields = b"\x0a" + bytes((len(name),)) + name + b"\x12\x02\x08" + bytes((status,))
+    return b"\x0a" + bytes((len(fields),)) + fields
+
+
+def test_all_services_are_listed_as_grpcs_health_proto_says(transport: Choice) -> None:
+    async def run() -> None:
+        async with served(transport) as (servicer, stub):
+            servicer.set_serving(True)
+            answer = await stub.List(b"")
+            both = entry(b"", SERVING), entry(b"ual.v1.UalService", SERVING)
+            assert answer in (both[0] + both[1], both[1] + both[0])  # a map has no order
 
     asyncio.run(run())
 

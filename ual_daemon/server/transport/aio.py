@@ -16,6 +16,7 @@ import grpc
 from typing_extensions import override
 
 from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.listening import defer_accept
 
 _Context: TypeAlias = "grpc.aio.ServicerContext[bytes, bytes]"
 _OnReceived: TypeAlias = Callable[[bytes | None], object]
@@ -101,6 +102,12 @@ class AioServer(TransportServer):
 
 
 def _open(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
+    port = _add(server, address, credentials)
+    defer_accept(address, port)
+    return port
+
+
+def _add(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
     if credentials is None:
         return server.add_insecure_port(address)
     return server.add_secure_port(address, credentials)

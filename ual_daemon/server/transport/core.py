@@ -19,6 +19,7 @@ import grpc._cython.cygrpc as cygrpc
 from typing_extensions import override
 
 from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.listening import defer_accept
 from ual_daemon.server.waiting import completion
 
 _log = logging.getLogger(__name__)
@@ -126,6 +127,7 @@ class CoreServer(TransportServer):
             port = self._server.add_http2_port(address.encode(), inner)
         if port == 0:
             raise RuntimeError(f"cannot listen on {address}")
+        defer_accept(address, port)
         return port
 
     @override

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from typing import Literal, TypeAlias
 
+from typing_extensions import override
+
 from ual_daemon import logs
 from ual_daemon.server.transport.base import Transport
 
@@ -14,11 +16,32 @@ Choice: TypeAlias = Literal["auto", "core", "aio"]
 _log = logging.getLogger(__name__)
 
 
+_BINDING = "grpc._cython.cygrpc"
+
+
+class _Plain(logging.Filter):
+    """Takes the traceback, and the caller's bytes, from what gRPC's binding logs about metadata that are no text.
+
+    So a caller that repeats itself repeats the line, which is then counted.
+    """
+
+    @override
+    def filter(self, record: logging.LogRecord) -> bool:
+        if str(record.msg).startswith("Invalid encoding"):
+            record.levelno, record.levelname = logging.WARNING, "WARNING"
+            record.msg, record.args, record.exc_info = "a caller sends metadata that are no UTF-8", (), None
+        return True
+
+
+_plain = _Plain()
+
+
 async def choose(choice: Choice, gather_s: float = 0.0) -> Transport:
     """Makes the transport that was chosen. With `auto` it is the core if it passes its self-test.
 
     `gather_s` is how long the core leaves events to gather, where many UAVs are served; see `CoreTransport`.
     """
+    logging.getLogger(_BINDING).addFilter(_plain)
     if choice == "auto":
         why = await _fault_of_core()
         if why:

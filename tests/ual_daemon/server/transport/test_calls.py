@@ -5,16 +5,17 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-import struct
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeAlias, TypeVar
 
 import grpc
 import pytest
 
+from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import taking
 from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Call, Transport, TransportServer
@@ -217,40 +218,49 @@ def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
     assert record.exc_info is not None
 
 
-def http2(kind: int, flags: int, stream: int, payload: bytes) -> bytes:
-    return struct.pack(">I", len(payload))[1:] + bytes((kind, flags)) + struct.pack(">I", stream) + payload
-
-
-def headers(values: dict[bytes, bytes]) -> bytes:
-    """As literals."""
-    return b"".join(b"\0" + bytes((len(name),)) + name + bytes((len(value),)) + value for name, value in values.items())
-
-
 def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loop, transport: Choice) -> None:
     serving = taking(transport, lambda call: call.finish(b"answer"))
     address = loop.run(serving.__aenter__())
-    host, _, port = address.partition(":")
-    with socket.create_connection((host, int(port)), LIMIT_S) as caller:
-        path = headers(
-            {
-                b":method": b"POST",
-                b":scheme": b"http",
-                b":path": b"/\xff/x",
-                b":authority": b"a",
-                b"te": b"trailers",
-                b"content-type": b"application/grpc",
-            }
-        )
-        settings, request, message = http2(4, 0, 0, b""), http2(1, 4, 1, path), http2(0, 1, 1, bytes(5))
-        caller.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + settings + request + message)
-        answer = b""
-        while b"grpc-status" not in answer:
-            received = caller.recv(4096)
-            assert received
-            answer += received
+    answer_to(address, {b":path": b"/\xff/x"})
     with grpc.insecure_channel(address) as channel:
         unary: Any = channel.unary_unary("/a.B/C")
         assert unary(b"", wait_for_ready=True, timeout=LIMIT_S) == b"answer"
+    loop.run(serving.__aexit__(None, None, None))
+
+
+def test_metadata_that_are_none_get_a_status_and_one_kind_of_line(
+    loop: Loop, transport: Choice, caplog: pytest.LogCaptureFixture
+) -> None:
+    serving = taking(transport, lambda call: call.finish(b"answer"))
+    address = loop.run(serving.__aenter__())
+    for number in range(3):
+        assert b"answer" in answer_to(address, {b"ual-ns": b"\xff%d" % number})  # who takes the call judges it
+    assert b"illegal base64" in answer_to(address, {b"x-bin": b"!!!"})
+    assert b"Illegal header key" in answer_to(address, {b"UAL": b"x"})
+    loop.run(serving.__aexit__(None, None, None))
+    lines = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert all(record.exc_info is None for record in lines)
+    assert {record.getMessage() for record in lines} == {"a caller sends metadata that are no UTF-8"}
+
+
+def descriptors() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_DEFER_ACCEPT"), reason="the system does not hold connections back")
+def test_a_connection_on_which_nothing_was_said_never_reaches_grpc(loop: Loop, transport: Choice) -> None:
+    serving = taking(transport, lambda call: call.finish(b"answer"))
+    address = loop.run(serving.__aenter__())
+    host, _, port = address.partition(":")
+    with grpc.insecure_channel(address) as channel, ExitStack() as silent:
+        unary: Any = channel.unary_unary("/a.B/C")
+        assert unary(b"", timeout=LIMIT_S) == b"answer"
+        before = descriptors()
+        for _ in range(50):
+            silent.enter_context(socket.create_connection((host, int(port)), LIMIT_S))
+        for _ in range(10):
+            assert unary(b"", timeout=LIMIT_S) == b"answer"
+        assert descriptors() - before == 50  # the callers' own; accepted ones would be as many again
     loop.run(serving.__aexit__(None, None, None))
 
 

@@ -1,0 +1,46 @@
+"""Calls by hand, for what no client of gRPC sends."""
+
+from __future__ import annotations
+
+import socket
+import struct
+
+LIMIT_S = 30.0
+
+
+def http2(kind: int, flags: int, stream: int, payload: bytes) -> bytes:
+    return struct.pack(">I", len(payload))[1:] + bytes((kind, flags)) + struct.pack(">I", stream) + payload
+
+
+def headers(values: dict[bytes, bytes]) -> bytes:
+    """As literals."""
+    return b"".join(b"\0" + bytes((len(name),)) + name + bytes((len(value),)) + value for name, value in values.items())
+
+
+REQUEST = {
+    b":method": b"POST",
+    b":scheme": b"http",
+    b":path": b"/a.B/C",
+    b":authority": b"a",
+    b"te": b"trailers",
+    b"content-type": b"application/grpc",
+}
+PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + http2(4, 0, 0, b"")
+
+
+def answer_to(address: str, values: dict[bytes, bytes]) -> bytes:
+    """What comes for a call with these headers, up to its status."""
+    host, _, port = address.partition(":")
+    with socket.create_connection((host, int(port)), LIMIT_S) as caller:
+        block = headers({**REQUEST, **values})
+        parts = [block[begin : begin + 16000] for begin in range(0, len(block), 16000)]
+        frames = [
+            http2(9 if number else 1, 4 * (number == len(parts) - 1), 1, part) for number, part in enumerate(parts)
+        ]
+        caller.sendall(PREFACE + b"".join(frames) + http2(0, 1, 1, bytes(5)))
+        answer = b""
+        while b"grpc-status" not in answer or b"grpc-message" not in answer:
+            received = caller.recv(4096)
+            assert received
+            answer += received
+    return answer

@@ -1,0 +1,112 @@
+"""What the options of the server do against callers that waste it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+import grpc
+
+from benchmarks.attacks import http2
+from tests.ual_daemon.server.serving import taking
+from ual_daemon.server import server
+from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.selection import Choice
+
+LIMIT_S = 30.0
+OPTIONS = dict(server._OPTIONS)
+_PROBE = "/ual.v1.UalService/Probe"
+
+
+def with_(**changed: int) -> Sequence[tuple[str, int]]:
+    return tuple({**OPTIONS, **{f"grpc.{name}": value for name, value in changed.items()}}.items())
+
+
+async def idle(channel: grpc.aio.Channel) -> None:
+    while (state := channel.get_state()) is not grpc.ChannelConnectivity.IDLE:
+        await channel.wait_for_state_change(state)
+
+
+def attack(address: str, streams: range, *, is_reset: bool) -> http2.Peer:
+    """One connection that opens calls, and resets each at once."""
+    host, _, port = address.partition(":")
+    peer = http2.Peer(host, int(port))
+    headers = http2.request("/a.B/Attack")
+    for number in streams:
+        peer.send(http2.frame(http2.HEADERS, http2.END_HEADERS, 2 * number + 1, headers))
+        if is_reset:
+            peer.send(http2.frame(http2.RST_STREAM, 0, 2 * number + 1, http2.CANCEL))
+    return peer
+
+
+def test_calls_of_one_connection_beyond_the_limit_never_reach_python(transport: Choice) -> None:
+    async def run() -> None:
+        taken: list[Call] = []
+
+        def take(call: Call) -> None:
+            if call.method == _PROBE:
+                call.finish(b"")
+            else:
+                call.watch(lambda: None)
+                taken.append(call)
+
+        async with taking(transport, take, server._OPTIONS) as address, grpc.aio.insecure_channel(address) as channel:
+            peer = await asyncio.to_thread(attack, address, range(1000), is_reset=False)
+            probe: Any = channel.unary_unary(_PROBE)
+            most = OPTIONS["grpc.max_concurrent_streams"]
+            while len(taken) < most:
+                await probe(b"")
+            for _ in range(20):
+                await probe(b"")
+            assert len(taken) == most
+            peer.close()
+            taken.clear()
+
+    asyncio.run(run())
+
+
+def test_idle_connections_end_and_calls_on_them_come_through_again(transport: Choice) -> None:
+    async def run() -> None:
+        assert 60_000 <= OPTIONS["grpc.max_connection_idle_ms"] <= 3_600_000
+        options = with_(max_connection_idle_ms=200)
+        async with (
+            taking(transport, lambda call: call.finish(b""), options) as address,
+            grpc.aio.insecure_channel(address) as channel,
+        ):
+            probe: Any = channel.unary_unary(_PROBE)
+            await probe(b"")
+            await idle(channel)
+            await probe(b"")
+
+    asyncio.run(run())
+
+
+def test_a_connection_with_an_open_stream_is_not_idle(transport: Choice) -> None:
+    async def run() -> None:
+        held: list[Call] = []
+
+        def take(call: Call) -> None:
+            if call.method == _PROBE:
+                call.finish(b"")
+                return
+            call.watch(lambda: None)
+            call.begin()
+            held.append(call)
+
+        async with (
+            taking(transport, take, with_(max_connection_idle_ms=200)) as address,
+            grpc.aio.insecure_channel(address) as channel,
+            grpc.aio.insecure_channel(address, [("grpc.use_local_subchannel_pool", 1)]) as watching,
+        ):
+            stream: Any = watching.unary_stream("/a.B/Watch")(b"")
+            await stream.wait_for_connection()
+            probe: Any = channel.unary_unary(_PROBE)
+            await probe(b"")
+            await idle(channel)  # the other one has had its time, too
+            assert watching.get_state() is grpc.ChannelConnectivity.READY
+            held[0].send(b"still", lambda _: None)
+            assert await stream.read() == b"still"
+            held.clear()
+
+    asyncio.run(run())
