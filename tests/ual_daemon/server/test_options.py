@@ -99,7 +99,8 @@ def test_a_connection_with_an_open_stream_is_not_idle(transport: Choice) -> None
             grpc.aio.insecure_channel(address) as channel,
             grpc.aio.insecure_channel(address, [("grpc.use_local_subchannel_pool", 1)]) as watching,
         ):
-            stream: Any = watching.unary_stream("/a.B/Watch")(b"")
+            watch: Any = watching.unary_stream("/a.B/Watch")
+            stream = watch(b"")
             await stream.wait_for_connection()
             probe: Any = channel.unary_unary(_PROBE)
             await probe(b"")

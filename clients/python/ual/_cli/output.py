@@ -36,7 +36,7 @@ def to_json(value: object) -> object:
     return value
 
 
-def task_text(task: TaskInfo) -> str:
+def running_text(task: TaskInfo) -> str:
     """Returns what a task was told to do, and whether it is paused."""
     text = task.description or task.kind.name
     return f"{text} (paused)" if task.is_paused else text

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from ual._cli import watch_table
 from ual._cli.keys import Key, keyboard
-from ual._cli.output import pose_text, task_text, vector_text
+from ual._cli.output import pose_text, running_text, vector_text
 from ual._cli.watch_board import Board, Seen
 from ual.types import State, Telemetry
 
@@ -134,7 +134,7 @@ def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
-        ("task", "" if task is None else task_text(task), ""),
+        ("task", "" if task is None else running_text(task), ""),
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
         ("battery", " ".join(filter(None, (_known(percent, "{:.0f} %"), _known(voltage, "{:.1f} V")))), ""),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ual._cli.keys import Key
-from ual._cli.output import task_text
+from ual._cli.output import running_text
 from ual._cli.watch_board import Seen
 from ual.types import State, Telemetry
 
@@ -147,7 +147,7 @@ def _note(t: Telemetry) -> str:
     if t.task is None:
         return t.state_reason
     left = "" if t.task.distance_left_m is None else f", {t.task.distance_left_m:.1f} m left"
-    return f"{task_text(t.task)}{left}"
+    return f"{running_text(t.task)}{left}"
 
 
 def _clip(text: str, width: int) -> str:
