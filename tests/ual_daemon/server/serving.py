@@ -17,12 +17,15 @@ GRACE_S = 15.0
 
 @asynccontextmanager
 async def serving(
-    choice: selection.Choice, calls: Calls, *registered: Callable[[grpc.aio.Server], None]
+    choice: selection.Choice,
+    calls: Calls,
+    *registered: Callable[[grpc.aio.Server], None],
+    options: Options = (("grpc.so_reuseport", 0),),
 ) -> AsyncIterator[tuple[grpc.aio.Channel, str]]:
     """Serves what is registered, by ``add_..._to_server``, until the block ends. A channel to it, and the address."""
     for register in registered:
         register(cast("grpc.aio.Server", calls))
-    async with taking(choice, calls.take) as address, grpc.aio.insecure_channel(address) as channel:
+    async with taking(choice, calls.take, options) as address, grpc.aio.insecure_channel(address) as channel:
         yield channel, address
 
 

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import grpc
 
 from benchmarks.attacks import http2
-from tests.ual_daemon.server.serving import taking
+from tests.ual_daemon.server.serving import serving, taking
+from tests.ual_daemon.server.test_calls import FakeVehicle
+from ual import Uav
+from ual.types import State
+from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import server
+from ual_daemon.server.calls import Calls
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.transport.selection import Choice
+from ual_daemon.server.uav_service import UalServicer
+from ual_daemon.server.updates import Updates
+from ual_daemon.vehicle.vehicle import Vehicle
 
 LIMIT_S = 30.0
 OPTIONS = dict(server._OPTIONS)
@@ -109,5 +119,25 @@ def test_a_connection_with_an_open_stream_is_not_idle(transport: Choice) -> None
             held[0].send(b"still", lambda _: None)
             assert await stream.read() == b"still"
             held.clear()
+
+    asyncio.run(run())
+
+
+def test_uav_connects_again_when_its_connection_has_ended(transport: Choice) -> None:
+    """Each pause is longer than the idle time; where the computer is slow, a connection may end later or never."""
+
+    def fly(address: str) -> None:
+        with Uav(address=address, ns="uav_1") as uav:
+            for _ in range(5):
+                assert uav.state() is State.LANDED_DISARMED
+                time.sleep(0.3)
+
+    async def run() -> None:
+        vehicle = cast("Vehicle", FakeVehicle())
+        servicer = UalServicer(vehicle, Updates(vehicle, lambda _: None))
+        register = partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)
+        calls = Calls("uav_1", shutdown_refuses=())
+        async with serving(transport, calls, register, options=with_(max_connection_idle_ms=100)) as (_, address):
+            await asyncio.to_thread(fly, address)
 
     asyncio.run(run())

@@ -260,7 +260,7 @@ def test_a_connection_on_which_nothing_was_said_never_reaches_grpc(loop: Loop, t
             silent.enter_context(socket.create_connection((host, int(port)), LIMIT_S))
         for _ in range(10):
             assert unary(b"", timeout=LIMIT_S) == b"answer"
-        assert descriptors() - before == 50  # the callers' own; accepted ones would be as many again
+        assert descriptors() - before < 75  # 50 are the callers' own; accepted ones would be as many again
     loop.run(serving.__aexit__(None, None, None))
 
 
