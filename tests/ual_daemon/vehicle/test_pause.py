@@ -15,7 +15,7 @@ from ual.types import AltitudeReference, State, TaskStatus
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import Tracker, VehicleSettings
 
-PAUSE_S = 300.0
+PAUSE_S = 100.0
 """Far longer than the time limit of any of these tasks."""
 
 
