@@ -807,6 +807,17 @@ def test_q_leaves_watch_and_the_terminal_as_it_was(start_daemon: StartDaemon) ->
             assert terminal.mode() == before
 
 
+def test_watch_leaves_the_terminal_as_it_was_when_it_is_terminated(daemon: DaemonProcess) -> None:
+    del daemon
+    with Terminal("watch") as terminal:
+        before = terminal.mode()
+        terminal.wait_for("LANDED_")
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.wait() == 128 + signal.SIGTERM
+        assert terminal.text.endswith("\x1b[?25h\x1b[?1049l")
+        assert terminal.mode() == before
+
+
 def test_watch_does_not_show_a_dead_uav_as_alive(start_daemon: StartDaemon) -> None:
     daemon = start_daemon()
     daemon.wait_for("listening")
