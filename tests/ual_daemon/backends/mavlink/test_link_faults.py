@@ -7,7 +7,7 @@ import random
 import socket
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import pytest
 
@@ -99,10 +99,14 @@ HOST = "127.0.77.1"
 
 
 class Simulator:
-    """A scripted autopilot behind a TCP server, which can be killed and started again."""
+    """A scripted autopilot behind a TCP server, which can be killed and started again.
+
+    It repeats its heartbeat while it waits: an autopilot that is silent for some seconds is a link that is made anew.
+    """
 
     def __init__(self) -> None:
         self.port = 0
+        self._is_armed = False
         self.start()
 
     def start(self) -> None:
@@ -113,11 +117,13 @@ class Simulator:
         self._server.settimeout(PATIENCE_S)
         self.port = self._server.getsockname()[1]
 
-    def accept(self) -> None:
+    def accept(self, *, armed: bool = False) -> None:
         self._client, _ = self._server.accept()
-        self._client.settimeout(PATIENCE_S)
+        self._client.settimeout(0.1)
         self._reader = FrameReader()
+        self._unheard: list[Message] = []
         self.pack = packer()
+        self._is_armed = armed
 
     def kill(self) -> None:
         self._client.close()
@@ -129,13 +135,25 @@ class Simulator:
         for begin in range(0, len(data), 9):
             self._client.sendall(data[begin : begin + 9])
 
-    def hear(self, kind: str, **fields: object) -> Any:
-        """The next message of a kind with such fields."""
-        while True:
-            for frame in self._reader.feed(self._client.recv(4096)):
-                message = Codec(1).decode(frame)
-                if message.get_type() == kind and all(getattr(message, n) == v for n, v in fields.items()):
-                    return message
+    def hear(self, kind: str, **fields: object) -> None:
+        """Waits for a message of a kind with such fields, heard now or before."""
+        self.repeat_until(
+            lambda: any(
+                message.get_type() == kind and all(getattr(message, n) == v for n, v in fields.items())
+                for message in self._unheard
+            )
+        )
+
+    def repeat_until(self, condition: Callable[[], object]) -> None:
+        """Waits for a condition: says the heartbeat, and listens."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline_s
+            self.say(heartbeat(armed=self._is_armed))
+            with contextlib.suppress(TimeoutError):
+                data = self._client.recv(4096)
+                assert data, "the backend has closed the connection"
+                self._unheard += map(Codec(1).decode, self._reader.feed(data))
 
 
 @pytest.fixture
@@ -158,14 +176,14 @@ def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) 
     backend = MavlinkBackend(BackendOptions("uav_1", f"tcp://{HOST}:{simulator.port}"))
     backend.open(lambda _: None)
     try:
-        for count in range(2):
-            simulator.accept()
-            simulator.say(heartbeat(armed=bool(count)), attitude(), position(0.0), garbage=b"\xfdInit V4.6\xfe\xff\n")
-            wait_for(lambda count=count: (armed := backend.snapshot().armed) and armed.value is bool(count))  # type: ignore[misc]
+        for is_armed in (False, True):
+            simulator.accept(armed=is_armed)
+            garbage = b"\xfdInit V4.6\xfe\xff\n"
+            simulator.say(heartbeat(armed=is_armed), attitude(), position(0.0), garbage=garbage)
+            simulator.repeat_until(lambda now=is_armed: (found := backend.snapshot().armed) and found.value is now)  # type: ignore[misc]
             simulator.hear("COMMAND_LONG", command=INTERVAL)  # asked anew each time
             simulator.hear("TIMESYNC", tc1=0)
-            simulator.say(heartbeat(armed=bool(count)))
-            wait_for(lambda: not backend.snapshot().status_text)
+            simulator.repeat_until(lambda: not backend.snapshot().status_text)
             simulator.kill()
             wait_for(lambda: backend.snapshot().status_text)
             simulator.start()
