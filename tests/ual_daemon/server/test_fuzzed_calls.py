@@ -19,7 +19,7 @@ COUNT = 600
 def test_calls_are_the_same_for_the_same_seed_and_reach_every_method() -> None:
     some = list(itertools.islice(calls(1), COUNT))
     assert some == list(itertools.islice(calls(1), COUNT))
-    assert {call.method.rsplit("/", 1)[-1] for call in itertools.islice(calls(1), 4000)} >= set(METHODS)
+    assert {call.method.rsplit("/", 1)[-1] for call in itertools.islice(calls(1), 10_000)} >= set(METHODS)
 
 
 def test_no_call_breaks_the_daemon_or_the_flight(start_daemon: StartDaemon) -> None:

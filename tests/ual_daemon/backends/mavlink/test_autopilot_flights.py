@@ -65,6 +65,17 @@ class Flight:
     def wait_for_state(self, *states: State) -> None:
         self.wait_for(lambda: self.uav.state() in states, " or ".join(state.name for state in states))
 
+    def when(self, condition: Callable[[Telemetry], bool], act: Callable[[], None]) -> None:
+        """Acts once, in the update that first fulfils a condition: a busy computer cannot miss it."""
+        acted: list[Telemetry] = []
+
+        def on_telemetry(telemetry: Telemetry) -> None:
+            if not acted and condition(telemetry):
+                acted.append(telemetry)
+                act()
+
+        self.uav.vehicle.subscribe(on_telemetry)
+
     def let_pass(self, duration_s: float) -> None:
         until_s = self.now_s + duration_s
         self.wait_for(lambda: self.now_s >= until_s, "time passing")

@@ -10,7 +10,7 @@ from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
-from ual.types import State, TaskStatus
+from ual.types import State, TaskKind, TaskStatus, Telemetry
 
 LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 
@@ -61,13 +61,16 @@ def test_a_new_daemon_that_has_not_seen_the_take_off_returns_home(flight: Flight
 
 def test_the_pilot_takes_over_on_the_way_home_and_in_the_landing(flight: Flight) -> None:
     flight.take_off()
-    # From 40 m, so that a busy computer sees the landing before it ends.
-    for state, height_m in ((State.FLYING_AUTO, 4.0), (State.LANDING, 40.0)):
+    for state in (State.FLYING_AUTO, State.LANDING):
         flight.uav.go_to_waypoint(flight.goal(6.0, 0.0))
-        task = flight.uav.return_to_launch(height_m, blocking=False)
-        flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 0.5, "its speed")
-        flight.wait_for_state(state)
-        flight.autopilot.pilot_take_over()
+
+        def is_moment(telemetry: Telemetry, state: State = state) -> bool:
+            task, velocity = telemetry.task, telemetry.velocity
+            is_returning = task is not None and task.kind is TaskKind.RETURN_TO_LAUNCH
+            return is_returning and telemetry.state is state and velocity is not None and velocity.linear.norm() > 0.5
+
+        flight.when(is_moment, flight.autopilot.pilot_take_over)
+        task = flight.uav.return_to_launch(4.0, blocking=False)
         with pytest.raises(TaskAbortedError, match="the safety pilot took over"):
             task.wait(LIMIT_S)
         flight.wait_for_state(State.FLYING_MANUAL)

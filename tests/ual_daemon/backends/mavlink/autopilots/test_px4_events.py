@@ -51,7 +51,9 @@ def test_words_of_a_denial_are_those_of_its_name() -> None:
 @pytest.mark.parametrize(("boot_ms", "is_news"), [(BOOT_MS + 10_000, True), (BOOT_MS + 9_500, True), (5_000, False)])
 def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int, is_news: bool) -> None:
     harness = Harness()
-    harness.receive(heartbeat(6 << 16, armed=True), attitude(), position(10.0))
+    harness.receive(heartbeat(6 << 16, armed=True), attitude())
+    harness.now_s = 0.5  # in the time of a fast simulator
+    harness.receive(position(10.0))
     harness.receive(data=event("commander_disarmed_by", sequence=3, boot_ms=boot_ms))
     assert harness.snapshot().armed.value is not is_news
 
