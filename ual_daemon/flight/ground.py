@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
@@ -43,6 +44,11 @@ class Ground:
             self.z_m, self._origin_m = snapshot.pose.value.position.z, _origin_m(snapshot)
         elif self.z_m is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
             self.z_m = None
+
+    def estimate_jumped(self, jump: Vector3) -> None:
+        """Notes that the autopilot's estimate has jumped: the ground has not."""
+        if self.z_m is not None:
+            self.z_m += jump.z
 
     def _has_origin_moved(self, snapshot: Snapshot) -> bool:
         before_m, now_m = self._origin_m, _origin_m(snapshot)
