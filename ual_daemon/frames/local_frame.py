@@ -10,6 +10,7 @@ import logging
 import threading
 from collections.abc import Callable
 
+from ual.errors import WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import GeoPoint
 from ual_daemon import logs
@@ -51,13 +52,17 @@ class LocalFrame:
         """By which the anchors are placed; None while it is not known where the local frame is on Earth."""
         self._lock = threading.Lock()
         self._file, self._identity = home_file, identity
-        self._saved = None if home_file is None else home_file.read()
+        self._saved: SavedHome | None = None
         self._boots_count = 0
         self._is_new_boot = False
         self._has_begun = False
         self._is_settled = False
         self._is_kept, self._must_save = False, False
         self._began_s: float | None = None
+
+    def open(self) -> None:
+        """Reads the file. To be called once, before the first update."""
+        self._saved = None if self._file is None else self._file.read()
         if self._saved is not None:
             self.home, self.start = _not_placed(self._saved)
 
@@ -73,16 +78,26 @@ class LocalFrame:
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped: what nothing ties to Earth is lost."""
         with self._lock:
+            if not self._has_begun:  # it finds its position for the first time
+                return
             why = f"the autopilot's position jumped by {jump.norm():.1f} m, and nothing ties the frame to Earth"
-            self.home, self.start = (
-                each if each.geo is not None else _noticed(each.lost(why, SET_HOME)) for each in (self.home, self.start)
-            )
+            if self.home.geo is None:
+                self.home = _noticed(self.home.lost(why, SET_HOME))
+            if self.start.geo is None:
+                self.start = self.start.lost(why, SET_HOME)
 
     # --- Any thread ---------------------------------------------------------------------------------------------------
 
     def set_home(self, position: Vector3, snapshot: Snapshot, *, set_z: bool) -> None:
-        """Makes a position home (its height only with `set_z`, or if the height was lost)."""
+        """Makes a position home (its height only with `set_z`, or if the height was lost).
+
+        Raises:
+            WrongStateError: The position is of an earlier boot.
+
+        """
         with self._lock:
+            if snapshot.boots_count < self._boots_count:  # the caller took it just before the reboot
+                raise WrongStateError("set_home: the autopilot has just rebooted; try again")
             self._follow(snapshot)
             before = self.home
             at = position if set_z or before.loss is not None else Vector3(position.x, position.y, before.local.z)
@@ -94,12 +109,13 @@ class LocalFrame:
             self._is_kept = self._must_save = True
             self._tie(snapshot)
             self._save()
+            self._is_settled = False
 
     # --- Called with the lock held ------------------------------------------------------------------------------------
 
     def _follow(self, snapshot: Snapshot) -> bool:
         before = (self.home, self.start, self.map_loss, self.projection)
-        if snapshot.boots_count != self._boots_count:
+        if snapshot.boots_count > self._boots_count:
             self._begin_boot(snapshot)
         self._begun(snapshot)
         self._place(snapshot)
@@ -130,14 +146,12 @@ class LocalFrame:
         """Loses what the present local frame gave a place."""
         self.projection = None
         wait = f"{what}, and has not said yet where its local frame is on Earth"
-        self.home, self.start = (
-            _noticed(
-                each.lost(wait, WAIT)
-                if each.geo is not None
-                else each.lost(f"{what}, and nothing ties the frame to Earth (no satellite fix)", SET_HOME)
-            )
+        for_good = f"{what}, and nothing ties the frame to Earth (no satellite fix)"
+        home, start = (
+            each.lost(for_good, SET_HOME) if each.geo is None else each.lost(wait, WAIT)
             for each in (self.home, self.start)
         )
+        self.home, self.start = _noticed(home), start
         self.map_loss = Loss(wait, utc_text(), "it is known again once the autopilot has its satellite fix")
 
     def _place(self, snapshot: Snapshot) -> None:

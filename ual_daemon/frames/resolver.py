@@ -63,6 +63,10 @@ class FrameResolver:
         self._map_origin = settings.map_origin_geo
         self._frame = LocalFrame(home_file, identity)
 
+    def open(self) -> None:
+        """Reads the file with home, if there is one. To be called once, before the first update."""
+        self._frame.open()
+
     # --- What is lost -------------------------------------------------------------------------------------------------
 
     @property

@@ -149,7 +149,9 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # Saves one thread on the path of each message: docs/decisions/0010.
     os.environ.setdefault("GRPC_EXPERIMENTS", "-event_engine_listener")
     lazy.prepare()
+    from ual import _discovery
     from ual_daemon.backends import registry
+    from ual_daemon.frames.home_file import HomeFile
     from ual_daemon.server import tls
     from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -158,7 +160,13 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     try:
         uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
         vehicles = [
-            Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming) for each in uavs
+            Vehicle(
+                each.backend,
+                each.vehicle,
+                allow_arming=settings.allow_arming,
+                home_file=HomeFile(_discovery.home_file(each.backend.options.ns)),
+            )
+            for each in uavs
         ]  # checks the frames and the fence
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)

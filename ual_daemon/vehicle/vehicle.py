@@ -76,6 +76,7 @@ class Vehicle:
 
     def open(self) -> None:
         """Begins to connect; see `Backend.open`."""
+        self._resolver.open()
         self.backend.is_update_needed = self._is_update_needed
         self.backend.open(self._on_update)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -34,6 +35,7 @@ class Flight:
     """A simulated autopilot, a link to it that can get bad, and the UAV that flies it."""
 
     settings: VehicleSettings | None = None
+    home_file: Path | None = None
 
     def __init__(self, kind: str, seed: int = 0) -> None:
         self._port = MemoryPort()
@@ -48,7 +50,7 @@ class Flight:
         self._port.sent.clear()
         self._port.arriving.clear()
         self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self._port, SPEED)
-        self.uav = UAL(self.backend, settings=self.settings)
+        self.uav = UAL(self.backend, settings=self.settings, home_file=self.home_file)
         self.uav.vehicle.subscribe(lambda telemetry: self.seen.append((self.now_s, telemetry)))
 
     def kill(self) -> None:

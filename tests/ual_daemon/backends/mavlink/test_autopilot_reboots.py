@@ -5,7 +5,9 @@ Simulated autopilots, on one clock with the backend.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +16,8 @@ from tests.simulators.physics import Vector
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import FrameLostError, GeofenceError, TaskAbortedError, WrongStateError
 from ual.geometry import IDENTITY, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
-from ual.types import State
+from ual.types import GeoPoint, State
+from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 EAST_10: Vector = (0.0, 10.0, 0.0)
@@ -26,7 +29,13 @@ class Placed(Flight):
     """A simulated autopilot that stands on the ground somewhere in its local frame."""
 
     def __init__(
-        self, kind: str, start: Vector, settings: VehicleSettings | None = None, *, has_satellites: bool = True
+        self,
+        kind: str,
+        start: Vector,
+        settings: VehicleSettings | None = None,
+        *,
+        has_satellites: bool = True,
+        home_file: Path | None = None,
     ) -> None:
         self._port = MemoryPort()
         self.link = BadLink(self._port, 0)
@@ -37,8 +46,15 @@ class Placed(Flight):
         if not has_satellites:
             autopilot.home = None
         self.autopilot = autopilot
-        self.settings = settings
+        self.settings, self.home_file = settings, home_file
         self.start()
+
+    def restart(self) -> None:
+        """Kills the daemon, and starts another."""
+        self.kill()
+        self.start()
+        self.wait_for_state(State.LANDED_DISARMED, State.FLYING_AUTO)
+        self.let_pass(2.0)
 
     def reboot(self, carried: Vector = (0.0, 0.0, 0.0), gps_error: Vector = (0.0, 0.0, 0.0)) -> None:
         """Swaps the battery, and waits until the UAV is ready again."""
@@ -69,8 +85,10 @@ Start = Callable[..., Placed]
 def start(kind: str) -> Iterator[Start]:
     started: list[Placed] = []
 
-    def begin(start: Vector = (0.0, 0.0, 0.0), settings: VehicleSettings | None = None, **indoors: bool) -> Placed:
-        flight = Placed(kind, start, settings, **indoors)
+    def begin(
+        start: Vector = (0.0, 0.0, 0.0), settings: VehicleSettings | None = None, home_file: Path | None = None
+    ) -> Placed:
+        flight = Placed(kind, start, settings, home_file=home_file)
         started.append(flight)
         flight.wait_for_state(State.LANDED_DISARMED)
         flight.wait_for(flight.is_placed, "its pose")
@@ -262,6 +280,123 @@ def test_a_fence_in_a_lost_frame_refuses_the_take_off() -> None:
         flight.land()
     finally:
         flight.uav.close()
+
+
+# --- A restart of the daemon ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def home_file(tmp_path: Path) -> Path:
+    return tmp_path / "uav_1.home"
+
+
+def test_home_survives_a_restart_of_the_daemon_and_the_same_go_to_leads_there(start: Start, home_file: Path) -> None:
+    flight = start(EAST_10, home_file=home_file)
+    flight.uav.set_home()
+    flight.restart()
+    assert tuple(flight.position()) == near(0, 0, 0)
+    flight.take_off()
+    flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 4.0))
+    assert tuple(flight.place()) == near(10, 0, 4, 0.5)
+    flight.land()
+
+
+def test_home_survives_when_both_are_off_and_the_uav_is_carried(start: Start, home_file: Path) -> None:
+    flight = start(home_file=home_file)
+    flight.uav.set_home()
+    flight.kill()
+    flight.autopilot.reboot(EAST_20)
+    flight.autopilot.run(3.0)
+    flight.start()
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.wait_for(flight.is_placed, "its pose")
+    assert tuple(flight.position()) == near(20, 0, 0)
+
+
+def test_a_home_that_followed_a_reboot_is_saved_with_the_place_of_the_fence(start: Start, home_file: Path) -> None:
+    settings = VehicleSettings(geofence=GeofenceSettings(frame_id="map", polygon=SQUARE))
+    flight = start(settings=settings, home_file=home_file)
+    flight.reboot(EAST_20)
+    flight.wait_for(flight.is_placed, "its pose")
+    flight.restart()
+    assert tuple(flight.position()) == near(20, 0, 0)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    with pytest.raises(GeofenceError):
+        flight.uav.take_off(3.0)
+
+
+def test_in_flight_home_is_there_again_within_two_seconds_of_a_restart(start: Start, home_file: Path) -> None:
+    flight = start(EAST_10, home_file=home_file)
+    flight.uav.set_home()
+    flight.take_off()
+    flight.kill()
+    flight.start()
+    flight.wait_for(flight.is_placed, "its pose")
+    assert flight.now_s - flight.started_s < 2.5
+    assert tuple(flight.position()) == near(0, 0, 3, 0.5)
+
+
+def _changed(file: Path, **values: object) -> None:
+    file.write_text(json.dumps({**json.loads(file.read_text()), **values}))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"vehicle": "PX4 7 ab"}, {"saved_s": 1e9}, {"home": {"latitude_deg": 1e9}}, {"saved_s": "?"}],
+    ids=["another vehicle", "old", "not on Earth", "damaged"],
+)
+def test_what_does_not_hold_any_more_is_ignored_and_logged(
+    start: Start, home_file: Path, changes: dict[str, object], caplog: pytest.LogCaptureFixture
+) -> None:
+    flight = start(EAST_10, home_file=home_file)
+    flight.uav.set_home()
+    flight.kill()
+    _changed(home_file, **changes)
+    flight.restart()
+    assert tuple(flight.position()) == near(10, 0, 0)
+    assert {"home_ignored", "home_file_ignored"} & {record.message for record in caplog.records}
+
+
+def test_a_home_far_away_is_lost_on_the_ground(start: Start, home_file: Path) -> None:
+    flight = start(EAST_10, home_file=home_file)
+    flight.uav.set_home()
+    flight.kill()
+    elsewhere = {"latitude_deg": 48.0, "longitude_deg": 8.5, "altitude_amsl_m": 400.0}
+    _changed(home_file, home=elsewhere)
+    flight.restart()
+    assert "km from here" in flight.uav.telemetry().frame_lost
+    flight.uav.set_home()
+    assert tuple(flight.position()) == near(0, 0, 0)
+
+
+def test_a_home_without_satellites_is_lost_by_a_restart(lost: Placed, home_file: Path) -> None:
+    lost.home_file = home_file
+    lost.restart()  # begins without a file: nothing was set, nothing is lost
+    assert lost.uav.telemetry().frame_lost == ""
+    lost.uav.set_home()
+    lost.restart()
+    assert "nothing tied it to Earth" in lost.uav.telemetry().frame_lost
+    lost.uav.set_home()
+    assert tuple(lost.position()) == near(0, 0, 0)
+
+
+def test_the_file_of_another_user_or_a_link_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "uav_1.home"
+    HomeFile(path).write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None)
+    saved = HomeFile(path).read()
+    assert saved is not None
+    assert saved.home == GeoPoint(47.0, 8.0, 400.0)
+    link = tmp_path / "link.home"
+    link.symlink_to(path)
+    assert HomeFile(link).read() is None
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    assert HomeFile(path).read() is None
+
+
+def test_a_directory_that_cannot_be_written_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    HomeFile(tmp_path / "missing" / "uav_1.home").write("PX4 1 ab", None, None)
+    assert [record.message for record in caplog.records] == ["home_not_saved"]
 
 
 # --- In flight --------------------------------------------------------------------------------------------------------
