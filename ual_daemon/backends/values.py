@@ -134,7 +134,7 @@ class VehicleInfo:
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
     Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
-    not used for another; it is empty while that is not known, and where the vehicle does not outlive the backend.
+    not used for another (`Backend.outlived`); it is empty while that is not known.
     """
 
     autopilot: str = ""

@@ -59,7 +59,8 @@ class Vehicle:
         self.backend = backend
         settings = settings or VehicleSettings()
         self._pose_frame_id = settings.pose_frame_id
-        self._resolver = FrameResolver(self.ns, settings, home_file, lambda: backend.info().identity)
+        kept = home_file if backend.outlived else None
+        self._resolver = FrameResolver(self.ns, settings, kept, lambda: backend.info().identity)
         self._limits = CurrentLimits(backend, settings.limits)
         self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver))
         self._tasks = Tasks(backend.clock)
