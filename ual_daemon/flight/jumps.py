@@ -6,10 +6,11 @@ position changed by far more than the velocity explains, and stays there.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-from ual.geometry import Vector3
-from ual_daemon.backends.values import Snapshot
+from ual.geometry import Pose, Vector3
+from ual_daemon.backends.values import Sample, Snapshot
 
 JUMP_M = 1.0
 """What an estimate wanders by within its noise is less, and is flown out."""
@@ -42,41 +43,55 @@ class JumpDetector:
 
     def __init__(self) -> None:
         self._last: _Seen | None = None
-        self._seen_s: float | None = None
+        self._newest: Sample[Pose] | None = None
         self._is_suspected = False
         self._usual_m = 0.0
 
     def is_suspected(self, now_s: float) -> bool:
         """Whether the newest position has jumped, but another one must confirm it."""
-        return self._is_suspected and self._seen_s is not None and now_s - self._seen_s < _SUSPECTED_S
+        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < _SUSPECTED_S
 
     def observe(self, snapshot: Snapshot) -> Vector3 | None:
         """Returns by how much the estimate has jumped; None if it has not.
 
         A jump is returned with its second position, so that a single wrong one is none.
         """
-        pose = snapshot.pose
-        if pose is None or snapshot.velocity is None or pose.time_s == self._seen_s:
+        pose, sample = snapshot.pose, snapshot.velocity
+        if pose is None or sample is None or (self._newest is not None and pose.time_s == self._newest.time_s):
             return None
-        self._seen_s = pose.time_s
-        velocity = snapshot.velocity.value.linear
-        new = _Seen(pose.value.position, velocity, pose.time_s, snapshot.stamp_s, snapshot.boots_count)
+        self._newest = pose
         last = self._last
+        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, snapshot.stamp_s, snapshot.boots_count)
+        if last is not None and not self._is_suspected and self._is_continued(last, new):
+            self._last = new
+            return None
         passed_s = 0.0 if last is None else _longest_s(last, new)
         if last is None or passed_s > _LONGEST_S or new.boots_count != last.boots_count:
             self._last, self._is_suspected = new, False
             return None
         step = _unexplained(last, new, passed_s)
-        size_m = step.norm()
         free_m = max(JUMP_M, _NOISE_FACTOR * self._usual_m) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
-        has_jumped = size_m > free_m
+        has_jumped = step.norm() > free_m
         if has_jumped and not self._is_suspected:  # the next one is compared with the same position
             self._is_suspected = True
             return None
-        if not has_jumped:
-            self._usual_m += (size_m - self._usual_m) * _SMOOTHING
         self._last, self._is_suspected = new, False
         return step if has_jumped else None
+
+    def _is_continued(self, last: _Seen, new: _Seen) -> bool:
+        """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""
+        passed_s = new.received_s - last.received_s
+        if not 0.0 <= passed_s <= _LONGEST_S or new.boots_count != last.boots_count:
+            return False
+        (x, y, z), (vx, vy, vz) = last.position, last.velocity
+        (nx, ny, nz), (wx, wy, wz) = new.position, new.velocity
+        half_s = passed_s / 2
+        dx, dy, dz = nx - x - (vx + wx) * half_s, ny - y - (vy + wy) * half_s, nz - z - (vz + wz) * half_s
+        size_m = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if size_m > max(JUMP_M, _NOISE_FACTOR * self._usual_m):
+            return False
+        self._usual_m += (size_m - self._usual_m) * _SMOOTHING
+        return True
 
 
 def _longest_s(last: _Seen, new: _Seen) -> float:
