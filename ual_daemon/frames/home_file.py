@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import stat
+import threading
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -46,10 +47,13 @@ class SavedHome:
 
 
 class HomeFile:
-    """A small file of JSON, replaced as a whole. What cannot be read or written is logged, and ignored."""
+    """A small file of JSON, replaced as a whole. What cannot be read or written is logged, and ignored. Any thread may
+    call.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._lock = threading.Lock()
         self._written: SavedHome | None = None
 
     def read(self) -> SavedHome | None:
@@ -65,14 +69,15 @@ class HomeFile:
     def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None) -> None:
         """Saves where the frames are. Nothing happens if that was saved already."""
         saved = SavedHome(vehicle, home, start, time.time())
-        last = self._written
-        if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
-            return
-        self._written = saved
-        try:
-            _replace(self._path, json.dumps(asdict(saved)) + "\n")
-        except OSError as error:
-            logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
+        with self._lock:
+            last = self._written
+            if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
+                return
+            self._written = saved
+            try:
+                _replace(self._path, json.dumps(asdict(saved)) + "\n")
+            except OSError as error:
+                logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
 
 
 def _why(error: Exception) -> str:

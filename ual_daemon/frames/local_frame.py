@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
+from functools import partial
 
 from ual.errors import WrongStateError
 from ual.geometry import Pose, Vector3
@@ -73,7 +74,11 @@ class LocalFrame:
         if self._is_settled and snapshot.projection is self.projection and snapshot.boots_count == self._boots_count:
             return False
         with self._lock:
-            return self._follow(snapshot)
+            has_changed = self._follow(snapshot)
+            to_save = self._take_to_save()
+        if to_save is not None:  # not on this thread, which flies the UAV
+            threading.Thread(target=to_save, name="home file").start()
+        return has_changed
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped: what nothing ties to Earth is lost."""
@@ -108,8 +113,10 @@ class LocalFrame:
             self.home = Anchor(at)
             self._is_kept = self._must_save = True
             self._tie(snapshot)
-            self._save()
             self._is_settled = False
+            to_save = self._take_to_save()
+        if to_save is not None:  # before the caller hears that home is set: the daemon may be killed then
+            to_save()
 
     # --- Called with the lock held ------------------------------------------------------------------------------------
 
@@ -121,7 +128,6 @@ class LocalFrame:
         self._place(snapshot)
         self._restore(snapshot)
         self._tie(snapshot)
-        self._save()
         self._is_settled = self._is_all_known(snapshot)
         return before != (self.home, self.start, self.map_loss, self.projection)
 
@@ -213,14 +219,15 @@ class LocalFrame:
 
     # --- The file, called with the lock held --------------------------------------------------------------------------
 
-    def _save(self) -> None:
+    def _take_to_save(self) -> Callable[[], None] | None:
+        """Returns the function that writes what must be saved, to be called without the lock; None if nothing must."""
         if self._file is None:
             self._must_save = False
-            return
-        vehicle = self._identity()
-        if self._must_save and vehicle:
-            self._must_save = False
-            self._file.write(vehicle, self.home.geo, self.start.geo)
+        vehicle = self._identity() if self._must_save else ""
+        if self._file is None or not vehicle:
+            return None
+        self._must_save = False
+        return partial(self._file.write, vehicle, self.home.geo, self.start.geo)
 
     def _restore(self, snapshot: Snapshot) -> None:
         """Uses what was saved if it still holds."""
@@ -233,12 +240,8 @@ class LocalFrame:
             logs.event(_log, logging.WARNING, "home_ignored", why=why_not)
             self._saved, self.home, self.start = None, Anchor(), Anchor()
         elif saved.home is None:
-            why = "home was set before the daemon was restarted, and nothing tied it to Earth"
-            self._saved, self.home, self.start = (
-                None,
-                _noticed(Anchor().lost(why, SET_HOME)),
-                Anchor().lost(why, SET_HOME),
-            )
+            self._saved = None
+            self._give_up("home was set before the daemon was restarted, and nothing tied it to Earth")
         elif self.projection is not None and self._has_fix(snapshot):
             self._saved = None
             self._place_saved(saved.home, saved.start, self.projection, snapshot.pose.value, is_landed=is_landed)

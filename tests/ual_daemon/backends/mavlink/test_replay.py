@@ -196,7 +196,8 @@ def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was
 
 def test_home_stays_where_it_is_when_an_ardupilot_boots_elsewhere() -> None:
     trace = load("ardupilot_reboot_elsewhere")
-    frame, jumps, losses = LocalFrame(), JumpDetector(), []
+    frame, jumps = LocalFrame(), JumpDetector()
+    losses: list[float] = []
 
     def observe(snapshot: Snapshot) -> None:
         frame.update(snapshot)
