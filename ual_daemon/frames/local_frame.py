@@ -101,7 +101,7 @@ class LocalFrame:
 
         """
         with self._lock:
-            if snapshot.boots_count < self._boots_count:  # the caller took it just before the reboot
+            if snapshot.boots_count != self._boots_count:  # taken just before the reboot, or just after
                 raise WrongStateError("set_home: the autopilot has just rebooted; try again")
             self._follow(snapshot)
             before = self.home
@@ -122,7 +122,7 @@ class LocalFrame:
 
     def _follow(self, snapshot: Snapshot) -> bool:
         before = (self.home, self.start, self.map_loss, self.projection)
-        if snapshot.boots_count > self._boots_count:
+        if snapshot.boots_count != self._boots_count:
             self._begin_boot(snapshot)
         self._begun(snapshot)
         self._place(snapshot)

@@ -49,7 +49,7 @@ class Session:
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
-        self.telemetry = Telemetry(dialect)
+        self.telemetry = Telemetry(dialect, supervision.begin_boot())
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward() if learns else None
         self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
@@ -187,7 +187,7 @@ class Session:
         telemetry = self.telemetry
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
-            telemetry.discard_boot()
+            telemetry.discard_boot(self._supervision.begin_boot())
             self.restart_setup()
         telemetry.update(message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:

@@ -85,6 +85,12 @@ class Supervision:
         self.boot_s = -math.inf
         """The newest time since boot."""
         self._boot_received_s = math.inf
+        self._boots_count = 0
+
+    def begin_boot(self) -> int:
+        """Returns the number of a boot that begins for us: with each session, and with each reboot."""
+        self._boots_count += 1
+        return self._boots_count
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot."""

@@ -34,8 +34,9 @@ class Telemetry:
     `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
     """
 
-    def __init__(self, dialect: Dialect) -> None:
+    def __init__(self, dialect: Dialect, boots_count: int = 1) -> None:
         self._dialect = dialect
+        self._boots_count = boots_count
         self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
         self._heard_s: float | None = None
@@ -54,7 +55,6 @@ class Telemetry:
         self.discard_state()
         self.origin = LocalOrigin()
         """Where its local frame is on Earth."""
-        self._boots_count = 0
         self._home_altitude_amsl_m: float | None = None
         self._geoid_separation_m: float | None = None
         self._battery: Battery | None = None
@@ -96,9 +96,9 @@ class Telemetry:
         # Where a landed state is sure to come, its absence must not be taken for flying.
         self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.sends_landed_state else None
 
-    def discard_boot(self) -> None:
+    def discard_boot(self, boots_count: int) -> None:
         """Discards what belongs to the boot before; most sampled values become old by themselves."""
-        self._boots_count += 1
+        self._boots_count = boots_count
         self._pose = self._velocity = self._position_geo = None  # in another local frame
         self._gps = None if self._gps is None else GpsInfo(GpsFix.NONE)
         self._clock_offset = ClockOffset()
