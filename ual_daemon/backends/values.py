@@ -78,7 +78,8 @@ class Snapshot(NamedTuple):
     above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
-    its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that of an earlier frame.
+    its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
+    of an earlier frame.
     """
 
     time_s: float
