@@ -318,6 +318,7 @@ def test_a_home_that_followed_a_reboot_is_saved_with_the_place_of_the_fence(star
     flight = start(settings=settings, home_file=home_file)
     flight.reboot(EAST_20)
     flight.wait_for(flight.is_placed, "its pose")
+    flight.wait_for(home_file.exists, "the file")  # which is not written on the thread that flies
     flight.restart()
     assert tuple(flight.position()) == near(20, 0, 0)
     assert flight.autopilot.pilot_arm()
