@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
 from typing_extensions import Self, override
@@ -31,6 +32,7 @@ from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -52,6 +54,7 @@ class UAL(Uav):
         settings: Frames, limits, tolerances, geofence.
         backend_settings: The settings of the backend.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
+        home_file: A file in which home is kept, so that it survives a restart of the process.
 
     Raises:
         ConfigError: There is no such backend, or a setting is wrong.
@@ -73,10 +76,12 @@ class UAL(Uav):
         settings: VehicleSettings | None = None,
         backend_settings: Mapping[str, Any] | None = None,
         allow_arming: bool = False,
+        home_file: Path | None = None,
     ) -> None:
         if isinstance(backend, str):
             backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
-        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming)
+        kept = None if home_file is None else HomeFile(home_file)
+        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self._is_closed = False

@@ -127,7 +127,8 @@ class ArduPilot(Autopilot):
         self._has_radio = False
         self._switch: int | None = None
         self._switch_seen: tuple[int, float] | None = None
-        self.home = (self.body.position[0], self.body.position[1], 0.0)  # at the origin's height, until it is armed
+        if self.has_satellites:
+            self.home = (self.body.position[0], self.body.position[1], 0.0)  # at the origin's height, until it is armed
 
     def close(self) -> None:
         super().close()
@@ -184,6 +185,13 @@ class ArduPilot(Autopilot):
         """Ends a take-off, as any setpoint does before its end."""
         self._takeoff = None
 
+    def _shift_targets(self, offset: Vector) -> None:
+        """A target of GUIDED is the companion's, and stays; that of a take-off is its own."""
+        if self.mode != GUIDED or self._takeoff is not None:
+            self._target = self._target.moved(offset)
+        if self._takeoff is not None:
+            self._takeoff = (self._takeoff[0] + offset[2], self._takeoff[1])
+
     def _stop(self) -> None:
         """Brakes, and holds the position where it comes to rest."""
         limit = self.parameters["WPNAV_ACCEL"] / 100.0
@@ -208,7 +216,8 @@ class ArduPilot(Autopilot):
         self.is_armed = True
         self.armed_s = self.now_s
         self._is_landed, self._touched_s = True, None
-        self.home = self.position
+        if self.has_satellites:
+            self.home = self.position
         self._stop()
         self.at(0.0, self._tell_armed)
         return ACCEPTED

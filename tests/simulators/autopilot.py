@@ -10,11 +10,11 @@ import struct
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tests.simulators.channel import Channel
-from tests.simulators.physics import Agility, Body, Target, Vector, Wander, control
+from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus
 from ual.geometry import Vector3
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -78,7 +78,17 @@ class Autopilot(ABC):
         self.channels = list(channels)
         self.projection = projection
         self.noise = random.Random(seed)
+        self._booted_at: Vector = (0.0, 0.0, start[2])
+        """Where it stands in its local frame after a reboot."""
         self.body = Body(position=start, ground_z_m=start[2])
+        self.origin: Vector = ZERO
+        """Where the estimator's origin is on the ground, from where it was at first."""
+        self.estimate_error: Vector = ZERO
+        """How far the estimate is off, as `jump` left it."""
+        self.resets_count = 0
+        """How often the estimator was reset, as PX4 counts it."""
+        self.has_satellites = True
+        """Whether it knows where it is on Earth; without (indoors), another sensor keeps its position good."""
         self.wander = Wander(wander_m, self.noise)
         self.is_gps_good = True
         self.arm_refusal = ""
@@ -102,6 +112,7 @@ class Autopilot(ABC):
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
         self.is_armed = False
+        self.home: Vector | None = None
         self.now_s = 0.0
         """Time since it has booted."""
         self.elapsed_s = boot_s
@@ -137,13 +148,55 @@ class Autopilot(ABC):
         for _ in range(round(duration_s / STEP_S)):
             self.step()
 
-    def reboot(self) -> None:
-        """Reboots: its time starts again at 0, TCP connections close, and it is silent for a while."""
+    def reboot(self, carried: Vector = ZERO, gps_error: Vector = ZERO) -> None:
+        """Reboots: its time starts again at 0, TCP connections close, and it is silent for a while.
+
+        Its origin is then where it stands. `carried` is how far it was carried meanwhile, and `gps_error` how far off
+        the place is that it then takes for its own on Earth.
+        """
         with self.lock:
             for channel in self.channels:
                 channel.port.restart()
             self.is_armed = False
+            self.estimate_error, self.resets_count = ZERO, 0
+            self._move_origin(minus(plus(self.body.position, carried), self._booted_at), gps_error)
+            self.body.position = self._booted_at
+            self.body.ground_z_m = self._booted_at[2]
+            self.body.stand()
             self._boot(0.0)
+
+    def move_origin(self, offset: Vector) -> None:
+        """Moves the origin of the local frame, as PX4 does at SET_GPS_GLOBAL_ORIGIN: the vehicle does not move."""
+        with self.lock:
+            self._move_origin(offset)
+            self.body.position = minus(self.body.position, offset)
+            self.body.ground_z_m -= offset[2]
+            self.home = None if self.home is None else minus(self.home, offset)
+            self.resets_count += 2
+            self._shift_targets(minus(ZERO, offset))
+
+    def _move_origin(self, offset: Vector, gps_error: Vector = ZERO) -> None:
+        north, east, down = plus(offset, gps_error)
+        point = self.projection.to_geo(Vector3(east, north, -down))
+        assert point.altitude_amsl_m is not None
+        self.projection = replace(
+            self.projection,
+            latitude_deg=point.latitude_deg,
+            longitude_deg=point.longitude_deg,
+            altitude_amsl_m=point.altitude_amsl_m,
+        )
+        self.origin = plus(self.origin, offset)
+
+    def jump(self, offset: Vector) -> None:
+        """Resets the estimate: it jumps, and its own targets with it. The vehicle and the origin do not move."""
+        with self.lock:
+            self.estimate_error = plus(self.estimate_error, offset)
+            self.resets_count += 1
+            self._shift_targets(offset)
+
+    @abstractmethod
+    def _shift_targets(self, offset: Vector) -> None:
+        """Moves what it holds by itself with its estimate, so that it stays where it is."""
 
     def close(self) -> None:
         """Ends its links."""
@@ -170,7 +223,7 @@ class Autopilot(ABC):
         self.armed_s = -math.inf
         self.sticks_s = -math.inf
         self.gps_lost_s = math.inf
-        self.home = self.position if self.is_gps_good else None
+        self.home = self.position if self.is_gps_good and self.has_satellites else None
         for channel in self.channels:
             channel.boot(self.system_id, self.elapsed_s + self._awake_s)
 
@@ -179,8 +232,13 @@ class Autopilot(ABC):
     @property
     def position(self) -> Vector:
         """The estimated position."""
-        (x, y, z), (dx, dy, dz) = self.body.position, self.wander.position
-        return (x + dx, y + dy, z + dz)
+        dx, dy, dz = self.wander.position
+        return plus(plus(self.body.position, (dx, dy, dz)), self.estimate_error)
+
+    @property
+    def place(self) -> Vector:
+        """Where it really is, from where its origin was at first."""
+        return plus(self.body.position, self.origin)
 
     @property
     def velocity(self) -> Vector:
@@ -451,7 +509,9 @@ class Autopilot(ABC):
         assert point.altitude_amsl_m is not None
         return round(point.latitude_deg * 1e7), round(point.longitude_deg * 1e7), round(point.altitude_amsl_m * 1e3)
 
-    def _global_position(self) -> Message:
+    def _global_position(self) -> Message | None:
+        if not self.has_satellites:
+            return None
         latitude, longitude, altitude = self.geo(self.position)
         above_home = 0.0 if self.home is None else self.home[2] - self.position[2]
         vx, vy, vz = (round(v * 100.0) for v in self.velocity)
@@ -462,7 +522,7 @@ class Autopilot(ABC):
 
     def _gps_raw(self) -> Message:
         latitude, longitude, altitude = self.geo(self.body.position)
-        if not self.is_gps_good:
+        if not (self.is_gps_good and self.has_satellites):
             return mavlink.MAVLink_gps_raw_int_message(
                 round(self.now_s * 1e6), 0, latitude, longitude, altitude, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0
             )
@@ -486,6 +546,8 @@ class Autopilot(ABC):
     gps_fix = mavlink.GPS_FIX_TYPE_3D_FIX
 
     def _origin(self) -> Message | None:
+        if not self.has_satellites:
+            return None
         latitude, longitude, altitude = self.geo((0.0, 0.0, 0.0))
         return mavlink.MAVLink_gps_global_origin_message(latitude, longitude, altitude, round(self.now_s * 1e6))
 

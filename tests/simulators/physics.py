@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -18,6 +18,14 @@ _WANDER_VELOCITY_S, _WANDER_POSITION_S = 4.0, 40.0
 def wrap(angle_rad: float) -> float:
     """Returns the same angle between -pi and pi."""
     return math.remainder(angle_rad, math.tau)
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def clamp(value: float, low: float, high: float) -> float:
@@ -36,6 +44,11 @@ class Target:
     acceleration: Vector = ZERO
     yaw_rad: float | None = None
     yaw_rate_rad_s: float = 0.0
+
+    def moved(self, offset: Vector) -> Target:
+        """Returns the target in a frame in which everything is by an offset elsewhere."""
+        north, east, down = (None if p is None else p + o for p, o in zip(self.position, offset, strict=True))
+        return replace(self, position=(north, east, down))
 
 
 @dataclass(frozen=True, slots=True)

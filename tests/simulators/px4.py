@@ -19,7 +19,7 @@ from tests.simulators.autopilot import (
     filler,
 )
 from tests.simulators.channel import Channel
-from tests.simulators.physics import Agility, Target, Vector, clamp
+from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.mavlink.autopilots.px4_events import event_id
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -110,6 +110,7 @@ _RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION: 1.0,
     mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: 1.0,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 1.0,  # only on a change
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
     mavlink.MAVLINK_MSG_ID_CURRENT_MODE: 0.5,
     mavlink.MAVLINK_MSG_ID_VIBRATION: 0.5,
@@ -206,6 +207,7 @@ class Px4(Autopilot):
         self._events_count = 0
         self._status_s = {id(channel): -math.inf for channel in self.channels}
         self._status_changed_s = boot_s
+        self._streamed_origin: dict[int, object] = {}
 
     # State
 
@@ -271,6 +273,10 @@ class Px4(Autopilot):
         self._mode_s = self._status_changed_s = self.now_s
         self._hold, self._hold_yaw_rad = self._stopping_point(), self.body.yaw_rad
 
+    def _shift_targets(self, offset: Vector) -> None:
+        self._hold = plus(self._hold, offset)
+        self._takeoff_z_m += offset[2]
+
     def _stopping_point(self) -> Vector:
         """Returns where it comes to rest if it brakes now."""
         limits = self.parameters["MPC_ACC_HOR"], self.parameters["MPC_ACC_HOR"], self.parameters["MPC_ACC_UP_MAX"]
@@ -290,7 +296,8 @@ class Px4(Autopilot):
         self.is_armed = True
         self.armed_s = self._status_changed_s = self.now_s
         self._is_landed, self._has_flown, self._touched_s, self._ramp_s = True, False, None, 0.0
-        self.home = self.position
+        if self.has_satellites:
+            self.home = self.position
         if self.mode == TAKEOFF:
             self._takeoff_z_m = self.position[2] - self.parameters["MIS_TAKEOFF_ALT"]
         self._event(*_ARMED)
@@ -531,6 +538,7 @@ class Px4(Autopilot):
             **super()._builders(),
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
+            mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
             # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
@@ -546,6 +554,10 @@ class Px4(Autopilot):
             if is_steady and self._status_changed_s < last_s and self.now_s - last_s < _STATUS_S - 1e-9:
                 return
             self._status_s[id(channel)] = self.now_s
+        if message_id == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            if self._streamed_origin.get(id(channel)) == self.projection:
+                return
+            self._streamed_origin[id(channel)] = self.projection
         if message_id in _UNKNOWN:
             payload, crc_extra = _UNKNOWN[message_id]
             channel.send_raw(message_id, payload, crc_extra, self.elapsed_s)
@@ -574,6 +586,22 @@ class Px4(Autopilot):
     def _current_mode(self) -> Message:
         standard = _STANDARD_MODE.get(self.mode, 0)
         return mavlink.MAVLink_current_mode_message(standard, self.mode.custom, self.intention.custom)
+
+    def _odometry(self) -> Message:
+        return mavlink.MAVLink_odometry_message(
+            round(self.now_s * 1e6),
+            mavlink.MAV_FRAME_LOCAL_NED,
+            mavlink.MAV_FRAME_BODY_FRD,
+            *self.position,
+            list(self._quaternion()),
+            *self.velocity,
+            0.0,
+            0.0,
+            self.body.yaw_rate_rad_s,
+            [math.nan] * 21,
+            [math.nan] * 21,
+            reset_counter=self.resets_count % 256,
+        )
 
     def _estimator_status(self) -> Message:
         if self.now_s - self.gps_lost_s >= _GPS_FLAGS_S:

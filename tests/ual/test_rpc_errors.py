@@ -15,6 +15,7 @@ from ual.v1 import ual_pb2_grpc as pb_grpc
 
 CODES = {
     errors.WrongStateError: grpc.StatusCode.FAILED_PRECONDITION,
+    errors.FrameLostError: grpc.StatusCode.FAILED_PRECONDITION,
     errors.InvalidArgumentError: grpc.StatusCode.INVALID_ARGUMENT,
     errors.UnknownFrameError: grpc.StatusCode.INVALID_ARGUMENT,
     errors.GeofenceError: grpc.StatusCode.FAILED_PRECONDITION,

@@ -92,6 +92,7 @@ telemetries = st.builds(
     task=st.none() | task_infos,
     sequence=st.integers(0, 2**64 - 1),
     status_text=texts,
+    frame_lost=texts,
     missed_count=st.integers(0, 2**64 - 1),
 )
 frames = st.builds(types.Frame, frame_ids, frame_ids, st.none() | transforms, st.booleans())

@@ -74,6 +74,10 @@ class Backend(ABC):
     name: str
     clock: Clock
     freshness: Freshness = Freshness()
+    outlived: bool = False
+    """Whether its vehicles live on without it, and say who they are (`VehicleInfo.identity`): home is then kept for the
+    next daemon. A simulation's world ends with it.
+    """
 
     def __init__(self, options: BackendOptions) -> None:
         self.options = options

@@ -78,7 +78,9 @@ class Snapshot(NamedTuple):
     autopilot says so (its altitude is the former). `geoid_separation_m` is the height above the ellipsoid minus the
     height above mean sea level, at this place. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
-    count.
+    count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
+    its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
+    of an earlier frame.
     """
 
     time_s: float
@@ -99,6 +101,7 @@ class Snapshot(NamedTuple):
     status_text: str = ""
     sequence: int = 0
     home_geo: GeoPoint | None = None
+    boots_count: int = 0
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
@@ -133,7 +136,8 @@ class VehicleInfo:
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
-    Only setpoints that `takes` allows are sent.
+    Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
+    not used for another (`Backend.outlived`); it is empty while that is not known.
     """
 
     autopilot: str = ""
@@ -143,6 +147,7 @@ class VehicleInfo:
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
+    identity: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError
-from ual.geometry import Pose
+from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
@@ -309,6 +309,28 @@ class Flight:
         self._watched.step(snapshot)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
+
+    def estimate_jumped(self, jump: Vector3, snapshot: Snapshot) -> None:
+        """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
+
+        Called by the update thread, before the step. What was flown to lies elsewhere now, so it ends; a take-off and a
+        landing go on.
+        """
+        x, y, z = jump
+        logs.event(_log, logging.WARNING, "estimate_jumped", x=round(x, 2), y=round(y, 2), z=round(z, 2))
+        if self.geofence is not None:
+            self.geofence.estimate_jumped(jump)
+        stop = brake(snapshot, self.limits.get())
+        with self._lock:
+            manoeuvre = self._manoeuvre
+            error = None if manoeuvre is None else manoeuvre.estimate_jumped(jump, stop)
+            if error is not None:
+                self._manoeuvre = None
+            if self._manoeuvre is None and not isinstance(self._reference, Velocity):
+                has_reference = self._reference is not None or error is not None
+                self._reference = stop if has_reference else None
+        if manoeuvre is not None and error is not None:
+            self._end(manoeuvre, error)
 
     def _step_manoeuvre(self, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps the manoeuvre that is under way. Returns False if there is none, or if it has just ended."""

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from ual.errors import GeofenceError, WrongStateError
-from ual.geometry import Transform, Vector3
+from ual.geometry import IDENTITY, Transform, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.ground import Datum, Ground
@@ -36,6 +36,7 @@ _GENTLE_M_S = 0.2
 must not be refused because of noise.
 """
 _LEVEL = 1e-6
+_ANYWHERE = Transform(Vector3(), IDENTITY, "", "")
 _SAME_POINT_M = 1e-6
 
 
@@ -107,11 +108,12 @@ class Geofence:
 
         Raises:
             WrongStateError: It is not known where it lies there.
+            FrameLostError: It is not known any more.
 
         """
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
-        to_local = self._stays_at or self._resolver.frame_to_local(self._frame_id)
+        to_local = self._to_local()
         key = (to_local.translation, to_local.rotation, snapshot.projection if self._settings.polygon_geo else None)
         cached = self._cached
         if cached is None or cached[0] != key:
@@ -123,6 +125,13 @@ class Geofence:
         if narrowed is None or narrowed[0] != band:
             narrowed = self._narrowed = (band, band[0].narrowed(*band[1:]))
         return narrowed[1]
+
+    def _to_local(self) -> Transform:
+        if not self._is_configured:
+            return _ANYWHERE  # the floor and the ceiling depend on no frame
+        if self._stays_at is not None:
+            return self._resolver.from_start(self._stays_at)
+        return self._resolver.frame_to_local(self._frame_id)
 
     def _make(self, to_local: Transform, snapshot: Snapshot) -> Fence:
         up = to_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
@@ -144,11 +153,15 @@ class Geofence:
         """Notes where the ground is. Called by the update thread at each update."""
         self._ground.observe(snapshot, raw)
 
+    def estimate_jumped(self, jump: Vector3) -> None:
+        """Notes that the autopilot's estimate has jumped. Called by the update thread."""
+        self._ground.estimate_jumped(jump)
+
     def _datum(self, snapshot: Snapshot) -> Datum:
         return self._ground.datum(snapshot, self._odom_z_m)
 
     def _odom_z_m(self) -> float:
-        return self._resolver.frame_to_local(self._resolver.tree.odom).translation.z
+        return self._resolver.odom_z_m
 
     def _edges(self, datum: Datum) -> tuple[float, float]:
         """Returns z of the floor and of the ceiling in the local frame."""
@@ -306,8 +319,7 @@ class Geofence:
         return f"ceiling_m: {self._ceiling_m:g} in the configuration"
 
     def _text(self, local: Vector3) -> str:
-        p = self._resolver.frame_to_local(self._resolver.tree.odom).inverse().apply(local)
-        return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {self._resolver.tree.odom}"
+        return self._resolver.describe(local)
 
 
 def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:

@@ -48,6 +48,11 @@ class Ground:
         elif self.z_m is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
             self.z_m = self.place = None
 
+    def estimate_jumped(self, jump: Vector3) -> None:
+        """Notes that the autopilot's estimate has jumped: the ground has not."""
+        if self.z_m is not None:
+            self.z_m += jump.z
+
     def _has_origin_moved(self, snapshot: Snapshot) -> bool:
         before_m, now_m = self._origin_m, _origin_m(snapshot)
         return before_m is not None and now_m is not None and abs(now_m - before_m) > _SAME_ORIGIN_M

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing_extensions import override
 
-from ual.errors import UalTimeoutError
+from ual.errors import UalError, UalTimeoutError
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
@@ -62,6 +63,13 @@ class Land(Manoeuvre):
         descended_m = self._start_z - measured_motion(snapshot).position.z
         longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
         return snapshot.time_s - self._command.sent_s > longest_s
+
+    @override
+    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+        self._start_z += jump.z
+        if self._reference is not None:
+            self._reference = stop
+        return None
 
     @override
     def current_reference(self) -> Reference | None:

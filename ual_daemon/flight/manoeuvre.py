@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
@@ -88,6 +89,17 @@ class Manoeuvre(ABC):
     def current_reference(self) -> Reference | None:
         """Returns the reference that it follows now; None if the autopilot flies by itself."""
         return None
+
+    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+        """Takes note that the autopilot's estimate has jumped. Returns why it cannot go on; None if it can.
+
+        By default it cannot: its way lies elsewhere now. `stop` is the reference that brings the UAV to rest where it
+        is.
+        """
+        return TaskAbortedError(
+            f"{self.name}: the autopilot's position jumped by {jump.norm():.1f} m; the UAV holds its position",
+            {"by": "estimator"},
+        )
 
     def end(self, error: UalError | None) -> None:
         """Withdraws its command, and ends its future. Runs the callbacks of the future, so hold no lock."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError
+from ual.errors import TaskAbortedError, UalError
+from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_blind
 from ual_daemon.flight.state import Estimate
-from ual_daemon.tracker.references import Hold, brake, measured_motion
+from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
 
 class Recover(Manoeuvre):
@@ -43,3 +44,7 @@ class Recover(Manoeuvre):
             return failed(failure)
         motion = measured_motion(snapshot)
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
+
+    @override
+    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+        return None  # it holds the present pose, wherever that is

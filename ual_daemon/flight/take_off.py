@@ -6,7 +6,7 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, UalTimeoutError
+from ual.errors import TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
@@ -64,6 +64,7 @@ class TakeOff(Manoeuvre):
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
         self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
         self._climb: TrajectoryReference | None = None
+        self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
@@ -169,10 +170,19 @@ class TakeOff(Manoeuvre):
     def _climb_setpoint(self, snapshot: Snapshot, measured: Motion) -> Setpoint:
         if self._climb is None:
             top = self._top.motion(snapshot)
-            start = self._ground.motion(snapshot) if self._on_setpoints else measured
+            is_on_ground = self._on_setpoints and not self._has_jumped
+            start = self._ground.motion(snapshot) if is_on_ground else measured
             line = Line(start, top.position, top.yaw_rad, self._limits)
             self._climb = TrajectoryReference(line, snapshot.time_s)
         return self._climb.setpoint(snapshot)
+
+    @override
+    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+        """Goes on to the same height above the ground, from where it is."""
+        self._ground_z += jump.z
+        self._ground, self._top = self._ground.moved(jump), self._top.moved(jump)
+        self._has_jumped, self._climb = self._has_jumped or self._climb is not None, None
+        return None
 
     @override
     def current_reference(self) -> Reference | None:

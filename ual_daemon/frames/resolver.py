@@ -1,12 +1,13 @@
 """The frame resolver: converts between the frames of the interface and the backend's local frame.
 
-``<ns>/odom`` has the local frame's axes; its origin is where `set_home` put it, and at first the local origin.
+``<ns>/odom`` has the local frame's axes; its origin is where `set_home` put it, and at first the local origin. It stays
+there on Earth when the autopilot's local frame moves, or is lost; see `LocalFrame`.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ual.errors import NotSupportedError, WrongStateError
@@ -24,6 +25,9 @@ from ual.geometry import (
 from ual.types import AltitudeReference, GeoWaypoint
 from ual_daemon import logs, validation
 from ual_daemon.backends.values import Snapshot
+from ual_daemon.frames.anchor import Loss
+from ual_daemon.frames.home_file import HomeFile
+from ual_daemon.frames.local_frame import LocalFrame
 from ual_daemon.frames.tree import MAP, FrameTree, horizontal
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import VehicleSettings
@@ -47,27 +51,96 @@ class Goal:
 class FrameResolver:
     """The frames of one UAV, and the conversion of what is commanded and reported in them. Any thread may call."""
 
-    def __init__(self, ns: str, settings: VehicleSettings) -> None:
+    def __init__(
+        self,
+        ns: str,
+        settings: VehicleSettings,
+        home_file: HomeFile | None = None,
+        identity: Callable[[], str] = str,
+    ) -> None:
+        """`home_file` and `identity` are as for `LocalFrame`."""
         self.tree = FrameTree(ns, settings)
         self._map_origin = settings.map_origin_geo
-        self._origin = Vector3()  # the origin of <ns>/odom in the local frame
+        self._frame = LocalFrame(home_file, identity)
+
+    def open(self) -> None:
+        """Reads the file with home, if there is one. To be called once, before the first update."""
+        self._frame.open()
+
+    # --- What is lost -------------------------------------------------------------------------------------------------
+
+    @property
+    def odom_loss(self) -> Loss | None:
+        """Why it is not known where ``<ns>/odom`` is; None while it is known."""
+        return self._frame.home.loss
+
+    @property
+    def map_loss(self) -> Loss | None:
+        """Why it is not known where ``map`` is; None while it is known."""
+        return self._frame.home.loss if self._map_origin is None else self._frame.map_loss
+
+    def _require_known(self, frame_id: str) -> None:
+        """Raises `FrameLostError` if it is not known where a frame is in the local frame."""
+        if self.odom_loss is None and self.map_loss is None:
+            return
+        self.tree.require(frame_id)
+        loss = self._loss_to_body(frame_id)
+        if loss is not None:
+            raise loss.error(frame_id)
+
+    def _loss_to_body(self, frame_id: str) -> Loss | None:
+        if self.tree.is_below_body(frame_id):
+            return None
+        return self.odom_loss if self.tree.is_below_odom(frame_id) else self.map_loss
+
+    def _require_related(self, target: str, source: str) -> None:
+        """Raises `FrameLostError` if it is not known how two frames lie to each other."""
+        if self.odom_loss is None and self.map_loss is None:
+            return
+        for frame_id in (target, source):
+            self.tree.require(frame_id)
+        in_body, in_odom = (
+            [is_below(frame_id) for frame_id in (target, source)]
+            for is_below in (self.tree.is_below_body, self.tree.is_below_odom)
+        )
+        if in_body[0] is not in_body[1]:
+            self._require_known(source if in_body[0] else target)
+        elif in_odom[0] is not in_odom[1] and self._map_origin is not None:
+            for frame_id in (target, source):
+                self._require_known(frame_id)
 
     # --- Reported -----------------------------------------------------------------------------------------------------
 
     def to_odom(self, local: Pose) -> Pose:
-        """Converts a pose from the local frame to ``<ns>/odom``."""
-        return Pose(local.position - self._origin, local.orientation)
+        """Converts a pose from the local frame to ``<ns>/odom``. While that is lost, its origin is the local origin."""
+        return Pose(local.position - self._frame.home.local, local.orientation)
 
     def body(self, snapshot: Snapshot) -> Pose | None:
         """Returns the pose of the body in ``<ns>/odom``; None if it is not known."""
+        return None if self.odom_loss is not None else self._body(snapshot)
+
+    def _body(self, snapshot: Snapshot) -> Pose | None:
         return None if snapshot.pose is None else self.to_odom(snapshot.pose.value)
 
     def transform(self, target: str, source: str, snapshot: Snapshot) -> Transform:
         """Returns the transform from the source frame (empty: the body) to the target frame (empty: ``map``).
 
-        Raises as `FrameTree.lookup`.
+        Raises as `FrameTree.lookup`, and `FrameLostError`.
         """
-        return self.tree.lookup(target or MAP, source or self.tree.body, self.body(snapshot))
+        target, source = target or MAP, source or self.tree.body
+        self._require_related(target, source)
+        return self.tree.lookup(target, source, self._body(snapshot))
+
+    def describe(self, local: Vector3) -> str:
+        """Returns a position in the local frame as text, in ``<ns>/odom`` while that is known."""
+        p = local - self._frame.home.local
+        frame_id = self.tree.odom if self.odom_loss is None else "the autopilot's local frame"
+        return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {frame_id}"
+
+    @property
+    def odom_z_m(self) -> float:
+        """The z of the origin of ``<ns>/odom`` in the local frame; that of the local origin while it is lost."""
+        return self._frame.home.local.z
 
     # --- Commanded ----------------------------------------------------------------------------------------------------
 
@@ -114,9 +187,11 @@ class FrameResolver:
 
         Raises:
             WrongStateError: It is not known where its frame is.
+            FrameLostError: It is not known any more.
             InvalidArgumentError: It is too far away.
 
         """
+        self._require_known(goal.frame_id)
         here, soon = (self._waypoint_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
         velocity = (soon.position - here.position) / _DIFFERENCE_S
         if here.yaw_rad is None or soon.yaw_rad is None:
@@ -132,11 +207,15 @@ class FrameResolver:
 
         Raises:
             WrongStateError: It is not known where a frame, or the local frame on Earth, is.
+            FrameLostError: It is not known any more where a frame is.
             InvalidArgumentError: A goal is too far away.
             NotSupportedError: The autopilot does not say what a geographic goal needs.
 
         """
-        frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)} - {self.tree.odom}
+        frame_ids = {goal.frame_id for goal in goals if isinstance(goal, Goal)}
+        for frame_id in frame_ids:
+            self._require_known(frame_id)
+        frame_ids -= {self.tree.odom}
         to_odom = {frame_id: self._to_odom(frame_id, snapshot) for frame_id in frame_ids}
         return [
             self._waypoint(goal, to_odom.get(goal.frame_id))
@@ -150,12 +229,33 @@ class FrameResolver:
         if to_odom is not None:
             position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
             rotation = rotation and to_odom.rotation * rotation
-        return Waypoint(position + self._origin, rotation.yaw_rad if rotation else None)
+        return Waypoint(position + self._frame.home.local, rotation.yaw_rad if rotation else None)
 
     def frame_to_local(self, frame_id: str) -> Transform:
-        """Returns the transform from a fixed frame to the backend's local frame."""
+        """Returns the transform from a fixed frame to the backend's local frame.
+
+        Raises:
+            WrongStateError: It is not known where the frame is.
+            FrameLostError: It is not known any more.
+
+        """
+        self._require_known(frame_id)
         to_odom = self.tree.lookup(self.tree.odom, frame_id, None)
-        return Transform(to_odom.translation + self._origin, to_odom.rotation, "", frame_id)
+        return Transform(to_odom.translation + self._frame.home.local, to_odom.rotation, "", frame_id)
+
+    def from_start(self, at_start: Transform) -> Transform:
+        """Returns a transform to the local frame of the start as one to the present local frame.
+
+        Raises:
+            FrameLostError: It is not known any more where the local frame was at the start.
+
+        """
+        start = self._frame.start
+        if start.loss is not None:
+            raise start.loss.error(at_start.child_frame_id)
+        return Transform(
+            at_start.translation + start.local, at_start.rotation, at_start.frame_id, at_start.child_frame_id
+        )
 
     def is_moved_by_set_home(self, frame_id: str) -> bool:
         """Returns whether `set_home` moves a fixed frame in the local frame.
@@ -176,10 +276,15 @@ class FrameResolver:
 
         Raises:
             WrongStateError: It is not known where the frame is.
+            FrameLostError: It is not known any more.
 
         """
         if frame_id == self.tree.odom:
+            loss = self._frame.home.loss
+            if loss is not None:
+                raise loss.error(frame_id)
             return twist
+        self._require_known(frame_id)
         rotation = self._to_odom(frame_id, snapshot).rotation
         return Twist(rotation.rotate(twist.linear), rotation.rotate(twist.angular))
 
@@ -200,7 +305,7 @@ class FrameResolver:
         return Waypoint(validation.position(position, field), goal.yaw_rad)
 
     def _to_odom(self, frame_id: str, snapshot: Snapshot) -> Transform:
-        body = self.body(snapshot)
+        body = self._body(snapshot)
         return self.tree.lookup(self.tree.odom, frame_id, body and horizontal(body), snapshot.time_s)
 
     def _require_frame(self, frame_id: str, field: str) -> None:
@@ -210,25 +315,39 @@ class FrameResolver:
     # --- Home ---------------------------------------------------------------------------------------------------------
 
     def set_home(self, position: Vector3, snapshot: Snapshot, *, set_z: bool) -> None:
-        """Moves the origin of ``<ns>/odom`` to a position in the local frame (its height only with `set_z`)."""
-        self._origin = position if set_z else Vector3(position.x, position.y, self._origin.z)
-        self._update_odom_in_map(snapshot)
+        """Moves the origin of ``<ns>/odom`` to a position in the local frame.
+
+        Its height is set only with `set_z`, or if it was lost.
+        """
+        self._frame.set_home(position, snapshot, set_z=set_z)
+        self._update_odom_in_map()
 
     def update(self, snapshot: Snapshot) -> None:
-        """Computes where ``<ns>/odom`` is in ``map``, once, if that follows from `map_origin_geo`."""
-        if self._map_origin is not None and not self.tree.has_home():
-            self._update_odom_in_map(snapshot)
+        """Follows the local frame. Called by the update thread at each update."""
+        if self._frame.update(snapshot):
+            self._update_odom_in_map()
 
-    def _update_odom_in_map(self, snapshot: Snapshot) -> None:
-        if self._map_origin is None or snapshot.projection is None:
+    def estimate_jumped(self, jump: Vector3) -> None:
+        """Notes that the autopilot's estimate has jumped. Called by the update thread."""
+        self._frame.estimate_jumped(jump)
+
+    def _update_odom_in_map(self) -> None:
+        """Computes where ``<ns>/odom`` is in ``map``, if that follows from `map_origin_geo`."""
+        projection = self._frame.projection
+        if self._map_origin is None:
             return
-        home = snapshot.projection.to_geo(self._origin)
+        if projection is None:
+            if self.tree.has_home():
+                self.tree.forget_home()
+            return
+        home = projection.to_geo(self._frame.home.local)
         assert home.altitude_amsl_m is not None
         in_map = EllipsoidProjection(*self._map_origin).to_local(
             home.latitude_deg, home.longitude_deg, home.altitude_amsl_m
         )
         self.tree.set_home(in_map)
-        logs.event(_log, logging.INFO, "home_pose", frame=MAP, x=in_map.x, y=in_map.y, z=in_map.z)
+        if self.odom_loss is None:
+            logs.event(_log, logging.INFO, "home_pose", frame=MAP, x=in_map.x, y=in_map.y, z=in_map.z)
 
 
 def _amsl_m(altitude_m: float, above: AltitudeReference, snapshot: Snapshot) -> float:

@@ -132,6 +132,11 @@ class FrameTree:
         with self._lock:
             self._replace(Transform(position_in_map, IDENTITY, MAP, self.odom))
 
+    def forget_home(self) -> None:
+        """Makes it unknown where ``<ns>/odom`` lies in ``map``."""
+        with self._lock:
+            self._links = MappingProxyType({**self._links, self.odom: replace(self._links[self.odom], transform=None)})
+
     def has_home(self) -> bool:
         """Returns whether it is known where ``<ns>/odom`` lies."""
         return self._links[self.odom].transform is not None
@@ -152,6 +157,10 @@ class FrameTree:
     def is_below_odom(self, name: str) -> bool:
         """Returns whether a frame is ``<ns>/odom``, or below it."""
         return self.odom in _chain(name, self._links)
+
+    def is_below_body(self, name: str) -> bool:
+        """Returns whether a frame is the body, or below it."""
+        return self.body in _chain(name, self._links)
 
     def is_moving(self, name: str) -> bool:
         """Returns whether a client moves a frame, or one above it. Frames below the body do not count."""

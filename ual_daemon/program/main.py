@@ -150,18 +150,26 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     lazy.prepare()
+    from ual import _discovery
     from ual_daemon.backends import registry
 
     configuration = resolve(sources, registry.NAMES)
     settings = configuration.daemon
     _choose_poller(configuration)  # gRPC reads it when it is imported
+    from ual_daemon.frames.home_file import HomeFile
     from ual_daemon.server import tls
     from ual_daemon.vehicle.vehicle import Vehicle
 
     try:
         uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
         vehicles = [
-            Vehicle(each.backend, each.vehicle, allow_arming=settings.allow_arming) for each in uavs
+            Vehicle(
+                each.backend,
+                each.vehicle,
+                allow_arming=settings.allow_arming,
+                home_file=HomeFile(_discovery.home_file(each.backend.options.ns)),
+            )
+            for each in uavs
         ]  # checks the frames and the fence
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)

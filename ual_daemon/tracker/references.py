@@ -49,6 +49,10 @@ class Hold(Reference):
         self.position = position
         self._setpoint = PositionSetpoint(position, yaw_rad)
 
+    def moved(self, offset: Vector3) -> Hold:
+        """Returns the same pose at another position."""
+        return Hold(self.position + offset, self._setpoint.yaw_rad)
+
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         return self._setpoint

@@ -35,7 +35,9 @@ def make_telemetry(
 
     They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is.
     """
-    body = resolver.body(snapshot)
+    odom_loss = resolver.odom_loss
+    body = None if snapshot.pose is None else resolver.to_odom(snapshot.pose.value)
+    reported_body = body if odom_loss is None else None
     twist = None if snapshot.velocity is None else snapshot.velocity.value
     reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
     return Telemetry(
@@ -45,7 +47,7 @@ def make_telemetry(
         frame_id=reported.frame_id,
         pose=reported.pose,
         velocity=reported.velocity,
-        odometry=_odometry(snapshot, resolver, body, twist),
+        odometry=_odometry(snapshot, resolver, reported_body, twist),
         transform=_in_map(resolver, body, snapshot.stamp_s),
         reference_pose=reported.reference_pose,
         position_geo=_position_geo(snapshot),
@@ -56,6 +58,7 @@ def make_telemetry(
         task=flight.task_info(),
         sequence=sequence,
         status_text=snapshot.status_text,
+        frame_lost="" if odom_loss is None else str(odom_loss),
     )
 
 
@@ -65,6 +68,8 @@ def _reported(
     """Converts the pose and velocity of the body, and the reference in the local frame, to the pose frame."""
     odom = resolver.tree.odom
     reference = None if reference is None else resolver.to_odom(reference)
+    if resolver.odom_loss is not None and not _is_known(resolver, pose_frame_id):
+        return _Reported(odom, None, twist, None)
     to_frame = _lookup(resolver, pose_frame_id, odom, body) if pose_frame_id not in (None, odom) else None
     if to_frame is None:
         return _Reported(odom, body, twist, reference)
@@ -76,9 +81,14 @@ def _reported(
     )
 
 
+def _is_known(resolver: FrameResolver, pose_frame_id: str | None) -> bool:
+    """Returns whether a pose frame is known to be where it was, while ``<ns>/odom`` is not: one on Earth."""
+    return pose_frame_id is not None and resolver.map_loss is None and not resolver.tree.is_below_odom(pose_frame_id)
+
+
 def _in_map(resolver: FrameResolver, body: Pose | None, stamp_s: float) -> Transform | None:
     home = resolver.tree.odom_in_map()
-    if home is None or body is None:
+    if home is None or body is None or resolver.map_loss is not None:
         return None
     position, orientation = body.position + home.translation, body.orientation
     if home.rotation is not IDENTITY:  # rarely

@@ -17,8 +17,10 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import geofence_of
+from ual_daemon.flight.jumps import JumpDetector
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
+from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
@@ -43,15 +45,22 @@ class Vehicle:
     """
 
     def __init__(
-        self, backend: Backend, settings: VehicleSettings | None = None, *, allow_arming: bool = False
+        self,
+        backend: Backend,
+        settings: VehicleSettings | None = None,
+        *,
+        allow_arming: bool = False,
+        home_file: HomeFile | None = None,
     ) -> None:
+        """With `home_file`, home survives a restart of the process."""
         self.ns = backend.options.ns
         self.log_name = ""
         """The name of this UAV in the log, if there are several in the process."""
         self.backend = backend
         settings = settings or VehicleSettings()
         self._pose_frame_id = settings.pose_frame_id
-        self._resolver = FrameResolver(self.ns, settings)
+        kept = home_file if backend.outlived else None
+        self._resolver = FrameResolver(self.ns, settings, kept, lambda: backend.info().identity)
         self._limits = CurrentLimits(backend, settings.limits)
         self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver))
         self._tasks = Tasks(backend.clock)
@@ -60,6 +69,7 @@ class Vehicle:
         )
         self._subscribers: Listeners[_Subscriber] = Listeners()
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
+        self._jumps = JumpDetector()
         self._sequence = 0
         self._last_state: State | None = None
 
@@ -67,6 +77,7 @@ class Vehicle:
 
     def open(self) -> None:
         """Begins to connect; see `Backend.open`."""
+        self._resolver.open()
         self.backend.is_update_needed = self._is_update_needed
         self.backend.open(self._on_update)
 
@@ -146,6 +157,7 @@ class Vehicle:
         Raises:
             UnknownFrameError: There is no such frame.
             WrongStateError: It is not known yet where a frame is.
+            FrameLostError: It is not known any more.
 
         """
         snapshot = self.backend.snapshot()
@@ -198,7 +210,14 @@ class Vehicle:
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
         self._resolver.update(snapshot)
-        self._flight.step(snapshot)
+        jump = self._jumps.observe(snapshot)
+        if jump is not None:
+            self._resolver.estimate_jumped(jump)
+            self._flight.estimate_jumped(jump, snapshot)
+        if not self._jumps.is_suspected(
+            snapshot.time_s
+        ):  # else nothing is sent to where the estimate may not be any more
+            self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
         self._publish_state(found)
         due = [each for each in self._subscribers if each.is_due()]

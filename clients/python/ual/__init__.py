@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from ual.errors import (
     DaemonUnreachableError,
+    FrameLostError,
     GeofenceError,
     InvalidArgumentError,
     LinkLostError,
@@ -71,6 +72,7 @@ __all__ = [
     "Capability",
     "DaemonUnreachableError",
     "Frame",
+    "FrameLostError",
     "GeoPoint",
     "GeoWaypoint",
     "GeofenceError",

@@ -502,6 +502,8 @@ def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
     message.armed = telemetry.armed
     message.sequence = telemetry.sequence
     message.status_text = telemetry.status_text
+    if telemetry.frame_lost:
+        message.frame_lost = telemetry.frame_lost
     if telemetry.pose is not None:
         _write_pose(telemetry.pose, message.pose)
     if telemetry.velocity is not None:

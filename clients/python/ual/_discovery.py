@@ -52,6 +52,11 @@ def lock_file(ns: str) -> Path:
     return runtime_dir() / f"{ns}.lock"
 
 
+def home_file(ns: str) -> Path:
+    """Returns the file in which the namespace's daemon keeps home (`ual_daemon.frames.home_file`)."""
+    return runtime_dir() / f"{ns}.home"
+
+
 def default_port(ns: str) -> int:
     """Returns 50050 + N for a namespace that ends in ``_N``, 50051 for one without a number."""
     _, number = split_number(ns)

@@ -18,6 +18,7 @@ from ual import errors
 from ual.errors import (
     DOMAIN,
     DaemonUnreachableError,
+    FrameLostError,
     GeofenceError,
     InvalidArgumentError,
     LinkLostError,
@@ -59,6 +60,7 @@ _TLS_CAUSES: Mapping[str, str] = {
 
 _CODES: Mapping[str, grpc.StatusCode] = {
     WrongStateError.reason: grpc.StatusCode.FAILED_PRECONDITION,
+    FrameLostError.reason: grpc.StatusCode.FAILED_PRECONDITION,
     InvalidArgumentError.reason: grpc.StatusCode.INVALID_ARGUMENT,
     UnknownFrameError.reason: grpc.StatusCode.INVALID_ARGUMENT,
     GeofenceError.reason: grpc.StatusCode.FAILED_PRECONDITION,

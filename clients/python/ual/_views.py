@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from ual.errors import InvalidArgumentError, UalTimeoutError, WrongStateError
+from ual.errors import FrameLostError, InvalidArgumentError, UalTimeoutError, WrongStateError
 from ual.geometry import PoseStamped, TwistStamped
 from ual.types import Odometry, State, Telemetry
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 def pose(telemetry: Telemetry) -> PoseStamped:
-    """Returns the pose. Raises `WrongStateError` while it is not known."""
+    """Returns the pose. Raises `WrongStateError` while it is not known, `FrameLostError` while its frame is lost."""
     return PoseStamped(_known(telemetry.pose, "pose", telemetry), telemetry.frame_id, telemetry.stamp_s)
 
 
@@ -23,7 +23,7 @@ def velocity(telemetry: Telemetry) -> TwistStamped:
 
 
 def odometry(telemetry: Telemetry) -> Odometry:
-    """Returns the odometry. Raises `WrongStateError` while it is not known."""
+    """Returns the odometry. Raises as `pose`."""
     return _known(telemetry.odometry, "odometry", telemetry)
 
 
@@ -46,6 +46,8 @@ def is_idle(telemetry: Telemetry) -> bool:
 def _known(value: T | None, what: str, telemetry: Telemetry) -> T:
     if value is None:
         state = telemetry.state.name
+        if telemetry.frame_lost and telemetry.velocity is not None:
+            raise FrameLostError(f"{what} is not known: {telemetry.frame_lost}", {"state": state})
         raise WrongStateError(f"{what} is not known: state is {state} ({telemetry.state_reason})", {"state": state})
     return value
 

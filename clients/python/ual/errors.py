@@ -36,6 +36,15 @@ class WrongStateError(UalError):
     reason = "WRONG_STATE"
 
 
+class FrameLostError(WrongStateError):
+    """The frame is not known to be where it was, as after a reboot of an autopilot that has no satellites.
+
+    Metadata: ``frame_id``, ``since`` (UTC, ISO 8601), and ``remedy``, which says what makes it known again.
+    """
+
+    reason = "FRAME_LOST"
+
+
 class InvalidArgumentError(UalError, ValueError):
     """A value is not valid; metadata ``field`` names it."""
 
@@ -112,6 +121,7 @@ _BY_REASON: Mapping[str, type[UalError]] = {
     kind.reason: kind
     for kind in (
         WrongStateError,
+        FrameLostError,
         InvalidArgumentError,
         UnknownFrameError,
         GeofenceError,

@@ -294,6 +294,7 @@ class TaskCommands(ABC, Generic[T]):
 
         Raises:
             WrongStateError: The UAV is not armed on the ground.
+            FrameLostError: It is not known any more where the geofence is.
             InvalidArgumentError: The height is not a positive number.
             GeofenceError: The height lies outside the geofence.
             RejectedByAutopilotError: The autopilot refused; its own words are in the message.
@@ -348,6 +349,7 @@ class TaskCommands(ABC, Generic[T]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
+            FrameLostError: It is not known any more where the frame is (an autopilot that rebooted indoors).
             InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame; the known ones are listed.
             GeofenceError: The goal or the way there lies outside the geofence.
@@ -426,6 +428,7 @@ class TaskCommands(ABC, Generic[T]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL, or flew on while the path was planned.
+            FrameLostError: It is not known any more where the frame is (an autopilot that rebooted indoors).
             InvalidArgumentError: There are no waypoints, or a value is out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The path leaves the geofence.
@@ -564,6 +567,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The pose is not known (yet).
+            FrameLostError: It is not known any more where the frame is.
 
         Example:
             >>> uav.pose().pose.position
@@ -586,6 +590,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The odometry is not known (yet).
+            FrameLostError: It is not known any more where the frame is.
 
         """
         return _views.odometry(self.telemetry())
@@ -626,6 +631,7 @@ class Uav(TaskCommands[Task]):
         Raises:
             UnknownFrameError: There is no such frame; the known ones are listed.
             WrongStateError: It is not known yet where one of them is.
+            FrameLostError: It is not known any more where the frame is.
 
         """
 
@@ -712,6 +718,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
+            FrameLostError: It is not known any more where the frame is (an autopilot that rebooted indoors).
             InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The pose lies outside the geofence.
@@ -731,6 +738,7 @@ class Uav(TaskCommands[Task]):
 
         Raises:
             WrongStateError: The UAV does not fly by references of UAL.
+            FrameLostError: It is not known any more where the frame is (an autopilot that rebooted indoors).
             InvalidArgumentError: A value is not finite, or out of range; the field is named.
             UnknownFrameError: There is no such frame.
             GeofenceError: The UAV could not stop inside the geofence any more.

@@ -268,7 +268,8 @@ class Telemetry(_LateFields):
     """One sample of everything known; what is not known is None.
 
     `frame_id` is the frame of `pose`, `velocity` and `reference_pose`; `stamp_s` is the time of the pose, UTC since
-    1970; `missed_count` is how many samples this subscriber lost since its last one.
+    1970; `frame_lost` says why it is not known where ``<ns>/odom`` is (`ual.errors.FrameLostError`), and is empty while
+    it is known; `missed_count` is how many samples this subscriber lost since its last one.
     """
 
     state: State
@@ -288,6 +289,7 @@ class Telemetry(_LateFields):
     task: TaskInfo | None = None
     sequence: int = 0
     status_text: str = ""
+    frame_lost: str = ""
     missed_count: int = 0
 
 

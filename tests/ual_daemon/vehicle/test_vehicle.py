@@ -7,6 +7,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from pathlib import Path
 
 import pytest
 
@@ -32,11 +33,15 @@ from ual.simulation import (
     MotorsWeak,
     PositionLost,
 )
-from ual.types import AltitudeReference, State, TaskKind, TaskStatus
+from ual.types import AltitudeReference, GeoPoint, State, TaskKind, TaskStatus
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import FrameSettings, LimitSettings, VehicleSettings
 from ual_daemon.tracker.references import Hold
+from ual_daemon.vehicle.vehicle import Vehicle
 
 
 @pytest.fixture
@@ -869,3 +874,54 @@ def test_only_one_thread_at_a_time_calls_a_reference(flying: Stepped, monkeypatc
     assert has_reference == [False]  # by the caller, before the update thread has the reference
     flying.run(STEP_S)
     assert has_reference == [False, True]
+
+
+def test_a_simulated_world_that_ends_with_the_daemon_has_no_home_of_before(tmp_path: Path) -> None:
+    file = HomeFile(tmp_path / "uav_1.home")
+    file.write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None)  # a real UAV had the same namespace
+    backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
+    vehicle = Vehicle(backend, home_file=HomeFile(tmp_path / "uav_1.home"))
+    vehicle.open()
+    try:
+        vehicle.simulation().step(0.1)
+        assert vehicle.telemetry().frame_lost == ""
+        assert vehicle.telemetry().pose is not None
+    finally:
+        vehicle.close()
+
+
+def test_a_jump_of_the_estimate_ends_a_go_to_and_the_uav_holds_where_it_is(flying: Stepped) -> None:
+    task = flying.prepare.go_to_waypoint(at(20, 0, 3)).begin()
+    flying.run(3.0)
+    flying.sim.begin_fault(EstimatorJumps(Vector3(0.0, 5.0, 0.0), 1000.0))
+    with pytest.raises(TaskAbortedError, match=r"jumped by 5\.0 m") as caught:
+        flying.end(task.future)
+    assert caught.value.metadata["by"] == "estimator"
+    flying.run(5.0)
+    assert flying.state is State.FLYING_AUTO
+    assert flying.pose.position.y == pytest.approx(5.0, abs=0.1)  # it has not flown back to y = 0
+    assert flying.speed < 0.05
+
+
+def test_a_velocity_goes_on_when_the_estimate_jumps(flying: Stepped) -> None:
+    flying.sim.begin_fault(EstimatorJumps(Vector3(0.0, 5.0, 0.0), 1000.0))
+    for _ in range(20):
+        flying.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0))))
+        flying.run(0.1)
+    assert flying.pose.position.x > 1.0
+
+
+def test_a_pose_that_was_set_is_left_when_the_estimate_jumps(flying: Stepped) -> None:
+    flying.vehicle.commands.setpoints.set_pose(at(0.0, 0.0, 3.0))
+    flying.run(2.0)
+    flying.sim.begin_fault(EstimatorJumps(Vector3(0.0, 5.0, 0.0), 1000.0))
+    flying.run(5.0)
+    assert flying.pose.position.y == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_landing_goes_on_when_the_estimate_jumps(flying: Stepped) -> None:
+    task = flying.prepare.land().begin()
+    flying.run(1.0)
+    flying.sim.begin_fault(EstimatorJumps(Vector3(3.0, 0.0, 2.0), 1000.0))
+    flying.end(task.future)
+    assert flying.state in (State.LANDED_ARMED, State.LANDED_DISARMED)

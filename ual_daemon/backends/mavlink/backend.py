@@ -35,6 +35,7 @@ class MavlinkBackend(Backend):
     name = SECTION
     clock: MonotonicClock
     freshness = Dialect.freshness
+    outlived = True
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, MavlinkSettings, SECTION)

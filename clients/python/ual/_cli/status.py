@@ -84,7 +84,13 @@ def state(session: Session) -> None:
         telemetry = uav.telemetry()
         ns = uav.ns
     session.emit(
-        {"ns": ns, "state": telemetry.state, "reason": telemetry.state_reason, "flight_mode": telemetry.flight_mode},
+        {
+            "ns": ns,
+            "state": telemetry.state,
+            "reason": telemetry.state_reason,
+            "flight_mode": telemetry.flight_mode,
+            "frame_lost": telemetry.frame_lost,
+        },
         _state_text(telemetry),
     )
     if telemetry.state is State.UNINITIALIZED:
@@ -107,7 +113,10 @@ def wait(session: Session, states: tuple[str, ...]) -> None:
 
 def _state_text(telemetry: Telemetry) -> str:
     # A pipe gets only the name, so that scripts can compare it.
-    return f"{telemetry.state.name}: {telemetry.state_reason}" if sys.stdout.isatty() else telemetry.state.name
+    if not sys.stdout.isatty():
+        return telemetry.state.name
+    lost = f"\nit is not known where home is: {telemetry.frame_lost}" if telemetry.frame_lost else ""
+    return f"{telemetry.state.name}: {telemetry.state_reason}{lost}"
 
 
 COMMANDS = (list_uavs, info, state, wait, watch)

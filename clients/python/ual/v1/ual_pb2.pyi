@@ -31,6 +31,8 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
+  FRAME_LOST              FAILED_PRECONDITION   the frame is not known to be where it was: says since when, and what
+                                                sets it again
   INVALID_ARGUMENT        INVALID_ARGUMENT      names the field and the value at fault
   UNKNOWN_FRAME           INVALID_ARGUMENT      lists the known frames
   GEOFENCE                FAILED_PRECONDITION   the goal or its path lies outside the geofence
@@ -655,6 +657,7 @@ class Telemetry(google.protobuf.message.Message):
     TASK_FIELD_NUMBER: builtins.int
     SEQUENCE_FIELD_NUMBER: builtins.int
     STATUS_TEXT_FIELD_NUMBER: builtins.int
+    FRAME_LOST_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
     flight_mode: builtins.str
     """The autopilot's own name of its mode, for people."""
@@ -665,6 +668,10 @@ class Telemetry(google.protobuf.message.Message):
     """Counts the samples of this daemon from its start."""
     status_text: builtins.str
     """The autopilot's newest words to the operator (status text), for people."""
+    frame_lost: builtins.str
+    """Why it is not known where `<ns>/odom` is (FRAME_LOST), since when, and what makes it known again; for people. Empty
+    while it is known. While it is lost, a pose in a lost frame is not set, nor is `odometry`.
+    """
     @property
     def header(self) -> Global___Header:
         """Time of the pose, and the frame of pose, velocity and reference_pose (`<ns>/odom`, or the configured
@@ -716,9 +723,10 @@ class Telemetry(google.protobuf.message.Message):
         task: Global___Task | None = ...,
         sequence: builtins.int = ...,
         status_text: builtins.str = ...,
+        frame_lost: builtins.str = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["battery", b"battery", "gps", b"gps", "header", b"header", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["armed", b"armed", "battery", b"battery", "flight_mode", b"flight_mode", "gps", b"gps", "header", b"header", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["armed", b"armed", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
 
 Global___Telemetry: typing_extensions.TypeAlias = Telemetry
 

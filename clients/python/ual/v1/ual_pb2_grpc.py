@@ -190,7 +190,7 @@ class UalServiceServicer(object):
 
     def GetTransform(self, request, context):
         """The transform that takes coordinates in the source frame to the target frame. Errors: UNKNOWN_FRAME; WRONG_STATE
-        where the transform needs the UAV's pose and that is not known.
+        where the transform needs the UAV's pose and that is not known; FRAME_LOST where one of the frames is lost.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

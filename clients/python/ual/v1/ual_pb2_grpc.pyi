@@ -31,6 +31,8 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
+  FRAME_LOST              FAILED_PRECONDITION   the frame is not known to be where it was: says since when, and what
+                                                sets it again
   INVALID_ARGUMENT        INVALID_ARGUMENT      names the field and the value at fault
   UNKNOWN_FRAME           INVALID_ARGUMENT      lists the known frames
   GEOFENCE                FAILED_PRECONDITION   the goal or its path lies outside the geofence
@@ -694,7 +696,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
 
     GetTransform: _UalServiceGetTransformType
     """The transform that takes coordinates in the source frame to the target frame. Errors: UNKNOWN_FRAME; WRONG_STATE
-    where the transform needs the UAV's pose and that is not known.
+    where the transform needs the UAV's pose and that is not known; FRAME_LOST where one of the frames is lost.
     """
 
     ListFrames: _UalServiceListFramesType
@@ -934,7 +936,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.GetTransformResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetTransformResponse]]:
         """The transform that takes coordinates in the source frame to the target frame. Errors: UNKNOWN_FRAME; WRONG_STATE
-        where the transform needs the UAV's pose and that is not known.
+        where the transform needs the UAV's pose and that is not known; FRAME_LOST where one of the frames is lost.
         """
 
     @abc.abstractmethod

@@ -173,3 +173,26 @@ def test_three_daemons_fly_three_vehicles_for_one_client(start_daemon: StartDaem
             assert vehicle.autopilot.position[1] == pytest.approx(-0.15 + 2.0 * number, abs=0.5)  # east, by the truth
         for task in [uav.land(blocking=False) for uav in uavs]:
             task.wait()
+
+
+def test_home_survives_a_daemon_that_is_killed_while_the_uav_is_carried(
+    vehicle: Vehicle, start_daemon: StartDaemon
+) -> None:
+    if isinstance(vehicle.autopilot, ArduPilot):
+        vehicle.autopilot.settle_s = 3.0
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    with ual.Uav(address=daemon.address) as uav:
+        wait_for_state(uav, State.LANDED_DISARMED)
+        wait_for(lambda: uav.info().autopilot_version != "", "its version")
+        wait_for(lambda: uav.telemetry().gps is not None, "its satellites")
+        uav.set_home()
+    daemon.wait_for("command", command="set_home")
+    daemon.signal(signal.SIGKILL)
+    daemon.wait()
+    vehicle.autopilot.reboot((0.0, 20.0, 0.0))
+    daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+    daemon.wait_for("home_restored")
+    with ual.Uav(address=daemon.address) as uav:
+        wait_for(lambda: uav.telemetry().pose is not None, "its pose")
+        assert tuple(uav.pose().pose.position)[:2] == pytest.approx((20.0, 0.0), abs=0.05)
+        assert uav.telemetry().frame_lost == ""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +22,7 @@ from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink.session.supervision import LinkState
 from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.settings import VehicleSettings
 
 SPEED = 12.0
 HEIGHT_M = 3.0
@@ -31,6 +33,9 @@ BAD = Faults(loss=0.3, jitter_s=0.2, corruption=0.1, duplication=0.05)
 
 class Flight:
     """A simulated autopilot, a link to it that can get bad, and the UAV that flies it."""
+
+    settings: VehicleSettings | None = None
+    home_file: Path | None = None
 
     def __init__(self, kind: str, seed: int = 0) -> None:
         self._port = MemoryPort()
@@ -45,7 +50,7 @@ class Flight:
         self._port.sent.clear()
         self._port.arriving.clear()
         self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self._port, SPEED)
-        self.uav = UAL(self.backend)
+        self.uav = UAL(self.backend, settings=self.settings, home_file=self.home_file)
         self.uav.vehicle.subscribe(lambda telemetry: self.seen.append((self.now_s, telemetry)))
 
     def kill(self) -> None:

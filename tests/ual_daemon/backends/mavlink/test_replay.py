@@ -1,6 +1,7 @@
 """Recorded flights of a real PX4, frame by frame: the states come when the flights' events say."""
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
@@ -8,7 +9,10 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import Limits, State
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.jumps import JumpDetector
 from ual_daemon.flight.state import estimate
+from ual_daemon.frames.local_frame import LocalFrame
 from ual_daemon.geodesy import FlatProjection, SphereProjection
 
 TICK_S = 0.02
@@ -26,7 +30,7 @@ class Change:
     why: str
 
 
-def fly(trace: Trace) -> tuple[list[Change], Harness]:
+def fly(trace: Trace, observe: Callable[[Snapshot], None] = lambda _: None) -> tuple[list[Change], Harness]:
     """The changes of the state during a recorded flight, as seen every `TICK_S`."""
     harness = Harness()
     changes = [Change(0.0, State.UNINITIALIZED, "")]
@@ -40,6 +44,7 @@ def fly(trace: Trace) -> tuple[list[Change], Harness]:
         harness.discovery.tick(harness.now_s)
         if harness.discovery.session is None:
             continue
+        observe(harness.snapshot())
         found = estimate(harness.snapshot(), harness.session.dialect.freshness)
         if found.state is not changes[-1].state:
             changes.append(Change(harness.now_s, found.state, found.why))
@@ -187,3 +192,23 @@ def test_stamps_of_a_recorded_flight_never_go_back_and_stay_close_to_when_it_was
     assert len(stamps) > 1000
     assert all(0.0 <= received_s - stamp_s < 0.1 for received_s, stamp_s in stamps)
     assert all(later > earlier for (_, earlier), (_, later) in itertools.pairwise(stamps))
+
+
+def test_home_stays_where_it_is_when_an_ardupilot_boots_elsewhere() -> None:
+    trace = load("ardupilot_reboot_elsewhere")
+    frame, jumps = LocalFrame(), JumpDetector()
+    losses: list[float] = []
+
+    def observe(snapshot: Snapshot) -> None:
+        frame.update(snapshot)
+        assert jumps.observe(snapshot) is None
+        is_lost = frame.home.loss is not None
+        if is_lost is not bool(len(losses) % 2):
+            losses.append(snapshot.time_s)
+
+    _, harness = fly(trace, observe)
+    lost_s, known_s = losses
+    assert trace.time_s("autopilot_powered_on") <= lost_s <= trace.time_s("first_heartbeat_after_reboot") + 3.5
+    assert known_s <= trace.time_s("estimator_converged", 1)
+    assert tuple(frame.home.local) == pytest.approx((-20.0, 0.0, 0.0), abs=0.05)
+    assert harness.session.telemetry.plausibility.counts == {}

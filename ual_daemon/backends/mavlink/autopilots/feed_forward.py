@@ -36,6 +36,8 @@ _LONGEST_GAP_S = 0.3
 _MEMORY_S = 60.0
 _LEAST_SPEED_M_S = 1.0
 """At lower speeds nothing is learned about drag, and nothing forgotten."""
+_JUMP_M = 0.5
+"""A position that moves farther than its velocity says, between two of them, has jumped."""
 _PRIOR_M2_S = 4.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
 estimate stays close to no drag."""
@@ -52,6 +54,8 @@ class _Smooth:
     velocity: Vector3
     pull: Vector3
     """The horizontal acceleration caused by the thrust, from the tilt."""
+    newest: Vector3
+    """The position as it came."""
 
 
 class FeedForward:
@@ -75,8 +79,11 @@ class FeedForward:
         old = self._smooth
         up = pose.orientation.rotate(Vector3(0.0, 0.0, 1.0))
         passed_s = math.inf if old is None else time_s - old.time_s
-        if old is None or not 0.0 <= passed_s <= _LONGEST_GAP_S or up.z < _LEAST_UPRIGHT:
-            self._smooth = _Smooth(time_s, pose.position, velocity, Vector3())
+        is_continued = (
+            old is not None and 0.0 <= passed_s <= _LONGEST_GAP_S and not _jumps(old, pose, velocity, passed_s)
+        )
+        if old is None or not is_continued or up.z < _LEAST_UPRIGHT:
+            self._smooth = _Smooth(time_s, pose.position, velocity, Vector3(), pose.position)
             self.velocity_error = Vector3()
             return
         share = 1.0 - math.exp(-passed_s / _SMOOTHING_S)
@@ -87,6 +94,7 @@ class FeedForward:
             old.position + (pose.position - old.position) * share,
             old.velocity + (velocity - old.velocity) * share,
             old.pull + (pull - old.pull) * share,
+            pose.position,
         )
         # The lag of a low pass behind its input, over its time constant, is the derivative through the same low pass.
         error = new.velocity - (pose.position - new.position) / _SMOOTHING_S
@@ -114,6 +122,11 @@ class FeedForward:
         self._last = (now_s, smooth)
         lead = (acceleration - smooth) * (TILT_S / _LEAD_SMOOTHING_S)
         return lead * min(1.0, MOST_LEAD_M_S2 / max(lead.norm(), 1e-9))
+
+
+def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:
+    """Whether the estimate was reset: that is no velocity, and must not become one in the setpoints."""
+    return (pose.position - old.newest - velocity * passed_s).norm() > _JUMP_M
 
 
 class _Sums:

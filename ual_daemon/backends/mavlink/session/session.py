@@ -31,6 +31,9 @@ OLD_EVENT_S = 1.0
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
+ORIGIN_S = 0.5
+"""How often the origin of the local frame is requested while it is doubted."""
+
 
 class Session:
     """The session with the autopilot of a system. `setpoints_s` is as for `CommandSender`."""
@@ -46,7 +49,7 @@ class Session:
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
-        self.telemetry = Telemetry(dialect)
+        self.telemetry = Telemetry(dialect, supervision.begin_boot())
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward() if learns else None
         self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
@@ -57,6 +60,7 @@ class Session:
         self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
+        self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
         self._next_own_heartbeat_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
@@ -156,7 +160,15 @@ class Session:
             capabilities=dialect.capabilities,
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
+            identity=self._identity(),
         )
+
+    def _identity(self) -> str:
+        version = self.telemetry.version
+        if version is None:
+            return ""
+        uid = bytes(version.uid2).rstrip(b"\0").hex() or f"{version.uid:x}"
+        return f"{self.dialect.name} {self.system_id} {uid}"
 
     def _end_silence(self, now_s: float) -> None:
         """Checks how long nothing came before the present frame.
@@ -175,7 +187,7 @@ class Session:
         telemetry = self.telemetry
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
-            telemetry.discard_boot()
+            telemetry.discard_boot(self._supervision.begin_boot())
             self.restart_setup()
         elif boot_ms > 0 and self._supervision.is_boot_doubtful:
             telemetry.on_frame(message.get_seq(), now_s)
@@ -184,6 +196,9 @@ class Session:
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False
             self._heartbeats.want()
+        if telemetry.origin.is_wanted:
+            telemetry.origin.is_wanted = False
+            self._request_origin(now_s)
         handler = self._handlers.get(message.get_msgId())
         if handler is not None:
             handler(message, now_s, utc_now_s)
@@ -236,6 +251,12 @@ class Session:
 
     def _new_setup(self) -> SetupRequests:
         return SetupRequests(self.dialect, self.telemetry, self._commands, self._request_parameter, self._pose_rate_hz)
+
+    def _request_origin(self, now_s: float) -> None:
+        request = request_message(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+        if now_s >= self._next_origin_s and not self._commands.is_under_way(request):
+            self._next_origin_s = now_s + ORIGIN_S
+            self._commands.submit(request, now_s)
 
     def _send_command(self, command: CommandLong, sent_before_count: int) -> None:
         self._sender.send(command.encode(self.system_id, sent_before_count))

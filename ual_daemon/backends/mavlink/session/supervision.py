@@ -81,6 +81,7 @@ class Supervision:
         self._gaps = SequenceGaps()
         self._seconds: deque[_Second] = deque()
         self._boot_time = BootTime()
+        self._boots_count = 0
 
     @property
     def boot_s(self) -> float:
@@ -91,6 +92,11 @@ class Supervision:
     def is_boot_doubtful(self) -> bool:
         """See `BootTime.is_doubtful`."""
         return self._boot_time.is_doubtful
+
+    def begin_boot(self) -> int:
+        """Returns the number of a boot that begins for us: with each session, and with each reboot."""
+        self._boots_count += 1
+        return self._boots_count
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot."""

@@ -11,12 +11,12 @@ from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, 
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
+from ual_daemon.backends.mavlink.session.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.session.plausibility import Plausibility
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
-from ual_daemon.geodesy import Projection
 
 ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
@@ -34,8 +34,9 @@ class Telemetry:
     `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
     """
 
-    def __init__(self, dialect: Dialect) -> None:
+    def __init__(self, dialect: Dialect, boots_count: int = 1) -> None:
         self._dialect = dialect
+        self._boots_count = boots_count
         self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
         self._heard_s: float | None = None
@@ -52,7 +53,8 @@ class Telemetry:
         self._velocity: Sample[Twist] | None
         self._position_geo: Sample[GeoPoint] | None
         self.discard_state()
-        self._projection: Projection | None = None
+        self.origin = LocalOrigin()
+        """Where its local frame is on Earth."""
         self._home_altitude_amsl_m: float | None = None
         self._home_geo: GeoPoint | None = None
         self._geoid_separation_m: float | None = None
@@ -95,15 +97,18 @@ class Telemetry:
         # Where a landed state is sure to come, its absence must not be taken for flying.
         self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.sends_landed_state else None
 
-    def discard_boot(self) -> None:
-        """Discards what belongs to the boot before; sampled values become old by themselves."""
+    def discard_boot(self, boots_count: int) -> None:
+        """Discards what belongs to the boot before; most sampled values become old by themselves."""
+        self._boots_count = boots_count
+        self._pose = self._velocity = self._position_geo = None  # in another local frame
+        self._gps = None if self._gps is None else GpsInfo(GpsFix.NONE)
         self._clock_offset = ClockOffset()
         self._sequence = SequenceUnwrapper(LATE_S)
         self._sources.clear()
         self.message_counts.clear()
         self.parameters.clear()
         self.version = None
-        self._projection = None
+        self.origin = LocalOrigin()
         self._home_altitude_amsl_m = None
         self._home_geo = None
 
@@ -175,13 +180,14 @@ class Telemetry:
             pose=self._pose,
             velocity=self._velocity,
             position_geo=None if geo is None or now_s - geo.time_s > GEO_LIMIT_S else geo.value,
-            projection=self._projection,
+            projection=self.origin.projection,
             home_altitude_amsl_m=self._home_altitude_amsl_m,
             geoid_separation_m=self._geoid_separation_m,
             battery=self._battery,
             gps=self._gps,
             status_text=self._status_text.text,
             home_geo=self._home_geo,
+            boots_count=self._boots_count,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -238,6 +244,7 @@ class Telemetry:
             self._stamp_s = stamp_s  # of the pose: where the pose is old, so is its stamp
             self._pose = Sample(Pose(place, orientation), now_s)
             self._velocity = Sample(Twist(velocity, rates), now_s)
+            self.origin.on_position(message.time_boot_ms, place, velocity)
 
     def _on_global_position_int(self, message: Message, now_s: float, _: float) -> None:
         found = geo_point(message, self._geoid_separation_m)
@@ -245,12 +252,13 @@ class Telemetry:
             self._position_geo = None
         elif self.plausibility.accepts_geo_point(found):
             self._position_geo = Sample(found, now_s)
+            self.origin.on_geo(message.time_boot_ms, found)
 
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
         latitude_deg, longitude_deg = degrees(message.latitude), degrees(message.longitude)
         altitude_m, judge = milli(message.altitude), self.plausibility
         if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
-            self._projection = self._dialect.projection(latitude_deg, longitude_deg, altitude_m)
+            self.origin.on_origin(self._dialect.projection(latitude_deg, longitude_deg, altitude_m))
 
     def _on_home_position(self, message: Message, _now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)

@@ -130,3 +130,11 @@ def test_it_can_be_switched_off(learns: bool) -> None:
     for i, acceleration in enumerate((STILL, Vector3(1.0))):
         sent = harness.session.setpoint_encoder.encode(PositionSetpoint(STILL, 0.0, STILL, acceleration), 0.02 * i)
     assert (sent.afy == pytest.approx(1.0)) is not learns  # x here is east, y there
+
+
+def test_a_reset_of_the_estimate_is_not_learned_as_a_velocity() -> None:
+    feed_forward = FeedForward()
+    for step in range(100):
+        jumped_m = 5.0 if step >= 50 else 0.0
+        feed_forward.learn(step * 0.02, Pose.at(jumped_m, 0.0, 3.0), Vector3())
+        assert feed_forward.velocity_error.norm() < 1e-6

@@ -1,0 +1,77 @@
+"""Where the autopilot's local frame is on Earth, and whether that is still so."""
+
+from __future__ import annotations
+
+import logging
+
+from ual.geometry import Vector3
+from ual.types import GeoPoint
+from ual_daemon import logs
+from ual_daemon.geodesy import Projection
+
+_log = logging.getLogger(__name__)
+
+TOLERANCE_M = 0.5
+"""A recorded flight of ArduPilot differs by 0.014 m at most; both positions are of the same estimate."""
+_TOLERANCE_SHARE = 1e-4
+"""The part of the distance from the origin that is added to it, for projections that differ a little."""
+_LONGEST_S = 0.3
+"""Positions that are farther apart in time are not compared."""
+_ACCELERATION_M_S2 = 5.0
+_DOUBTS_COUNT = 2
+"""So many positions in a row must contradict the origin: one of them may have been lost or have come late."""
+
+
+class LocalOrigin:
+    """The origin of the local frame on Earth (GPS_GLOBAL_ORIGIN), checked by the positions that come all the time.
+
+    PX4 sends its origin only once and on a change, which a link may lose. Until the new one has come, every place on
+    Earth would be wrong by as much as it has moved. But both positions, the local and that on Earth, come all the time
+    and are of the same estimate. Where they contradict the origin, it is not `projection` any more. Not thread-safe.
+    """
+
+    def __init__(self) -> None:
+        self._origin: Projection | None = None
+        self._newest: tuple[int, Vector3, Vector3] | None = None
+        self._doubts_count = 0
+        self.is_wanted = False
+        """Whether the origin should be requested now. The caller sets this back."""
+
+    @property
+    def projection(self) -> Projection | None:
+        """The projection at the origin; None while it is not known."""
+        return None if self._doubts_count >= _DOUBTS_COUNT else self._origin
+
+    def on_origin(self, origin: Projection) -> None:
+        """Takes the origin that the autopilot sends. One that is contradicted is not believed for being repeated."""
+        if origin != self._origin:  # else it stays the same object
+            self._origin, self._doubts_count = origin, 0
+
+    def on_position(self, boot_ms: int, position: Vector3, velocity: Vector3) -> None:
+        """Takes a local position, at a time since boot."""
+        self._newest = (boot_ms, position, velocity)
+
+    def on_geo(self, boot_ms: int, point: GeoPoint) -> None:
+        """Takes a position on Earth, at a time since boot."""
+        newest, origin = self._newest, self._origin
+        if newest is None or origin is None:
+            return
+        passed_s = (boot_ms - newest[0]) / 1000.0
+        if abs(passed_s) > _LONGEST_S:
+            return
+        if self._distance_m(origin, point, newest[1] + newest[2] * passed_s) <= _tolerance_m(newest[1], passed_s):
+            self._doubts_count = 0
+            return
+        self._doubts_count += 1
+        if self._doubts_count == _DOUBTS_COUNT:
+            logs.event(_log, logging.WARNING, "origin_doubted", why="its positions contradict its origin on Earth")
+        self.is_wanted = self._doubts_count >= _DOUBTS_COUNT
+
+    @staticmethod
+    def _distance_m(origin: Projection, point: GeoPoint, position: Vector3) -> float:
+        there = origin.to_local(point.latitude_deg, point.longitude_deg, origin.altitude_amsl_m)
+        return Vector3(there.x - position.x, there.y - position.y, 0.0).norm()
+
+
+def _tolerance_m(position: Vector3, passed_s: float) -> float:
+    return TOLERANCE_M + _TOLERANCE_SHARE * position.norm() + _ACCELERATION_M_S2 / 2 * passed_s * passed_s

@@ -1,0 +1,109 @@
+"""Detects that the autopilot's estimate of its position has jumped: a reset of its estimator, or a moved origin.
+
+The effect is what counts, as not all autopilots report a reset (PX4 counts its resets, ArduPilot does not): the
+position changed by far more than the velocity explains, and stays there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ual.geometry import Pose, Vector3
+from ual_daemon.backends.values import Sample, Snapshot
+
+JUMP_M = 1.0
+"""What an estimate wanders by within its noise is less, and is flown out."""
+_NOISE_FACTOR = 4.0
+"""An estimate whose steps are usually larger must jump by so many times as much."""
+_SMOOTHING = 0.05
+_LONGEST_S = 2.0
+"""After a longer gap between two positions nothing can be said."""
+_ACCELERATION_M_S2 = 4.0
+"""Between two positions a UAV may fly elsewhere than the mean of its velocities says, by half of this times the time
+squared."""
+
+
+_SUSPECTED_S = 0.2
+"""So long a suspicion counts if no other position comes."""
+
+
+class _Seen(NamedTuple):
+    """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot."""
+
+    position: Vector3
+    velocity: Vector3
+    received_s: float
+    stamp_s: float
+    boots_count: int
+
+
+class JumpDetector:
+    """Compares each position with the one before. Belongs to the update thread."""
+
+    def __init__(self) -> None:
+        self._last: _Seen | None = None
+        self._newest: Sample[Pose] | None = None
+        self._is_suspected = False
+        self._usual_m = 0.0
+
+    def is_suspected(self, now_s: float) -> bool:
+        """Whether the newest position has jumped, but another one must confirm it."""
+        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < _SUSPECTED_S
+
+    def observe(self, snapshot: Snapshot) -> Vector3 | None:
+        """Returns by how much the estimate has jumped; None if it has not.
+
+        A jump is returned with its second position, so that a single wrong one is none.
+        """
+        pose, sample = snapshot.pose, snapshot.velocity
+        if pose is None or sample is None or (self._newest is not None and pose.time_s == self._newest.time_s):
+            return None
+        self._newest = pose
+        last = self._last
+        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, snapshot.stamp_s, snapshot.boots_count)
+        if last is not None and not self._is_suspected and self._is_continued(last, new):
+            self._last = new
+            return None
+        passed_s = 0.0 if last is None else _longest_s(last, new)
+        if last is None or passed_s > _LONGEST_S or new.boots_count != last.boots_count:
+            self._last, self._is_suspected = new, False
+            return None
+        step = _unexplained(last, new, passed_s)
+        free_m = max(JUMP_M, _NOISE_FACTOR * self._usual_m) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
+        has_jumped = step.norm() > free_m
+        if has_jumped and not self._is_suspected:  # the next one is compared with the same position
+            self._is_suspected = True
+            return None
+        self._last, self._is_suspected = new, False
+        return step if has_jumped else None
+
+    def _is_continued(self, last: _Seen, new: _Seen) -> bool:
+        """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""
+        passed_s = new.received_s - last.received_s
+        if not 0.0 <= passed_s <= _LONGEST_S or new.boots_count != last.boots_count:
+            return False
+        (x, y, z), (vx, vy, vz) = last.position, last.velocity
+        (nx, ny, nz), (wx, wy, wz) = new.position, new.velocity
+        half_s = passed_s / 2
+        dx, dy, dz = nx - x - (vx + wx) * half_s, ny - y - (vy + wy) * half_s, nz - z - (vz + wz) * half_s
+        size_m = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if size_m > max(JUMP_M, _NOISE_FACTOR * self._usual_m):
+            return False
+        self._usual_m += (size_m - self._usual_m) * _SMOOTHING
+        return True
+
+
+def _longest_s(last: _Seen, new: _Seen) -> float:
+    """Returns how long it was at most between two positions: a link may hold them back and deliver them together."""
+    received_s = new.received_s - last.received_s
+    return max(received_s, new.stamp_s - last.stamp_s if last.stamp_s > 0.0 and new.stamp_s > 0.0 else received_s)
+
+
+def _unexplained(last: _Seen, new: _Seen, passed_s: float) -> Vector3:
+    """Returns the part of the change of position that the velocity does not explain, for any time up to `passed_s`."""
+    change, velocity = new.position - last.position, (last.velocity + new.velocity) * 0.5
+    speed_2 = velocity.dot(velocity)
+    if speed_2 == 0.0:
+        return change
+    return change - velocity * max(0.0, min(passed_s, change.dot(velocity) / speed_2))

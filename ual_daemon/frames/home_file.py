@@ -1,0 +1,133 @@
+"""The file in which a daemon keeps home, so that it survives a restart of the daemon."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import stat
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ual.types import GeoPoint
+from ual_daemon import logs
+
+_log = logging.getLogger(__name__)
+
+_LONGEST_FILE = 4096
+_READABLE = 0o644
+_OWN = 0o600
+
+
+@dataclass(frozen=True, slots=True)
+class SavedHome:
+    """Where the frames of a vehicle are on Earth.
+
+    Attributes:
+        vehicle: Which vehicle it is; see `ual_daemon.backends.values.VehicleInfo.identity`.
+        home: The origin of ``<ns>/odom``; None if it was set, but nothing ties it to Earth.
+        start: Where the origin of the local frame was at first: a fence in ``map`` stays there.
+        saved_s: When it was saved, UTC since 1970.
+
+    """
+
+    vehicle: str
+    home: GeoPoint | None
+    start: GeoPoint | None
+    saved_s: float
+
+    @property
+    def age_s(self) -> float:
+        """How long ago it was saved; negative if the computer's clock was set back."""
+        return time.time() - self.saved_s
+
+
+class HomeFile:
+    """A small file of JSON, replaced as a whole. What cannot be read or written is logged, and ignored. Any thread may
+    call.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = threading.Lock()
+        self._written: SavedHome | None = None
+
+    def read(self) -> SavedHome | None:
+        """Returns what was saved; None if there is nothing, or nothing that can be used."""
+        try:
+            return _parse(_read_own(self._path))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            logs.event(_log, logging.WARNING, "home_file_ignored", file=str(self._path), why=_why(error))
+            return None
+
+    def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None) -> None:
+        """Saves where the frames are. Nothing happens if that was saved already."""
+        saved = SavedHome(vehicle, home, start, time.time())
+        with self._lock:
+            last = self._written
+            if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
+                return
+            self._written = saved
+            try:
+                _replace(self._path, json.dumps(asdict(saved)) + "\n")
+            except OSError as error:
+                logs.event(_log, logging.WARNING, "home_not_saved", file=str(self._path), why=_why(error))
+
+
+def _why(error: Exception) -> str:
+    return error.strerror or str(error) if isinstance(error, OSError) else f"it is damaged ({error!r})"
+
+
+def _read_own(path: Path) -> bytes:
+    """Reads a file of this user. All users of the computer may put files into the directory: a home of another user's
+    could lead the UAV anywhere.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
+            raise ValueError("not a regular file")
+        if found.st_uid != os.geteuid():
+            raise ValueError("a file of another user")
+        text = os.read(handle, _LONGEST_FILE + 1)
+    finally:
+        os.close(handle)
+    if len(text) > _LONGEST_FILE:
+        raise ValueError("too long")
+    return text
+
+
+def _parse(text: bytes) -> SavedHome:
+    values = json.loads(text)
+    return SavedHome(str(values["vehicle"]), _point(values["home"]), _point(values["start"]), float(values["saved_s"]))
+
+
+def _point(values: Mapping[str, Any] | None) -> GeoPoint | None:
+    if values is None:
+        return None
+    point = [float(values[name]) for name in ("latitude_deg", "longitude_deg", "altitude_amsl_m")]
+    limits = (90.0, 180.0, 1e5)
+    if not all(abs(value) <= limit for value, limit in zip(point, limits, strict=True)):  # nor NaN
+        raise ValueError(f"{point} is not on Earth")
+    return GeoPoint(*point)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Writes a file. A reader sees the old one or the new one, never a part of one."""
+    # The name cannot be guessed: other users may write in this directory, too.
+    unfinished = path.with_name(f"{path.name}.{os.urandom(8).hex()}.tmp")
+    handle = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _OWN)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            os.fchmod(handle, _READABLE)
+            stream.write(text)
+        unfinished.replace(path)
+    except OSError:
+        unfinished.unlink(missing_ok=True)
+        raise
