@@ -55,6 +55,9 @@ _FRAMES = {
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 << 6, 1 << 10, 1 << 11
 
 
+RANGEFINDER_MAX_M = 40.0
+
+
 class ArduPilot(Autopilot):
     """An ArduCopter with any number of equal links. If `radio` is given, the pilot's transmitter is there.
 
@@ -81,6 +84,10 @@ class ArduPilot(Autopilot):
     ) -> None:
         self._radio = radio
         self.settle_s = settle_s
+        self.has_rangefinder = False
+        """Whether it uses a rangefinder, up to `RANGEFINDER_MAX_M`: a take-off then counts from the ground below."""
+        self.takeoff_error_m = 0.0
+        """How much higher a take-off leads than commanded."""
         rates_hz = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0, mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
         super().__init__(
             [Channel(port, rates_hz) for port in ([links] if isinstance(links, Port) else links)],
@@ -257,10 +264,14 @@ class ArduPilot(Autopilot):
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             return ACCEPTED if self.set_mode(int(params[1])) else FAILED
         if command == mavlink.MAV_CMD_NAV_TAKEOFF:
-            if self.mode != GUIDED or not self.is_armed or not self._is_landed or self.home is None or params[6] <= 0.0:
+            if self.mode != GUIDED or not self.is_armed or not self._is_landed or self.home is None:
                 return FAILED
-            x, y, _ = self.position
-            self._takeoff = (self.home[2] - params[6], self.now_s)
+            x, y, z = self.position
+            if params[6] <= max(0.0, self.home[2] - z):  # not downwards
+                return FAILED
+            is_from_ground = self.has_rangefinder and params[6] < RANGEFINDER_MAX_M
+            base_z = z if is_from_ground else self.home[2]
+            self._takeoff = (base_z - params[6] - self.takeoff_error_m, self.now_s)
             self._target = Target((x, y, self._takeoff[0]), yaw_rad=self.body.yaw_rad)
             self._is_timed = False
             return ACCEPTED
@@ -489,6 +500,10 @@ class ArduPilot(Autopilot):
 
     def _origin(self) -> Message | None:
         return super()._origin() if self.now_s >= self.settle_s else None
+
+    @property
+    def more_sensors(self) -> int:
+        return int(mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION) if self.has_rangefinder else 0
 
     def _ekf_status_report(self) -> Message:
         flags = _GOOD_FLAGS if self.has_position else _NO_POSITION_FLAGS

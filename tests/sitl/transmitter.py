@@ -75,6 +75,10 @@ class Transmitter(ABC):
     def disarm(self) -> None:
         self._order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,), lambda: not self.is_armed, "disarmed")
 
+    def order(self, command: int, params: tuple[float, ...]) -> None:
+        """Sends a command once, as a ground station does."""
+        self._command(command, params)
+
     def set_mode(self, custom_mode: int, main: float, sub: float = 0.0) -> None:
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)

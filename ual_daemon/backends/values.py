@@ -75,7 +75,8 @@ class Snapshot(NamedTuple):
     backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
-    above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
+    above the ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the
+    autopilot uses a distance sensor that looks down. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count.
     """
@@ -97,6 +98,7 @@ class Snapshot(NamedTuple):
     gps: GpsInfo | None = None
     status_text: str = ""
     sequence: int = 0
+    has_rangefinder: bool = False
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""

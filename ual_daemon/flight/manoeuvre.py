@@ -33,6 +33,7 @@ class Step:
         has_ended: Whether the manoeuvre has ended.
         error: The error with which it has ended; None if it has succeeded.
         next_reference: The reference to follow after it; None to stop at the present position.
+        is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
 
     """
 
@@ -40,6 +41,7 @@ class Step:
     has_ended: bool = False
     error: UalError | None = None
     next_reference: Reference | None = None
+    is_autopilot_to_hold: bool = False
 
 
 def failed(error: UalError) -> Step:

@@ -13,7 +13,7 @@ from typing_extensions import override
 from ual.errors import LinkLostError, UalError
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, HomeUnknownError
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.session.clock import MonotonicClock
@@ -27,6 +27,9 @@ from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, defau
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
+
+HOME_PATIENCE_S = 2.0
+"""A command that needs the position of home waits this long for it: at arming it is forgotten, and asked for again."""
 
 
 class MavlinkBackend(Backend):
@@ -131,18 +134,23 @@ class MavlinkBackend(Backend):
     def _command(self, what: str, make: Callable[[Dialect], CommandLong]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
         result: Future[None] = Future()
-        session, loop = self._session_in_reach(self.clock.now_s()), self._loop
+        asked_s = self.clock.now_s()
+        session, loop = self._session_in_reach(asked_s), self._loop
         if session is None or loop is None:
             result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
             return result
-        try:
-            command = make(session.dialect)
-        except UalError as error:
-            result.set_exception(error)
-            return result
 
         def submit(now_s: float) -> None:
-            acknowledged = session.submit(command, now_s, result.cancelled)
+            if result.cancelled():
+                return
+            try:
+                acknowledged = session.submit(make(session.dialect), now_s, result.cancelled)
+            except UalError as error:
+                if isinstance(error, HomeUnknownError) and now_s - asked_s < HOME_PATIENCE_S:
+                    loop.retry(submit)
+                    return
+                acknowledged = Future()
+                acknowledged.set_exception(error)
             acknowledged.add_done_callback(lambda done: _pass_on(done, result))
 
         loop.post(submit)

@@ -26,6 +26,7 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
 from ual_daemon.backends.mavlink.autopilots.dialect import (
     NO_PARAMETERS,
     Dialect,
+    HomeUnknownError,
     SimulationVerdict,
     positive_parameter,
 )
@@ -210,7 +211,13 @@ class ArduCopter(Dialect):
         # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
-            raise WrongStateError("take_off: ArduPilot has not sent the position of its home yet")
+            raise HomeUnknownError("take_off: ArduPilot has not sent the position of its home yet")
+        if snapshot.has_rangefinder and standing_m > _NEAR_HOME_M:
+            raise WrongStateError(
+                f"take_off: ArduPilot's home is {standing_m:.1f} m below the UAV, and with its rangefinder it counts "
+                f"the height from the ground: it would climb to {standing_m + height_m:.1f} m instead of {height_m:g} "
+                "m; set its home to where it stands"
+            )
         climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
             (0.0,) * 6 + (standing_m + height_m,),

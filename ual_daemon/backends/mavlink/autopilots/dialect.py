@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from ual.errors import WrongStateError
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, arm_or_disarm
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -37,6 +38,10 @@ MULTIROTORS = frozenset(
 """The vehicles (MAV_TYPE) that UAL flies. Others need other setpoints, and ArduPilot's have the same numbers for other
 modes."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
+
+
+class HomeUnknownError(WrongStateError):
+    """A height cannot be computed yet, because the autopilot has not sent the position of its home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +154,8 @@ class Dialect(ABC):
         """Climbs to a height above where it stands by this snapshot.
 
         Raises:
-            WrongStateError: The snapshot lacks what the autopilot's height is computed from.
+            HomeUnknownError: The snapshot lacks what the autopilot's height is computed from.
+            WrongStateError: The autopilot would climb to another height.
 
         """
 

@@ -61,6 +61,10 @@ class ReceiveLoop:
         self._posted.append(request)
         self._connection.wake()
 
+    def retry(self, request: Callable[[float], None]) -> None:
+        """Has a request called at the next tick. To be called by a request that cannot do its work yet."""
+        self._posted.append(request)
+
     def close(self) -> None:
         """Ends the loop; returns at once."""
         self._closing.set()
@@ -150,7 +154,7 @@ class ReceiveLoop:
         if heard_s is not None:
             self._connection.on_heard(heard_s)
         self._connection.tick(now_s)
-        while self._posted:
+        for _ in range(len(self._posted)):  # those that are retried wait for the next tick
             self._posted.popleft()(now_s)
         self._discovery.tick(now_s)
 

@@ -28,6 +28,8 @@ SILENCE_S = 3.0
 """After a silence this long everything is requested anew: the autopilot may have booted, or be another one."""
 OLD_EVENT_S = 1.0
 """An event of PX4 that is this much older than the newest time since boot is a repetition."""
+HOME_REQUEST_S = 0.2
+"""How often home is requested while the one of the present arming is not known."""
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
@@ -59,6 +61,7 @@ class Session:
         self._next_setup_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
         self._next_own_heartbeat_s = -math.inf
+        self._next_home_request_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
         """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -124,6 +127,9 @@ class Session:
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
+        if self.telemetry.is_home_missing and now_s >= self._next_home_request_s:
+            self._next_home_request_s = now_s + HOME_REQUEST_S
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""

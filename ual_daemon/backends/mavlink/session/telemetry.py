@@ -55,6 +55,7 @@ class Telemetry:
         self._projection: Projection | None = None
         self._home_altitude_amsl_m: float | None = None
         self._geoid_separation_m: float | None = None
+        self._has_rangefinder = False
         self._battery: Battery | None = None
         self._gps: GpsInfo | None = None
         self._status_text = StatusText()
@@ -125,9 +126,22 @@ class Telemetry:
         self._sequence.update(sequence, now_s)
 
     def set_armed(self, is_armed: bool, now_s: float) -> None:
-        """Takes from an event, ahead of the next heartbeat, that it was armed or disarmed."""
-        if self._is_newest("armed", now_s):
-            self._armed = Sample(is_armed, now_s)
+        """Takes from a heartbeat, or from an event ahead of it, that it is armed or disarmed.
+
+        Autopilots move home to where they are armed. So the home from before the arming, or from before a time in which
+        it may have been armed, is not known any more; and a message from before it does not bring it back.
+        """
+        if not self._is_newest("armed", now_s):
+            return
+        if is_armed and not (self._armed is not None and self._armed.value):
+            self._home_altitude_amsl_m = None
+            self._is_newest("home", now_s)
+        self._armed = Sample(is_armed, now_s)
+
+    @property
+    def is_home_missing(self) -> bool:
+        """Whether it is armed, and the home that it has since is not known."""
+        return self._home_altitude_amsl_m is None and self._armed is not None and self._armed.value
 
     @property
     def heard_s(self) -> float | None:
@@ -179,6 +193,7 @@ class Telemetry:
             battery=self._battery,
             gps=self._gps,
             status_text=self._status_text.text,
+            has_rangefinder=self._has_rangefinder,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -194,8 +209,7 @@ class Telemetry:
         return True
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("armed", now_s):
-            self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
+        self.set_armed(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
         self.is_hardware_in_the_loop = bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
         self._on_mode(message, now_s, _)
 
@@ -249,9 +263,9 @@ class Telemetry:
         if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
             self._projection = self._dialect.projection(latitude_deg, longitude_deg, altitude_m)
 
-    def _on_home_position(self, message: Message, _now_s: float, _: float) -> None:
+    def _on_home_position(self, message: Message, now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)
-        if self.plausibility.accepts_altitude(altitude_m):
+        if self._is_newest("home", now_s) and self.plausibility.accepts_altitude(altitude_m):
             self._home_altitude_amsl_m = altitude_m
 
     def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:
@@ -263,6 +277,9 @@ class Telemetry:
 
     def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
         self.is_ready_to_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+        self._has_rangefinder = bool(
+            message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+        )
         found = battery(message)
         if found is None or self.plausibility.accepts_battery(found):
             self._battery = found
