@@ -76,7 +76,8 @@ class Snapshot(NamedTuple):
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
     above the ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the
-    autopilot uses a distance sensor that looks down. `sequence` numbers the updates of a
+    autopilot uses a distance sensor that looks down. `conflict` says for people why it is not sure that the values are
+    those of one vehicle; nothing may be flown then. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count.
     """
@@ -99,6 +100,7 @@ class Snapshot(NamedTuple):
     status_text: str = ""
     sequence: int = 0
     has_rangefinder: bool = False
+    conflict: str = ""
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
@@ -133,7 +135,7 @@ class VehicleInfo:
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
-    Only setpoints that `takes` allows are sent.
+    Only setpoints that `takes` allows are sent. `limitation` says for people why it has fewer capabilities than others.
     """
 
     autopilot: str = ""
@@ -143,6 +145,7 @@ class VehicleInfo:
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
+    limitation: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,11 @@ class Flight:
         return self._backend.info().takes
 
     @property
+    def limitation(self) -> str:
+        """Why the vehicle has fewer capabilities than others; empty if it has not."""
+        return self._backend.info().limitation
+
+    @property
     def is_busy(self) -> bool:
         """Whether the next update has something to do."""
         is_idle = self._manoeuvre is None and self._reference is None

@@ -57,6 +57,8 @@ def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
         return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
+    if snapshot.conflict:
+        return Estimate(State.UNINITIALIZED, snapshot.conflict)
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
         return Estimate(
@@ -85,7 +87,7 @@ def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
     now_s = snapshot.time_s
     heard_s, landed = snapshot.heard_s, snapshot.landed
     armed, mode, estimator, pose = snapshot.armed, snapshot.mode, snapshot.estimator, snapshot.pose
-    if heard_s is None or armed is None or mode is None or estimator is None or pose is None:
+    if heard_s is None or snapshot.conflict or armed is None or mode is None or estimator is None or pose is None:
         return False
     return (
         now_s - heard_s <= freshness.link_s

@@ -10,7 +10,7 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, UalError
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, HomeUnknownError
@@ -85,7 +85,7 @@ class MavlinkBackend(Backend):
     def send(self, setpoint: Setpoint) -> None:
         now_s = self.clock.now_s()
         discovery, session = self._discovery, self._session_in_reach(now_s)
-        if discovery is None or session is None:
+        if discovery is None or session is None or session.telemetry.conflict:
             return
         message = session.setpoint_encoder.encode(setpoint, now_s)
         if discovery.sender.send(message, is_perishable=True):
@@ -138,6 +138,9 @@ class MavlinkBackend(Backend):
         session, loop = self._session_in_reach(asked_s), self._loop
         if session is None or loop is None:
             result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
+            return result
+        if session.telemetry.conflict:
+            result.set_exception(RejectedByAutopilotError(f"cannot {what}: {session.telemetry.conflict}"))
             return result
 
         def submit(now_s: float) -> None:

@@ -93,6 +93,9 @@ _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
+_COPTER_VTOL_STATES = (mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_MC)
+_PLANE_PARAMETER = "Q_ENABLE"
+"""A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
 
 _NEAR_HOME_M = 1.0
 """How far above or below home its estimate of height may wander; see `_above_home_m`."""
@@ -128,6 +131,7 @@ class ArduCopter(Dialect):
         "PSC_JERK_Z",
         "ATC_SLEW_YAW",
         _SIMULATION_PARAMETER,
+        _PLANE_PARAMETER,
     )
 
     @override
@@ -159,6 +163,10 @@ class ArduCopter(Dialect):
         ]
 
     @override
+    def parameter_value(self, message: Message) -> float | None:
+        return float(message.param_value)  # integers too, as numbers
+
+    @override
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
@@ -173,6 +181,10 @@ class ArduCopter(Dialect):
         if _SIMULATION_PARAMETER not in parameters:
             return SimulationVerdict(None, f"it has not sent {_SIMULATION_PARAMETER}, which only simulators have")
         return SimulationVerdict(True)
+
+    @override
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        return vtol_state in _COPTER_VTOL_STATES and _PLANE_PARAMETER not in parameters
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:

@@ -68,6 +68,8 @@ class Dialect(ABC):
     """One kind of autopilot. Stateless: callers pass everything that it needs."""
 
     name: str
+    limitation = ""
+    """See `ual_daemon.backends.values.VehicleInfo`."""
     capabilities: frozenset[Capability] = frozenset()
     sends_landed_state = False
     """Whether EXTENDED_SYS_STATE is sure to come."""
@@ -110,6 +112,10 @@ class Dialect(ABC):
     def streams(self, pose_rate_hz: float) -> list[CommandLong]:
         """Returns the requests for the messages that we need as streams."""
 
+    def parameter_value(self, message: Message) -> float | None:
+        """Returns the value in a PARAM_VALUE; None for a type that the autopilot is not known to send."""
+        return float(message.param_value) if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else None
+
     @abstractmethod
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
@@ -125,6 +131,13 @@ class Dialect(ABC):
     def can_be_armed_in(self, mode: str) -> bool:
         """Returns whether it can be armed in the mode of this name; `arm` leaves those in which it cannot."""
         return mode not in self.unarmable_modes
+
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        """Returns whether it can be the multirotor that its heartbeat says, by its MAV_VTOL_STATE and its parameters.
+
+        A VTOL may be set up to call itself a quadrotor.
+        """
+        return True
 
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:

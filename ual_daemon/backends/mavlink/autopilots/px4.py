@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -135,6 +136,14 @@ class Px4(Dialect):
         ]
 
     @override
+    def parameter_value(self, message: Message) -> float | None:
+        if message.param_type != mavlink.MAV_PARAM_TYPE_INT32:
+            return super().parameter_value(message)
+        # The bytes of an integer stand in the place of the number.
+        (value,) = struct.unpack("<i", struct.pack("<f", message.param_value))
+        return float(value)
+
+    @override
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
@@ -147,6 +156,10 @@ class Px4(Dialect):
     @override
     def event(self, frame: Frame, mode: str) -> Event:
         return px4_events.read(frame, mode)
+
+    @override
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        return vtol_state == int(mavlink.MAV_VTOL_STATE_UNDEFINED)
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:

@@ -53,6 +53,8 @@ class ReceiveLoop:
         self._on_update = on_update
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
+        self._session: Session | None = None
+        """The session that `info` is about."""
         self._pose: Sample[Pose] | None
         self._reset_schedule()
 
@@ -120,7 +122,8 @@ class ReceiveLoop:
     def _publish_if_due(self, now_s: float) -> bool:
         """Publishes a new pose at once, and otherwise every `TICK_S`. Returns whether the pose is new."""
         session = self._discovery.session
-        if session is not None and not self.info.autopilot:
+        if session is not self._session and session is not None:
+            self._session = session
             self._on_dialect(session.dialect)
             self.info = session.info()
         newest = None if session is None else session.telemetry.pose

@@ -6,13 +6,17 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import NamedTuple
 
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
 from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
+from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
+from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -34,12 +38,20 @@ STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
 
+class Successor(NamedTuple):
+    """The vehicle of the session that has to follow: what its heartbeats say, and what it is."""
+
+    heartbeats_kind: Kind
+    kind: Kind
+
+
 class Session:
     """The session with the autopilot of a system. `setpoints_s` is as for `CommandSender`."""
 
     def __init__(
         self,
         system_id: int,
+        kind: Kind,
         dialect: Dialect,
         settings: MavlinkSettings,
         sender: Sender,
@@ -48,6 +60,9 @@ class Session:
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
+        self.identity = Identity(system_id, kind)
+        self.successor: Successor | None = None
+        """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
         self.telemetry = Telemetry(dialect)
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward() if learns else None
@@ -80,14 +95,35 @@ class Session:
         """Whether a command is under way, or a heartbeat is wanted at once, so that `tick` should be called often."""
         return self._heartbeats.is_wanted or self._commands.is_any_under_way
 
-    def on_message(self, frame: Frame, message: Message | None, now_s: float, utc_now_s: float) -> None:
+    def on_message(
+        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+    ) -> None:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
         self._end_silence(now_s)
-        if message is None:
+        self._identify(frame, message, address, now_s)
+        if self.identity.conflict or self.successor is not None:
+            self.telemetry.on_frame(frame.sequence, now_s)
+        elif message is None:
             self._on_undecoded(frame, now_s)
         else:
             self._on_decoded(message, now_s, utc_now_s)
+
+    def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
+        """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
+        identity = self.identity
+        identity.on_frame(frame.sequence, address, now_s)
+        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        if boot_ms > 0:
+            identity.on_boot_time(boot_ms / 1000.0, now_s)
+        if message is not None and frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            kind = kind_of(message)
+            if identity.on_heartbeat(kind, now_s):
+                self.successor = Successor(kind, kind)
+        if identity.conflict and not self.telemetry.conflict:
+            self.discard_state()
+            self._commands.drop(now_s)
+        self.telemetry.conflict = identity.conflict
 
     def discard_state(self) -> None:
         """Discards all that may have changed, as `Telemetry.discard_state` does, and requests a heartbeat at once."""
@@ -122,6 +158,9 @@ class Session:
             _log.info("%s is heard, but sends no attitude any more: requesting everything anew", self.dialect.name)
             self._next_setup_s = now_s + STREAMLESS_S
             self._setup = self._new_setup()
+        self.identity.tick(now_s)
+        self.telemetry.conflict = self.identity.conflict
+        self._check_multirotor()
         self._setup.tick(now_s)
         self._commands.tick(now_s)
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
@@ -130,6 +169,13 @@ class Session:
         if self.telemetry.is_home_missing and now_s >= self._next_home_request_s:
             self._next_home_request_s = now_s + HOME_REQUEST_S
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
+
+    def _check_multirotor(self) -> None:
+        telemetry = self.telemetry
+        if self.successor is None and not self.dialect.is_multirotor(telemetry.vtol_state, telemetry.parameters):
+            _log.warning("%s calls itself a multirotor, but is a VTOL: it is only watched", self.dialect.name)
+            kind = self.identity.kind
+            self.successor = Successor(kind, Kind(kind.autopilot, mavlink.MAV_TYPE_VTOL_QUADROTOR))
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
@@ -162,6 +208,7 @@ class Session:
             capabilities=dialect.capabilities,
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
+            limitation=dialect.limitation,
         )
 
     def _end_silence(self, now_s: float) -> None:

@@ -62,6 +62,10 @@ class Telemetry:
         self.version: Message | None = None
         """The autopilot's AUTOPILOT_VERSION."""
         self.is_hardware_in_the_loop = False
+        self.vtol_state = 0
+        """Its newest MAV_VTOL_STATE."""
+        self.conflict = ""
+        """See `ual_daemon.backends.values.Snapshot`."""
         self.is_mode_doubtful = False
         """Whether a message that seemed late has another mode: the safety pilot's new one, if many messages before it
         were lost. The caller should request a heartbeat, and sets this back."""
@@ -194,6 +198,7 @@ class Telemetry:
             gps=self._gps,
             status_text=self._status_text.text,
             has_rangefinder=self._has_rangefinder,
+            conflict=self.conflict,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -223,6 +228,7 @@ class Telemetry:
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("landed", now_s):
             self._landed = Sample(landed_state(message.landed_state), now_s)
+            self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("estimator", now_s):
@@ -292,8 +298,9 @@ class Telemetry:
 
     def _on_param_value(self, message: Message, _now_s: float, _: float) -> None:
         """Takes those that are used: a ground station may have it send a thousand others."""
-        name, value = message.param_id, message.param_value
-        if name not in self._dialect.parameters or message.param_type != mavlink.MAV_PARAM_TYPE_REAL32:
+        name = message.param_id
+        if name not in self._dialect.parameters:
             return
-        if self.plausibility.accepts_parameter(name, value):
+        value = self._dialect.parameter_value(message)
+        if value is not None and self.plausibility.accepts_parameter(name, value):
             self.parameters[name] = value
