@@ -113,6 +113,13 @@ class ArduPilot(Autopilot):
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
             "SIM_SPEEDUP": 1.0,
+            "FENCE_ENABLE": 0,
+            "FENCE_AUTOENABLE": 0,
+            "FENCE_TYPE": 7,
+            "FENCE_RADIUS": 300.0,
+            "FENCE_ALT_MAX": 100.0,
+            "FENCE_ALT_MIN": -10.0,
+            "FENCE_TOTAL": 0,
             "FLTMODE1": LOITER,
             "FLTMODE2": LOITER,
             "FLTMODE3": STABILIZE,
@@ -303,6 +310,8 @@ class ArduPilot(Autopilot):
         if is_offset:
             x, y, z = (p + here for p, here in zip(position, self.position, strict=True))
             position = (x, y, z)
+        if has_position and self._is_beyond_fence(position):
+            return  # silently
         zero = (0.0, 0.0, 0.0)
         velocity = self._turned((message.vx, message.vy, message.vz), is_body=is_body) if has_velocity else zero
         yaw_rad, yaw_rate_rad_s = self._yaw_of(message, velocity, is_body=is_body)
@@ -313,6 +322,14 @@ class ArduPilot(Autopilot):
             yaw_rad,
             yaw_rate_rad_s,
         )
+
+    def _is_beyond_fence(self, position: Vector) -> bool:
+        p, home = self.parameters, self.home
+        if not p["FENCE_ENABLE"] or home is None:
+            return False
+        kinds = int(p["FENCE_TYPE"])
+        is_high = kinds & 1 and home[2] - position[2] > p["FENCE_ALT_MAX"]
+        return bool(is_high or (kinds & 2 and math.dist(position[:2], home[:2]) > p["FENCE_RADIUS"]))
 
     def _yaw_of(self, message: Message, velocity: Vector, *, is_body: bool) -> tuple[float | None, float]:
         """Returns the heading and yaw rate of a setpoint. Without both, the nose turns to the direction of flight."""
@@ -371,6 +388,9 @@ class ArduPilot(Autopilot):
             self.set_mode(LAND)
         if self._has_radio and self.now_s - self.sticks_s > _RADIO_LOST_S and self.mode not in (LAND, RTL):
             self.say("Radio Failsafe - RTL")
+            self.set_mode(RTL)
+        if not self._is_landed and self._is_beyond_fence(self.position) and self.mode not in (LAND, RTL):
+            self.say("Circle fence breached")
             self.set_mode(RTL)
         if self._is_landed and self._takeoff is None:
             since_s = self.now_s - max(self.armed_s, self._landed_s)

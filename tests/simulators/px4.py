@@ -183,6 +183,9 @@ class Px4(Autopilot):
             "MPC_LAND_SPEED": 0.7,
             "MIS_TAKEOFF_ALT": 2.5,
             "COM_RC_OVERRIDE": 1,
+            "GF_ACTION": 2,
+            "GF_MAX_HOR_DIST": 0.0,
+            "GF_MAX_VER_DIST": 0.0,
             "COM_DISARM_LAND": _LANDED_DISARM_S,
             "COM_DISARM_PRFLT": _IDLE_DISARM_S,
         }

@@ -68,13 +68,41 @@ class Sample(Generic[T_co]):
     time_s: float
 
 
+class FenceLimit(NamedTuple):
+    """One limit of an autopilot's own fence: metres, and the name of the autopilot's parameter."""
+
+    value_m: float
+    parameter: str
+
+
+class OwnFence(NamedTuple):
+    """The fence that the autopilot itself applies around its home; None: no such limit. Heights are above home.
+
+    `unread` says for people what else it has that is not known here, such as a polygon; empty if there is nothing.
+    """
+
+    radius: FenceLimit | None = None
+    highest: FenceLimit | None = None
+    lowest: FenceLimit | None = None
+    unread: str = ""
+
+    @property
+    def limits(self) -> tuple[FenceLimit, ...]:
+        """All limits that it has."""
+        return tuple(each for each in (self.radius, self.highest, self.lowest) if each is not None)
+
+
+NO_FENCE = OwnFence()
+
+
 class Snapshot(NamedTuple):
     """The newest values from the autopilot; None for a value that it has not sent (yet).
 
     `time_s` is when the snapshot was taken and `heard_s` when the last message came from the autopilot, both on the
     backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
-    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
+    does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `home` is its place in the local
+    frame. `own_fence` is the autopilot's own fence; None if it has no limit. `geoid_separation_m` is the height
     above the ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the
     autopilot uses a distance sensor that looks down. `conflict` says for people why it is not sure that the values are
     those of one vehicle; nothing may be flown then. `sequence` numbers the updates of a
@@ -101,6 +129,8 @@ class Snapshot(NamedTuple):
     sequence: int = 0
     has_rangefinder: bool = False
     conflict: str = ""
+    home: Vector3 | None = None
+    own_fence: OwnFence | None = None
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""

@@ -14,6 +14,7 @@ from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.own_fence import breach_text
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -109,8 +110,14 @@ def why_blind(estimate: Estimate, during: str) -> UalError | None:
 
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
-    """Returns the error of a manoeuvre that ended because the safety pilot took over."""
+    """Returns the error of a manoeuvre that ended because the safety pilot took over, or the autopilot at its fence."""
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    breach = breach_text(snapshot)
+    if breach:
+        return TaskAbortedError(
+            f"{during}: {breach}, and is in mode {mode} now",
+            {"by": "fence", "state": State.FLYING_MANUAL.name, "mode": mode},
+        )
     return TaskAbortedError(
         f"{during}: the safety pilot took over (the autopilot is in mode {mode}); "
         "recover_from_manual takes control back",

@@ -28,16 +28,19 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     Dialect,
     HomeUnknownError,
     SimulationVerdict,
+    fence_limit,
     positive_parameter,
 )
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
+    NO_FENCE,
     Control,
     Estimator,
     Freshness,
     LandedState,
     Mode,
+    OwnFence,
     PositionSetpoint,
     Setpoint,
     Snapshot,
@@ -93,6 +96,8 @@ _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
+_FENCE_ALT_MAX, _FENCE_CIRCLE, _FENCE_POLYGON, _FENCE_ALT_MIN = 1, 2, 4, 8
+"""The bits of FENCE_TYPE."""
 _COPTER_VTOL_STATES = (mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_MC)
 _PLANE_PARAMETER = "Q_ENABLE"
 """A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
@@ -132,7 +137,15 @@ class ArduCopter(Dialect):
         "ATC_SLEW_YAW",
         _SIMULATION_PARAMETER,
         _PLANE_PARAMETER,
+        "FENCE_ENABLE",
+        "FENCE_AUTOENABLE",
+        "FENCE_TYPE",
+        "FENCE_RADIUS",
+        "FENCE_ALT_MAX",
+        "FENCE_ALT_MIN",
+        "FENCE_TOTAL",
     )
+    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE"})
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -201,6 +214,19 @@ class ArduCopter(Dialect):
             horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2, ACCELERATION_SHARE),
             vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2, ACCELERATION_SHARE),
             yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
+        )
+
+    @override
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
+            return NO_FENCE
+        kinds, corners = int(parameters.get("FENCE_TYPE", 0.0)), int(parameters.get("FENCE_TOTAL", 0.0))
+        unread = f"its polygons and circles (FENCE_TOTAL {corners})" if kinds & _FENCE_POLYGON and corners else ""
+        return OwnFence(
+            fence_limit(parameters, "FENCE_RADIUS") if kinds & _FENCE_CIRCLE else None,
+            fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
+            fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
+            unread,
         )
 
     @override

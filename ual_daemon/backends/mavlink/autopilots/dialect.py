@@ -12,7 +12,16 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, arm_or_disarm
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import Estimator, Freshness, Mode, Setpoint, Snapshot
+from ual_daemon.backends.values import (
+    NO_FENCE,
+    Estimator,
+    FenceLimit,
+    Freshness,
+    Mode,
+    OwnFence,
+    Setpoint,
+    Snapshot,
+)
 from ual_daemon.geodesy import Projection
 
 _ESTIMATOR_NEEDS = {
@@ -93,7 +102,9 @@ class Dialect(ABC):
     changing_messages: frozenset[int] = frozenset()
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
     parameters: tuple[str, ...] = ()
-    """Parameters to read: those that `limits` uses."""
+    """Parameters to read: those that `limits` and `own_fence` use."""
+    optional_parameters: frozenset[str] = frozenset()
+    """Those of `parameters` that it need not have."""
 
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:
@@ -142,6 +153,13 @@ class Dialect(ABC):
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         """Returns its limits, by the parameters read so far."""
+
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        """Returns the fence that it applies itself, by the parameters read so far.
+
+        `is_enabled` says that its SYS_STATUS shows a fence in use: a switch may have enabled it.
+        """
+        return NO_FENCE
 
     @abstractmethod
     def encode_setpoint(
@@ -205,6 +223,12 @@ def version_text(number: int) -> str:
     major, minor, patch, release = number >> 24, number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF
     kind = _RELEASE[min(-(-release // _RELEASE_STEP), len(_RELEASE) - 1)]
     return f"{major}.{minor}.{patch} {kind}".rstrip()
+
+
+def fence_limit(parameters: Mapping[str, float], name: str, *, least: float = 0.0) -> FenceLimit | None:
+    """Returns the limit that a parameter sets; None where it is not known, or not above `least`."""
+    value = parameters.get(name)
+    return None if value is None or value <= least else FenceLimit(value, name)
 
 
 def positive_parameter(

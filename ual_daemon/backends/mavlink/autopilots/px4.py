@@ -24,12 +24,13 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     Dialect,
     Event,
     SimulationVerdict,
+    fence_limit,
     positive_parameter,
 )
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
+from ual_daemon.backends.values import NO_FENCE, Control, Mode, OwnFence, Setpoint, Snapshot
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -112,6 +113,9 @@ class Px4(Dialect):
         "MPC_ACC_UP_MAX",
         "MPC_ACC_DOWN_MAX",
         "MPC_YAWRAUTO_MAX",
+        "GF_ACTION",
+        "GF_MAX_HOR_DIST",
+        "GF_MAX_VER_DIST",
     )
 
     @override
@@ -177,6 +181,16 @@ class Px4(Dialect):
                 (value * share for value in accelerations if value > 0.0), default=default.vertical_acceleration_m_s2
             ),
             yaw_rate_rad_s=math.radians(yaw_rate_deg_s),
+        )
+
+    @override
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        if not parameters.get("GF_ACTION"):
+            return NO_FENCE
+        return OwnFence(
+            fence_limit(parameters, "GF_MAX_HOR_DIST"),
+            fence_limit(parameters, "GF_MAX_VER_DIST"),
+            unread="a fence of polygons, if it has one",
         )
 
     @override

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon import logs
 from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
@@ -15,8 +17,10 @@ from ual_daemon.backends.mavlink.session.plausibility import Plausibility
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, NO_FENCE, Estimator, LandedState, Mode, OwnFence, Sample, Snapshot
 from ual_daemon.geodesy import Projection
+
+_log = logging.getLogger(__name__)
 
 ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
@@ -54,6 +58,11 @@ class Telemetry:
         self.discard_state()
         self._projection: Projection | None = None
         self._home_altitude_amsl_m: float | None = None
+        self._home_deg = (0.0, 0.0)
+        self._home: Vector3 | None = None
+        self._is_fence_enabled = False
+        self._own_fence = NO_FENCE
+        self._own_limits: OwnFence | None = None
         self._geoid_separation_m: float | None = None
         self._has_rangefinder = False
         self._battery: Battery | None = None
@@ -108,7 +117,7 @@ class Telemetry:
         self.parameters.clear()
         self.version = None
         self._projection = None
-        self._home_altitude_amsl_m = None
+        self._home_altitude_amsl_m = self._home = None
 
     @property
     def decoded_ids(self) -> frozenset[int]:
@@ -138,7 +147,7 @@ class Telemetry:
         if not self._is_newest("armed", now_s):
             return
         if is_armed and not (self._armed is not None and self._armed.value):
-            self._home_altitude_amsl_m = None
+            self._home_altitude_amsl_m = self._home = None
             self._is_newest("home", now_s)
         self._armed = Sample(is_armed, now_s)
 
@@ -199,6 +208,8 @@ class Telemetry:
             status_text=self._status_text.text,
             has_rangefinder=self._has_rangefinder,
             conflict=self.conflict,
+            home=self._home,
+            own_fence=self._own_limits,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -268,11 +279,20 @@ class Telemetry:
         altitude_m, judge = milli(message.altitude), self.plausibility
         if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
             self._projection = self._dialect.projection(latitude_deg, longitude_deg, altitude_m)
+            self._place_home()
 
     def _on_home_position(self, message: Message, now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)
         if self._is_newest("home", now_s) and self.plausibility.accepts_altitude(altitude_m):
             self._home_altitude_amsl_m = altitude_m
+            self._home_deg = degrees(message.latitude), degrees(message.longitude)
+            self._place_home()
+
+    def _place_home(self) -> None:
+        altitude_m, projection = self._home_altitude_amsl_m, self._projection
+        self._home = (
+            None if altitude_m is None or projection is None else projection.to_local(*self._home_deg, altitude_m)
+        )
 
     def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:
         self._gps = gps_info(message)
@@ -286,6 +306,10 @@ class Telemetry:
         self._has_rangefinder = bool(
             message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
         )
+        is_enabled = bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE)
+        if is_enabled is not self._is_fence_enabled:
+            self._is_fence_enabled = is_enabled
+            self._update_fence()
         found = battery(message)
         if found is None or self.plausibility.accepts_battery(found):
             self._battery = found
@@ -304,3 +328,13 @@ class Telemetry:
         value = self._dialect.parameter_value(message)
         if value is not None and self.plausibility.accepts_parameter(name, value):
             self.parameters[name] = value
+            self._update_fence()
+
+    def _update_fence(self) -> None:
+        fence = self._dialect.own_fence(self.parameters, is_enabled=self._is_fence_enabled)
+        if fence == self._own_fence:
+            return
+        self._own_fence = fence
+        self._own_limits = fence if fence.limits else None
+        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
+        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)
