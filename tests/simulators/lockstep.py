@@ -42,7 +42,8 @@ class LockstepBackend(MavlinkBackend):
         self._speed = speed
 
     def open(self, on_update: UpdateCallback) -> None:
-        self._start(_Connection(self.autopilot, self._port, self._speed), on_update)
+        self.connection = _Connection(self.autopilot, self._port, self._speed)
+        self._start(self.connection, on_update)
 
     def simulation(self) -> Simulation:
         return PilotSimulation(self.autopilot)
@@ -86,6 +87,8 @@ class _Connection(Connection):
         self._port = port
         self._speed = speed
         self._due_s = time.monotonic()
+        self.pause_s = 0.0
+        """For so long the daemon does not run, once; what comes meanwhile waits."""
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
         self._due_s += STEP_S / self._speed
@@ -94,7 +97,8 @@ class _Connection(Connection):
             time.sleep(wait_s)
         elif wait_s < -_LATE_S:
             self._due_s -= wait_s
-        self._autopilot.step()
+        pause_s, self.pause_s = self.pause_s, 0.0
+        self._autopilot.run(pause_s + STEP_S)
         chunks: list[Chunk] = [(data, _ADDRESS) for _, data in self._port.sent]
         self._port.sent.clear()
         return chunks

@@ -6,6 +6,7 @@ forward, y left, z up.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
@@ -165,7 +166,9 @@ class VehicleInfo:
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
-    Only setpoints that `takes` allows are sent. `limitation` says for people why it has fewer capabilities than others.
+    Only setpoints that `takes` allows are sent. `cruise_speed_m_s` is the horizontal speed at which the autopilot
+    itself flies to a goal, where nobody asks for another one. `limitation` says for people why it has fewer
+    capabilities than others.
     """
 
     autopilot: str = ""
@@ -176,6 +179,7 @@ class VehicleInfo:
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
     limitation: str = ""
+    cruise_speed_m_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
-from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 HOME_PATIENCE_S = 2.0
@@ -124,12 +124,12 @@ class MavlinkBackend(Backend):
         discovery = self._discovery = Discovery(
             self._settings, connection, self.url, self._setpoints.duration_s, self._signer
         )
-        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_dialect, on_update)
+        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
         self._thread = threading.Thread(target=loop.run, name=f"mavlink {self.options.ns}", daemon=True)
         self._thread.start()
 
-    def _use_dialect(self, dialect: Dialect) -> None:
-        self.freshness = dialect.freshness
+    def _use_freshness(self, freshness: Freshness) -> None:
+        self.freshness = freshness
 
     def _command(self, what: str, make: Callable[[Dialect], CommandLong]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -153,6 +154,17 @@ class Dialect(ABC):
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         """Returns its limits, by the parameters read so far."""
+
+    def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
+        return math.inf
+
+    def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns after how long without setpoints it leaves the mode in which it follows them, by itself.
+
+        Setpoints that come again then bring it back unasked, so UAL must not go on after as long a gap.
+        """
+        return math.inf
 
     def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
         """Returns the fence that it applies itself, by the parameters read so far.

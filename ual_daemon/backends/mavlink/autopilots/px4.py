@@ -80,6 +80,8 @@ _UNARMABLE = frozenset(
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
 """How long setpoints must have come before PX4 accepts OFFBOARD: without them it refuses the mode, or the arming."""
 
+_SHORTEST_LOSS_S = 0.2
+"""A COM_OF_LOSS_T below this is not followed: each jitter of the link would be a lost link."""
 _SIMULATION_UID = int.from_bytes(b"ONIDLATI", "little")
 """The unique id of the first vehicle of PX4's simulator (its board says ``SIMULATIONID0000``). The ids of the next ones
 are higher by their system id."""
@@ -113,6 +115,8 @@ class Px4(Dialect):
         "MPC_ACC_UP_MAX",
         "MPC_ACC_DOWN_MAX",
         "MPC_YAWRAUTO_MAX",
+        "MPC_XY_CRUISE",
+        "COM_OF_LOSS_T",
         "GF_ACTION",
         "GF_MAX_HOR_DIST",
         "GF_MAX_VER_DIST",
@@ -182,6 +186,14 @@ class Px4(Dialect):
             ),
             yaw_rate_rad_s=math.radians(yaw_rate_deg_s),
         )
+
+    @override
+    def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
+        return positive_parameter(parameters, "MPC_XY_CRUISE", math.inf)
+
+    @override
+    def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
+        return max(_SHORTEST_LOSS_S, parameters.get("COM_OF_LOSS_T", math.inf))
 
     @override
     def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
@@ -64,6 +65,8 @@ class Session:
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
         self.telemetry = Telemetry(dialect)
+        self.freshness = dialect.freshness
+        """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward() if learns else None
         self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
@@ -158,6 +161,7 @@ class Session:
             _log.info("%s is heard, but sends no attitude any more: requesting everything anew", self.dialect.name)
             self._next_setup_s = now_s + STREAMLESS_S
             self._setup = self._new_setup()
+        self._update_freshness()
         self.identity.tick(now_s)
         self.telemetry.conflict = self.identity.conflict
         self._check_multirotor()
@@ -169,6 +173,16 @@ class Session:
         if self.telemetry.is_home_missing and now_s >= self._next_home_request_s:
             self._next_home_request_s = now_s + HOME_REQUEST_S
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
+
+    def _update_freshness(self) -> None:
+        usual = self.dialect.freshness
+        link_s = min(usual.link_s, self.dialect.setpoints_lost_s(self.telemetry.parameters))
+        if link_s != self.freshness.link_s:
+            self.freshness = replace(usual, link_s=link_s)
+            self._supervision.lost_s = link_s
+            _log.info(
+                "%s waits %.2g s for setpoints: after so long a gap nothing is sent unasked", self.dialect.name, link_s
+            )
 
     def _check_multirotor(self) -> None:
         telemetry = self.telemetry
@@ -209,6 +223,7 @@ class Session:
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
             limitation=dialect.limitation,
+            cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
         )
 
     def _end_silence(self, now_s: float) -> None:
@@ -219,7 +234,7 @@ class Session:
         """
         heard_s = self.telemetry.heard_s
         silence_s = 0.0 if heard_s is None else now_s - heard_s
-        if silence_s > self.dialect.freshness.link_s:
+        if silence_s > self.freshness.link_s:
             self.discard_state()
         if silence_s > SILENCE_S:
             self.restart_setup()
