@@ -25,6 +25,8 @@ SPEED = 6.0
 _ADDRESS = ("127.0.0.1", 14580)
 _BEGIN_UTC_S = 1.8e9
 _LATE_S = 0.05
+_BATCH = 64
+"""So many datagrams are received at once."""
 
 
 class LockstepBackend(MavlinkBackend):
@@ -97,11 +99,13 @@ class _Connection(Connection):
             time.sleep(wait_s)
         elif wait_s < -_LATE_S:
             self._due_s -= wait_s
-        pause_s, self.pause_s = self.pause_s, 0.0
-        self._autopilot.run(pause_s + STEP_S)
-        chunks: list[Chunk] = [(data, _ADDRESS) for _, data in self._port.sent]
+        if len(self._port.sent) < _BATCH:  # else more waits already, as on a UDP link
+            pause_s, self.pause_s = self.pause_s, 0.0
+            self._autopilot.run(pause_s + STEP_S)
+        return [(self._port.sent.popleft()[1], _ADDRESS) for _ in range(min(_BATCH, len(self._port.sent)))]
+
+    def discard(self, now_s: float) -> None:
         self._port.sent.clear()
-        return chunks
 
 
 class _Link(Link):
