@@ -103,10 +103,11 @@ class Snapshot(NamedTuple):
     backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `home` is its place in the local
-    frame. `own_fence` is the autopilot's own fence; None if it has no limit. `geoid_separation_m` is the height
-    above the ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the
-    autopilot uses a distance sensor that looks down. `conflict` says for people why it is not sure that the values are
-    those of one vehicle; nothing may be flown then. `sequence` numbers the updates of a
+    frame. `own_fence` is the autopilot's own fence; None if it has no limit. `geoid_separation_m` is the height above
+    the ellipsoid minus the height above mean sea level, at this place. `has_rangefinder` says whether the autopilot
+    uses a distance sensor that looks down. `conflict` says for people why it is not sure that the values are those of
+    one vehicle; nothing may be flown then. `updated_s` is when the backend last had time to look for data (always, if
+    it does not say), and `own_pause` says for people that it had none lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count.
     """
@@ -132,6 +133,8 @@ class Snapshot(NamedTuple):
     conflict: str = ""
     home: Vector3 | None = None
     own_fence: OwnFence | None = None
+    updated_s: float = math.inf
+    own_pause: str = ""
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""

@@ -14,7 +14,7 @@ from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.session import Session, Successor
-from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message
 from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector
@@ -67,6 +67,11 @@ class Discovery(Selector):
         """Discards all that may have changed since it was received."""
         if self.session is not None:
             self.session.discard_state()
+
+    def release(self) -> None:
+        """Ends the session: the autopilot need not send what was requested any more."""
+        if self.session is not None and self.supervision.state is not LinkState.LOST:
+            self.session.release()
 
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""

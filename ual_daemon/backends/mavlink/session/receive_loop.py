@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -28,6 +29,9 @@ PAUSE_S = 1.0
 """When this thread was not scheduled for so long (a stopped process, a starved computer), the received data are old.
 PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old mode would take it back there. PX4's own
 limit (COM_OF_LOSS_T) counts where it is shorter."""
+
+PAUSE_SHOWN_S = 2.0
+"""After a pause of this thread the autopilot is not blamed for this long for what is missing."""
 
 
 class ReceiveLoop:
@@ -56,6 +60,8 @@ class ReceiveLoop:
         self._closing = threading.Event()
         self._session: Session | None = None
         """The session that `info` is about."""
+        self._own_pause = ("", -math.inf)
+        """What the last pause of this thread was, for people, and when it ended."""
         self._pose: Sample[Pose] | None
         self._reset_schedule()
 
@@ -78,6 +84,7 @@ class ReceiveLoop:
         try:
             while not self._closing.is_set():
                 self._receive_until_defect()
+            self._discovery.release()
         finally:
             self._connection.close()
             _log_statistics(self._discovery.link_statistics(self._clock.now_s()))
@@ -151,6 +158,7 @@ class ReceiveLoop:
             self._refresh_info(session)
 
     def _discard_old(self, now_s: float, pause_s: float) -> list[Chunk]:
+        self._own_pause = (f"this computer did not run UAL for {pause_s:.1f} s", now_s)
         _log.warning("this thread was not scheduled for %.1f s: requesting the autopilot's state anew", pause_s)
         self._connection.discard(now_s)
         self._discovery.discard_state()
@@ -175,6 +183,8 @@ class ReceiveLoop:
     def _publish(self, now_s: float) -> None:
         session, trouble = self._discovery.session, self._connection.trouble
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
+        why, paused_s = self._own_pause
+        snapshot = snapshot._replace(updated_s=now_s, own_pause=why if now_s - paused_s < PAUSE_SHOWN_S else "")
         if trouble:
             snapshot = snapshot._replace(status_text=trouble)
         self.snapshot = snapshot

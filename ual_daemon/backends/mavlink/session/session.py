@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import NamedTuple
 
+from ual_daemon import logs
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
@@ -75,6 +76,7 @@ class Session:
         self._sender = sender
         self._supervision = supervision
         self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
+        self._reported_missing: tuple[str, ...] = ()
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
@@ -300,7 +302,32 @@ class Session:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
     def _new_setup(self) -> SetupRequests:
-        return SetupRequests(self.dialect, self.telemetry, self._commands, self._request_parameter, self._pose_rate_hz)
+        return SetupRequests(
+            self.dialect,
+            self.telemetry,
+            self._commands,
+            self._request_parameter,
+            self._pose_rate_hz,
+            self._supervision.loss,
+            self._report_missing,
+        )
+
+    def _report_missing(self, names: tuple[str, ...]) -> None:
+        """Logs once what is assumed instead of parameters that the autopilot does not send."""
+        if names == self._reported_missing:
+            return
+        self._reported_missing = names
+        limits = self.info().limits
+        assumed = (
+            f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
+            f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+        )
+        logs.event(_log, logging.WARNING, "parameters_missing", names=", ".join(names), assumed=assumed)
+
+    def release(self) -> None:
+        """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""
+        for stream in self.dialect.streams(self._pose_rate_hz):
+            self._send_command(replace(stream, params=(stream.params[0], 0.0)), 0)
 
     def _send_command(self, command: CommandLong, sent_before_count: int) -> None:
         self._sender.send(command.encode(self.system_id, sent_before_count))
