@@ -55,6 +55,9 @@ _FRAMES = {
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 << 6, 1 << 10, 1 << 11
 
 
+RANGEFINDER_MAX_M = 40.0
+
+
 class ArduPilot(Autopilot):
     """An ArduCopter with any number of equal links. If `radio` is given, the pilot's transmitter is there.
 
@@ -81,6 +84,10 @@ class ArduPilot(Autopilot):
     ) -> None:
         self._radio = radio
         self.settle_s = settle_s
+        self.has_rangefinder = False
+        """Whether it uses a rangefinder, up to `RANGEFINDER_MAX_M`: a take-off then counts from the ground below."""
+        self.takeoff_error_m = 0.0
+        """How much higher a take-off leads than commanded."""
         rates_hz = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0, mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
         super().__init__(
             [Channel(port, rates_hz) for port in ([links] if isinstance(links, Port) else links)],
@@ -106,6 +113,13 @@ class ArduPilot(Autopilot):
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
             "SIM_SPEEDUP": 1.0,
+            "FENCE_ENABLE": 0,
+            "FENCE_AUTOENABLE": 0,
+            "FENCE_TYPE": 7,
+            "FENCE_RADIUS": 300.0,
+            "FENCE_ALT_MAX": 100.0,
+            "FENCE_ALT_MIN": -10.0,
+            "FENCE_TOTAL": 0,
             "FLTMODE1": LOITER,
             "FLTMODE2": LOITER,
             "FLTMODE3": STABILIZE,
@@ -266,10 +280,14 @@ class ArduPilot(Autopilot):
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             return ACCEPTED if self.set_mode(int(params[1])) else FAILED
         if command == mavlink.MAV_CMD_NAV_TAKEOFF:
-            if self.mode != GUIDED or not self.is_armed or not self._is_landed or self.home is None or params[6] <= 0.0:
+            if self.mode != GUIDED or not self.is_armed or not self._is_landed or self.home is None:
                 return FAILED
-            x, y, _ = self.position
-            self._takeoff = (self.home[2] - params[6], self.now_s)
+            x, y, z = self.position
+            if params[6] <= max(0.0, self.home[2] - z):  # not downwards
+                return FAILED
+            is_from_ground = self.has_rangefinder and params[6] < RANGEFINDER_MAX_M
+            base_z = z if is_from_ground else self.home[2]
+            self._takeoff = (base_z - params[6] - self.takeoff_error_m, self.now_s)
             self._target = Target((x, y, self._takeoff[0]), yaw_rad=self.body.yaw_rad)
             self._is_timed = False
             return ACCEPTED
@@ -301,6 +319,8 @@ class ArduPilot(Autopilot):
         if is_offset:
             x, y, z = (p + here for p, here in zip(position, self.position, strict=True))
             position = (x, y, z)
+        if has_position and self._is_beyond_fence(position):
+            return  # silently
         zero = (0.0, 0.0, 0.0)
         velocity = self._turned((message.vx, message.vy, message.vz), is_body=is_body) if has_velocity else zero
         yaw_rad, yaw_rate_rad_s = self._yaw_of(message, velocity, is_body=is_body)
@@ -311,6 +331,14 @@ class ArduPilot(Autopilot):
             yaw_rad,
             yaw_rate_rad_s,
         )
+
+    def _is_beyond_fence(self, position: Vector) -> bool:
+        p, home = self.parameters, self.home
+        if not p["FENCE_ENABLE"] or home is None:
+            return False
+        kinds = int(p["FENCE_TYPE"])
+        is_high = kinds & 1 and home[2] - position[2] > p["FENCE_ALT_MAX"]
+        return bool(is_high or (kinds & 2 and math.dist(position[:2], home[:2]) > p["FENCE_RADIUS"]))
 
     def _yaw_of(self, message: Message, velocity: Vector, *, is_body: bool) -> tuple[float | None, float]:
         """Returns the heading and yaw rate of a setpoint. Without both, the nose turns to the direction of flight."""
@@ -369,6 +397,9 @@ class ArduPilot(Autopilot):
             self.set_mode(LAND)
         if self._has_radio and self.now_s - self.sticks_s > _RADIO_LOST_S and self.mode not in (LAND, RTL):
             self.say("Radio Failsafe - RTL")
+            self.set_mode(RTL)
+        if not self._is_landed and self._is_beyond_fence(self.position) and self.mode not in (LAND, RTL):
+            self.say("Circle fence breached")
             self.set_mode(RTL)
         if self._is_landed and self._takeoff is None:
             since_s = self.now_s - max(self.armed_s, self._landed_s)
@@ -498,6 +529,10 @@ class ArduPilot(Autopilot):
 
     def _origin(self) -> Message | None:
         return super()._origin() if self.now_s >= self.settle_s else None
+
+    @property
+    def more_sensors(self) -> int:
+        return int(mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION) if self.has_rangefinder else 0
 
     def _ekf_status_report(self) -> Message:
         flags = _GOOD_FLAGS if self.has_position else _NO_POSITION_FLAGS

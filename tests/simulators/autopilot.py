@@ -559,9 +559,14 @@ class Autopilot(ABC):
         )
 
     def _sys_status(self) -> Message:
-        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK | self.more_sensors
         health = present if self.is_ready_to_arm else present & ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
         return mavlink.MAVLink_sys_status_message(present, present, health, 300, 16200, 1000, 90, 0, 0, 0, 0, 0, 0)
+
+    @property
+    def more_sensors(self) -> int:
+        """Sensors (MAV_SYS_STATUS_SENSOR) that it has beside the usual ones."""
+        return 0
 
     def _extended_sys_state(self) -> Message:
         return mavlink.MAVLink_extended_sys_state_message(self.vtol_state, self.landed_state)

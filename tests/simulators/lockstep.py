@@ -25,6 +25,8 @@ SPEED = 6.0
 _ADDRESS = ("127.0.0.1", 14580)
 _BEGIN_UTC_S = 1.8e9
 _LATE_S = 0.05
+_BATCH = 64
+"""So many datagrams are received at once."""
 
 
 class LockstepBackend(MavlinkBackend):
@@ -42,7 +44,8 @@ class LockstepBackend(MavlinkBackend):
         self._speed = speed
 
     def open(self, on_update: UpdateCallback) -> None:
-        self._start(_Connection(self.autopilot, self._port, self._speed), on_update)
+        self.connection = _Connection(self.autopilot, self._port, self._speed)
+        self._start(self.connection, on_update)
 
     def simulation(self) -> Simulation:
         return PilotSimulation(self.autopilot)
@@ -86,6 +89,8 @@ class _Connection(Connection):
         self._port = port
         self._speed = speed
         self._due_s = time.monotonic()
+        self.pause_s = 0.0
+        """For so long the daemon does not run, once; what comes meanwhile waits."""
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
         self._due_s += STEP_S / self._speed
@@ -94,10 +99,13 @@ class _Connection(Connection):
             time.sleep(wait_s)
         elif wait_s < -_LATE_S:
             self._due_s -= wait_s
-        self._autopilot.step()
-        chunks: list[Chunk] = [(data, _ADDRESS) for _, data in self._port.sent]
+        if len(self._port.sent) < _BATCH:  # else more waits already, as on a UDP link
+            pause_s, self.pause_s = self.pause_s, 0.0
+            self._autopilot.run(pause_s + STEP_S)
+        return [(self._port.sent.popleft()[1], _ADDRESS) for _ in range(min(_BATCH, len(self._port.sent)))]
+
+    def discard(self, now_s: float) -> None:
         self._port.sent.clear()
-        return chunks
 
 
 class _Link(Link):

@@ -47,8 +47,8 @@ _BASE_MODE = {MANUAL: 81, ALTCTL: 81, POSCTL: 81, STABILIZED: 81, OFFBOARD: 17}
 _BASE_MODE_AUTO = 29
 _STANDARD_MODE = {POSCTL: 1, ALTCTL: 4, RTL: 5, LAND: 7, TAKEOFF: 8}
 
-STREAM_LOST_S = 1.2
-"""The time from the last usable setpoint until it leaves OFFBOARD (COM_OF_LOSS_T is 1 s)."""
+STREAM_LOST_S = 0.2
+"""The time from the last usable setpoint until it leaves OFFBOARD, beyond COM_OF_LOSS_T."""
 _STREAM_FRESH_S = 0.5
 """How old a setpoint may be for OFFBOARD to be entered."""
 _SPOOL_UP_S = 1.0
@@ -184,6 +184,11 @@ class Px4(Autopilot):
             "MPC_LAND_SPEED": 0.7,
             "MIS_TAKEOFF_ALT": 2.5,
             "COM_RC_OVERRIDE": 1,
+            "MPC_XY_CRUISE": 5.0,
+            "COM_OF_LOSS_T": 1.0,
+            "GF_ACTION": 2,
+            "GF_MAX_HOR_DIST": 0.0,
+            "GF_MAX_VER_DIST": 0.0,
             "COM_DISARM_LAND": _LANDED_DISARM_S,
             "COM_DISARM_PRFLT": _IDLE_DISARM_S,
         }
@@ -451,7 +456,7 @@ class Px4(Autopilot):
         wanted = self.failsafe
         if is_blind and self.intention not in (ALTCTL, STABILIZED, MANUAL):
             wanted = ALTCTL
-        elif self.intention == OFFBOARD and silence_s > STREAM_LOST_S:
+        elif self.intention == OFFBOARD and silence_s > self.parameters["COM_OF_LOSS_T"] + STREAM_LOST_S:
             wanted = self.failsafe or (POSCTL if self.has_sticks else RTL)
         elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream:
             wanted = None  # when the stream is back, OFFBOARD returns by itself

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
+import time
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
@@ -27,15 +30,43 @@ def url(simulator: Simulator) -> str:
 @pytest.fixture(scope="session")
 def pilot(simulator: Simulator) -> Iterator[Transmitter]:
     """The safety pilot, for the whole session: PX4 talks to the first one only, and without him both return home."""
-    parts = urlsplit(simulator.pilot_url())
-    assert parts.hostname is not None
-    assert parts.port is not None
-    pilot = simulator.make_pilot(parts.hostname, parts.port)
+    host, port = address_of(simulator.pilot_url())
+    be_first_client(simulator.url())
+    wait_for_port(simulator.pilot_url())
+    pilot = simulator.make_pilot(host, port)
     try:
         pilot.begin()
         yield pilot
     finally:
         pilot.close()
+
+
+def address_of(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)
+    assert parts.hostname is not None
+    assert parts.port is not None
+    return parts.hostname, parts.port
+
+
+def be_first_client(url: str) -> None:
+    """Connects for a moment: ArduPilot's simulator begins, and opens its other ports, with the first client of 5760."""
+    if url.startswith("tcp:"):
+        with contextlib.suppress(OSError), socket.create_connection(address_of(url), timeout=5.0):
+            time.sleep(1.0)
+
+
+def wait_for_port(url: str, limit_s: float = 10.0) -> None:
+    """Returns once the port accepts connections; after the time limit anyway, as the pilot then says what is wrong."""
+    if not url.startswith("tcp:"):
+        return
+    until_s = time.monotonic() + limit_s
+    while time.monotonic() < until_s:
+        try:
+            socket.create_connection(address_of(url), timeout=1.0).close()
+        except OSError:
+            time.sleep(0.2)
+        else:
+            return
 
 
 @pytest.fixture

@@ -75,6 +75,17 @@ class Transmitter(ABC):
     def disarm(self) -> None:
         self._order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,), lambda: not self.is_armed, "disarmed")
 
+    def order(self, command: int, params: tuple[float, ...]) -> None:
+        """Sends a command once, as a ground station does."""
+        self._command(command, params)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Sets a parameter that is a number in floating point on the wire, as a ground station does."""
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        for _ in range(2):  # it may be lost
+            self._tell(mavlink.MAVLink_param_set_message(self._system_id, 1, name.encode(), value, kind))
+            time.sleep(0.3)
+
     def set_mode(self, custom_mode: int, main: float, sub: float = 0.0) -> None:
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)

@@ -6,6 +6,7 @@ forward, y left, z up.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
@@ -68,6 +69,33 @@ class Sample(Generic[T_co]):
     time_s: float
 
 
+class FenceLimit(NamedTuple):
+    """One limit of an autopilot's own fence: metres, and the name of the autopilot's parameter."""
+
+    value_m: float
+    parameter: str
+
+
+class OwnFence(NamedTuple):
+    """The fence that the autopilot itself applies around its home; None: no such limit. Heights are above home.
+
+    `unread` says for people what else it has that is not known here, such as a polygon; empty if there is nothing.
+    """
+
+    radius: FenceLimit | None = None
+    highest: FenceLimit | None = None
+    lowest: FenceLimit | None = None
+    unread: str = ""
+
+    @property
+    def limits(self) -> tuple[FenceLimit, ...]:
+        """All limits that it has."""
+        return tuple(each for each in (self.radius, self.highest, self.lowest) if each is not None)
+
+
+NO_FENCE = OwnFence()
+
+
 class Snapshot(NamedTuple):
     """The newest values from the autopilot; None for a value that it has not sent (yet).
 
@@ -75,8 +103,12 @@ class Snapshot(NamedTuple):
     backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
-    autopilot says so (its altitude is the former). `geoid_separation_m` is the height above the ellipsoid minus the
-    height above mean sea level, at this place. `sequence` numbers the updates of a
+    autopilot says so (its altitude is the former). `own_fence` is the autopilot's own fence; None if it has no limit.
+    `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
+    `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says for people why
+    it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
+    last had time to look for data (always, if it does not say), and `own_pause` says for people that it had none
+    lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
     its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
@@ -102,6 +134,19 @@ class Snapshot(NamedTuple):
     sequence: int = 0
     home_geo: GeoPoint | None = None
     boots_count: int = 0
+    has_rangefinder: bool = False
+    conflict: str = ""
+    own_fence: OwnFence | None = None
+    updated_s: float = math.inf
+    own_pause: str = ""
+
+    @property
+    def home(self) -> Vector3 | None:
+        """The autopilot's home in the local frame; None if that is not known."""
+        place, altitude_m, projection = self.home_geo, self.home_altitude_amsl_m, self.projection
+        if place is None or altitude_m is None or projection is None:
+            return None
+        return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
@@ -137,7 +182,9 @@ class VehicleInfo:
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
     Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
-    not used for another (`Backend.outlived`); it is empty while that is not known.
+    not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
+    speed at which the autopilot itself flies to a goal, where nobody asks for another one. `limitation` says for people
+    why it has fewer capabilities than others.
     """
 
     autopilot: str = ""
@@ -148,6 +195,8 @@ class VehicleInfo:
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
     identity: str = ""
+    limitation: str = ""
+    cruise_speed_m_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

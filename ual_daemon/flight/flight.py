@@ -11,9 +11,10 @@ import logging
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import NamedTuple
 
-from ual.errors import TaskAbortedError, UalError
+from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
@@ -76,6 +77,11 @@ class Flight:
     def takes(self) -> Takes:
         """Which setpoints the autopilot takes."""
         return self._backend.info().takes
+
+    @property
+    def limitation(self) -> str:
+        """Why the vehicle has fewer capabilities than others; empty if it has not."""
+        return self._backend.info().limitation
 
     @property
     def is_busy(self) -> bool:
@@ -357,6 +363,8 @@ class Flight:
                 return True  # paused by another thread during the step
             self._manoeuvre, self._reference = None, step.next_reference
         self._end(manoeuvre, step.error)
+        if step.is_autopilot_to_hold:
+            self._hold_by_autopilot(snapshot, manoeuvre.name)
         return False
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover) -> None:
@@ -366,6 +374,17 @@ class Flight:
                 return
             self._manoeuvre = to.manoeuvre
         to.begin()
+
+    def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
+        """Commands the autopilot to hold its position by itself, until it has left the mode in which it obeys UAL.
+
+        It must not be repeated after that: the safety pilot may have taken over.
+        """
+        hold = AutopilotCommand("hold its position", snapshot.time_s)
+        logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
+        with suppress(WrongStateError):  # UAL is shutting down
+            self._watched.add(hold, _is_control_given_up)
+        hold.send(self._backend.hold)
 
     def _step_reference(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Sends the setpoint of the reference, and forgets the reference once the autopilot does not follow UAL."""
@@ -432,6 +451,10 @@ class Flight:
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:
     return manoeuvre is not None and manoeuvre.task is not None and manoeuvre.task.id == task_id
+
+
+def _is_control_given_up(snapshot: Snapshot) -> bool:
+    return snapshot.mode is not None and snapshot.mode.value.control not in (Control.REFERENCES, Control.TAKE_OFF)
 
 
 def _may_send_reference(snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:

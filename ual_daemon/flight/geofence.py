@@ -1,8 +1,8 @@
 """The geofence: what is refused because it would leave the fence. The safety pilot is never fenced.
 
-`ual_daemon.frames.fence.Fence` is the geometry: a polygon and a height band. `Geofence` knows where the configured
-fence lies in the backend's local frame, and which goals, paths and velocities would leave it. The floor and the
-ceiling, which hold without any configuration, are edges of the same fence.
+`ual_daemon.frames.fence.Fence` is the geometry: a polygon, a disc and a height band. `Geofence` knows where the
+configured fence lies in the backend's local frame, and which goals, paths and velocities would leave it. The
+floor and the ceiling, which hold without any configuration, are edges of the same fence; so is the autopilot's own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from collections.abc import Iterable, Iterator
 from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import IDENTITY, Transform, Vector3
 from ual.types import Limits
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import OwnFence, Snapshot
+from ual_daemon.flight import own_fence
 from ual_daemon.flight.ground import Datum, Ground
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Fence
@@ -40,8 +41,8 @@ _ANYWHERE = Transform(Vector3(), IDENTITY, "", "")
 _SAME_POINT_M = 1e-6
 
 
-def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence | None:
-    """Returns the geofence of a UAV; None if the configuration lifts the floor and the ceiling and has no fence.
+def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence:
+    """Returns the geofence of a UAV. Where the configuration has none, it is the one that the autopilot itself has.
 
     Raises:
         ConfigError: The settings do not make a fence.
@@ -50,8 +51,6 @@ def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence 
     floor_m, ceiling_m = settings.floor_m, settings.ceiling_m
     if floor_m is not None and ceiling_m is not None and floor_m >= ceiling_m:
         raise ConfigError("is not above floor_m", "ceiling_m")
-    if settings.geofence is None and floor_m is None and ceiling_m is None:
-        return None
     return Geofence(settings.geofence, resolver, floor_m, ceiling_m)
 
 
@@ -81,6 +80,7 @@ class Geofence:
         Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
         self._cached: tuple[object, Fence] | None = None
         self._narrowed: tuple[object, Fence] | None = None
+        self._own: tuple[object, Fence] | None = None
 
     def _check_settings(self) -> None:
         settings = self._settings
@@ -124,7 +124,23 @@ class Geofence:
         narrowed = self._narrowed
         if narrowed is None or narrowed[0] != band:
             narrowed = self._narrowed = (band, band[0].narrowed(*band[1:]))
-        return narrowed[1]
+        own = snapshot.own_fence
+        return narrowed[1] if own is None else self._within_own(narrowed[1], own, snapshot)
+
+    def _within_own(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
+        """Returns the part of a fence that is inside the autopilot's own, with a reserve."""
+        home = own_fence.home_of(snapshot)
+        if home is None:
+            names = ", ".join(limit.parameter for limit in own.limits)
+            raise WrongStateError(
+                f"the autopilot's own fence ({names}) cannot be checked: the autopilot has not said where its home is"
+            )
+        key = (fence, own, home)
+        cached = self._own
+        if cached is None or cached[0] != key:
+            part = fence.narrowed(*own_fence.band(own, home.z), own_fence.disc(own, home))
+            cached = self._own = (key, part)
+        return cached[1]
 
     def _to_local(self) -> Transform:
         if not self._is_configured:
@@ -178,10 +194,10 @@ class Geofence:
         """Returns whether a setpoint is so far from the floor and the ceiling that `admit` would certainly admit it.
 
         It is no more than an estimate that is quick and on the safe side: every setpoint and update calls it. It is
-        False wherever a fence is configured.
+        False wherever a fence is configured, or the autopilot has its own.
         """
         ground_m, pose = self._ground.z_m, snapshot.pose
-        if pose is None or self._is_configured:
+        if pose is None or self._is_configured or snapshot.own_fence is not None:
             return False
         if ground_m is None:
             ground_m = self._datum(snapshot).z_m
@@ -310,7 +326,7 @@ class Geofence:
             return f"{where}, below the floor ({self._floor_text()})", {"setting": "floor_m"}
         if point.z > highest_m + datum.noise_m:
             return f"{where}, above the ceiling ({self._ceiling_text()})", {"setting": "ceiling_m"}
-        return "", {}
+        return _own_edge(point, snapshot)
 
     def _floor_text(self) -> str:
         return f"floor_m: {self._floor_m:g} in the configuration; z is up"
@@ -320,6 +336,16 @@ class Geofence:
 
     def _text(self, local: Vector3) -> str:
         return self._resolver.describe(local)
+
+
+def _own_edge(point: Vector3, snapshot: Snapshot) -> tuple[str, dict[str, str]]:
+    """Returns how a point lies beyond the autopilot's own fence; empty if it does not. See `Geofence._broken_edge`."""
+    found = own_fence.where_beyond(point, snapshot)
+    if found is None:
+        return "", {}
+    where, limit = found
+    reserve = f"{limit.parameter}: {limit.value_m:g} m; UAL stays {own_fence.RESERVE_M:g} m inside"
+    return f"{where}, beyond the autopilot's own fence ({reserve})", {"parameter": limit.parameter}
 
 
 def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:

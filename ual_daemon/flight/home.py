@@ -32,15 +32,8 @@ class Home:
 
     def place(self, snapshot: Snapshot) -> HomePlace | None:
         """Returns home; None if none is known."""
-        autopilots, seen = _autopilots(snapshot), self._ground.place
+        autopilots, seen = snapshot.home, self._ground.place
         if autopilots is None:
             return None if seen is None else HomePlace(seen, "the place of the take-off")
         z = autopilots.z if seen is None else seen.z
         return HomePlace(Vector3(autopilots.x, autopilots.y, z), "the autopilot's home")
-
-
-def _autopilots(snapshot: Snapshot) -> Vector3 | None:
-    place, altitude_m, projection = snapshot.home_geo, snapshot.home_altitude_amsl_m, snapshot.projection
-    if place is None or altitude_m is None or projection is None:
-        return None
-    return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)

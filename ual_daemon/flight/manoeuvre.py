@@ -17,6 +17,7 @@ from ual.types import State
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.own_fence import breach_text
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -37,6 +38,7 @@ class Step:
         error: The error with which it has ended; None if it has succeeded.
         next_reference: The reference to follow after it; None to stop at the present position.
         handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
+        is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
 
     """
 
@@ -45,6 +47,7 @@ class Step:
     error: UalError | None = None
     next_reference: Reference | None = None
     handover: Handover | None = None
+    is_autopilot_to_hold: bool = False
 
 
 class Handover(NamedTuple):
@@ -137,8 +140,14 @@ def why_blind(estimate: Estimate, during: str) -> UalError | None:
 
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
-    """Returns the error of a manoeuvre that ended because the safety pilot took over."""
+    """Returns the error of a manoeuvre that ended because the safety pilot took over, or the autopilot at its fence."""
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    breach = breach_text(snapshot)
+    if breach:
+        return TaskAbortedError(
+            f"{during}: {breach}, and is in mode {mode} now",
+            {"by": "fence", "state": State.FLYING_MANUAL.name, "mode": mode},
+        )
     return TaskAbortedError(
         f"{during}: the safety pilot took over (the autopilot is in mode {mode}); "
         "recover_from_manual takes control back",

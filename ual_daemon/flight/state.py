@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from ual.types import State
 from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState, Sample, Snapshot
+
+_OWN_PAUSE_S = 0.5
+"""A backend publishes every 0.1 s at least; one that has not for this long is starved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +29,7 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     if not _is_all_fresh(snapshot, freshness):
         missing = _why_uninitialized(snapshot, freshness)
         if missing is not None:
-            return missing
+            return _not_blaming(missing, snapshot)
     # Both functions have checked these.
     assert snapshot.armed is not None
     assert snapshot.mode is not None
@@ -47,6 +50,13 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     return _in_the_air(mode, takes_references=control is Control.REFERENCES)
 
 
+def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
+    """Returns the same with its real cause, where UAL itself had no time to look for data."""
+    pause_s = snapshot.time_s - snapshot.updated_s
+    own = f"this computer has not run UAL for {pause_s:.1f} s" if pause_s > _OWN_PAUSE_S else snapshot.own_pause
+    return replace(missing, why=f"{own}: {missing.why}") if own and not snapshot.conflict else missing
+
+
 @lru_cache(maxsize=64)  # every setpoint calls it
 def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
     if takes_references:
@@ -57,6 +67,8 @@ def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
         return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
+    if snapshot.conflict:
+        return Estimate(State.UNINITIALIZED, snapshot.conflict)
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
         return Estimate(
@@ -85,7 +97,7 @@ def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:
     now_s = snapshot.time_s
     heard_s, landed = snapshot.heard_s, snapshot.landed
     armed, mode, estimator, pose = snapshot.armed, snapshot.mode, snapshot.estimator, snapshot.pose
-    if heard_s is None or armed is None or mode is None or estimator is None or pose is None:
+    if heard_s is None or snapshot.conflict or armed is None or mode is None or estimator is None or pose is None:
         return False
     return (
         now_s - heard_s <= freshness.link_s

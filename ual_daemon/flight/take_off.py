@@ -30,6 +30,9 @@ from ual_daemon.trajectory import Line, Motion
 _LOST_ACK_S = 1.0
 _TOLERANCE = 0.05
 _LEAST_TOLERANCE_M = 0.1
+_HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
+"""A climb is stopped above this many times the height asked for, plus the margin. An autopilot that climbs by itself
+may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
 
 
 class TakeOff(Manoeuvre):
@@ -63,6 +66,7 @@ class TakeOff(Manoeuvre):
         self._ground = Hold(motion.position, motion.yaw_rad)
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
         self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
+        self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
         self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
@@ -127,8 +131,10 @@ class TakeOff(Manoeuvre):
         if refusal is not None and estimate.state is State.LANDED_ARMED:
             return failed(refusal)
         motion = measured_motion(snapshot)
-        setpoint = self._climb_setpoint(snapshot, motion) if self._takes_references(snapshot, estimate) else None
         climbed_m = motion.position.z - self._ground_z
+        if climbed_m > self._highest_m:
+            return self._stopped(climbed_m)
+        setpoint = self._climb_setpoint(snapshot, motion) if self._takes_references(snapshot, estimate) else None
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
@@ -140,6 +146,15 @@ class TakeOff(Manoeuvre):
                 )
             )
         return Step(setpoint)
+
+    def _stopped(self, climbed_m: float) -> Step:
+        """Returns the step that ends a climb that went too high, whatever the autopilot counts its height from."""
+        error = TaskAbortedError(
+            f"take_off: stopped at {climbed_m:.1f} m above the ground of the take-off, as {self._height_m:g} m were "
+            "asked for; the autopilot is to hold its position by itself now; recover_from_manual takes control back",
+            {"by": "height", "height_m": f"{climbed_m:.1f}"},
+        )
+        return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
     def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
         """Whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""

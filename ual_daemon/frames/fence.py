@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ual.geometry import Vector3
 from ual_daemon.settings import ConfigError
@@ -20,8 +20,27 @@ _MARGIN_M = 0.001
 """A point that lies beyond the edge by no more than this (roundings between frames) counts as on the edge."""
 
 
+class Disc(NamedTuple):
+    """A circle in the local frame, and what it encloses."""
+
+    x: float
+    y: float
+    radius_m: float
+
+    def beyond_m(self, point: Vector3) -> float:
+        """Returns how far outside a point is; negative inside."""
+        return math.hypot(point.x - self.x, point.y - self.y) - self.radius_m - _MARGIN_M
+
+    def nearest_m(self, a: Vector3, b: Vector3) -> float:
+        """Returns how far outside the nearest point of a segment is; negative inside."""
+        dx, dy = b.x - a.x, b.y - a.y
+        squared = dx * dx + dy * dy
+        share = ((self.x - a.x) * dx + (self.y - a.y) * dy) / squared if squared > 0.0 else 0.0
+        return self.beyond_m(a + (b - a) * min(max(share, 0.0), 1.0))
+
+
 class Fence:
-    """A polygon (or none) and a height band in the local frame: pure geometry."""
+    """A polygon (or none), a disc (or none) and a height band in the local frame: pure geometry."""
 
     def __init__(
         self, corners: Sequence[tuple[float, float]], lowest_m: float = -math.inf, highest_m: float = math.inf
@@ -31,13 +50,15 @@ class Fence:
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
         self._polygon = _polygon(corners) if corners else None
+        self._disc: Disc | None = None
         self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
 
-    def narrowed(self, lowest_m: float, highest_m: float) -> Fence:
-        """Returns the part of the fence that is in another height band, too."""
+    def narrowed(self, lowest_m: float, highest_m: float, disc: Disc | None = None) -> Fence:
+        """Returns the part of the fence that is in another height band, and in a disc, too."""
         part = copy.copy(self)  # with the same polygon, which is expensive to prepare
         part._lowest_m = max(self._lowest_m, lowest_m - _MARGIN_M)  # noqa: SLF001  a Fence
         part._highest_m = min(self._highest_m, highest_m + _MARGIN_M)  # noqa: SLF001  a Fence
+        part._disc = disc or self._disc  # noqa: SLF001  a Fence
         return part
 
     @property
@@ -47,7 +68,8 @@ class Fence:
 
     def is_inside(self, point: Vector3) -> bool:
         """Returns whether a point lies inside, or on the edge."""
-        return self._is_in_band(point) and self._is_over_polygon(point)
+        is_over_disc = self._disc is None or self._disc.beyond_m(point) <= 0.0
+        return is_over_disc and self._is_in_band(point) and self._is_over_polygon(point)
 
     def exit_point(self, polyline: Iterable[Vector3]) -> Vector3 | None:
         """Returns the end of the first segment of a polyline that is not allowed; None if all of it is.
@@ -76,22 +98,25 @@ class Fence:
         """Returns how far outside a point is; 0 inside."""
         below, above = self._lowest_m - point.z, point.z - self._highest_m
         vertical = max(0.0, below, above)
-        if self._polygon is None:
-            return vertical
-        from shapely import Point
+        sideways = 0.0 if self._disc is None else max(0.0, self._disc.beyond_m(point))
+        if self._polygon is not None:
+            from shapely import Point
 
-        return math.hypot(self._polygon.distance(Point(point.x, point.y)), vertical)
+            sideways = max(sideways, self._polygon.distance(Point(point.x, point.y)))
+        return math.hypot(sideways, vertical)
 
     def clearance_m(self, point: Vector3) -> float:
         """Returns how far a UAV can fly from a point in any direction and stay inside; 0 outside."""
         if not self.is_inside(point):
             return 0.0
-        vertical = min(point.z - self._lowest_m, self._highest_m - point.z)
+        clear = min(point.z - self._lowest_m, self._highest_m - point.z)
+        if self._disc is not None:
+            clear = min(clear, -self._disc.beyond_m(point))
         if self._polygon is None:
-            return vertical
+            return clear
         from shapely import Point
 
-        return min(vertical, self._polygon.boundary.distance(Point(point.x, point.y)))
+        return min(clear, self._polygon.boundary.distance(Point(point.x, point.y)))
 
     def signed_distance_m(self, point: Vector3) -> float:
         """Returns how far a point is from the edge: positive outside, negative inside."""
@@ -132,11 +157,15 @@ class Fence:
             begin, end = max(begin, crossings[0]), min(end, crossings[1])
         elif not self._is_in_band(a):
             return False
-        if self._polygon is None or begin > end:
-            return begin <= end
+        if begin > end:
+            return False
+        c, d = a + (b - a) * begin, a + (b - a) * end
+        if self._disc is not None and self._disc.nearest_m(c, d) > 0.0:
+            return False
+        if self._polygon is None:
+            return True
         from shapely import LineString
 
-        c, d = a + (b - a) * begin, a + (b - a) * end
         return self._polygon.intersects(LineString([(c.x, c.y), (d.x, d.y)]))
 
 

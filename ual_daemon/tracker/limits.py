@@ -29,6 +29,13 @@ class CurrentLimits:
             self._cached = (autopilots, limits)
         return limits
 
+    def cruise(self) -> Limits:
+        """Returns the limits of a flight to a goal where nobody gave a speed: horizontally, the autopilot's cruise."""
+        limits, cruise_m_s = self.get(), self._backend.info().cruise_speed_m_s
+        if cruise_m_s >= limits.horizontal_speed_m_s:
+            return limits
+        return replace(limits, horizontal_speed_m_s=cruise_m_s)
+
 
 def smaller(autopilots: Limits, users: LimitSettings) -> Limits:
     """Returns the smaller of the autopilot's and the user's value of each limit."""

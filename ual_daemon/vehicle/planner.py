@@ -79,7 +79,7 @@ class Planner:
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
             goal = self._resolver.goal(request.waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
+            bounds = self._bounds(max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint", State.FLYING_AUTO)
             if self._resolver.is_moving(goal):
                 return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
@@ -92,7 +92,7 @@ class Planner:
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
             goal = validation.geo_waypoint(request.waypoint)
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
+            bounds = self._bounds(max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
             local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
             return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, local, bounds, snapshot, since)
@@ -120,10 +120,9 @@ class Planner:
                 request.corner_radius_m, "corner_radius_m", at_most=validation.MAX_DISTANCE_M
             )
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            bounds = limits.at_most(self._flight.limits.get(), max_speed_m_s)
             leg_speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, count)
             holds_s = validation.holds(request.holds_s, count)
-            speeds_m_s = [limits.slower(speed_m_s, max_speed_m_s) for speed_m_s in leg_speeds_m_s]
+            bounds, speeds_m_s = self._path_bounds(leg_speeds_m_s, max_speed_m_s)
             point = request.point_of_interest
             heading = validation.path_heading(request.heading, has_point=point is not None)
             goals = self._goals(request.waypoints)
@@ -134,6 +133,20 @@ class Planner:
             trajectory = path(self._flight.start(snapshot), waypoints, radius_m, bounds, heading, look_at)
             what = f"follow {count} waypoints to {_text(goals[-1])}"
             return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, since)
+
+    def _bounds(self, max_speed_m_s: float | None) -> Limits:
+        """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
+        in_force = self._flight.limits
+        return in_force.cruise() if max_speed_m_s is None else limits.at_most(in_force.get(), max_speed_m_s)
+
+    def _path_bounds(
+        self, leg_speeds_m_s: Sequence[float | None], max_speed_m_s: float | None
+    ) -> tuple[Limits, list[float | None]]:
+        """Returns the limits of a path and the speed of each leg; a leg without one is flown as a goal would be."""
+        if max_speed_m_s is not None or not any(leg_speeds_m_s):
+            return self._bounds(max_speed_m_s), [limits.slower(each, max_speed_m_s) for each in leg_speeds_m_s]
+        cruise_m_s = self._flight.limits.cruise().horizontal_speed_m_s
+        return self._flight.limits.get(), [cruise_m_s if each is None else each for each in leg_speeds_m_s]
 
     def _local_waypoints(
         self,

@@ -74,12 +74,14 @@ class Preconditions:
             LinkLostError: The autopilot is not heard, so its capabilities are not known.
 
         """
-        capabilities = self._backend.info().capabilities
-        if capability in capabilities:
+        info = self._backend.info()
+        if capability in info.capabilities:
             return
         # Nothing is known of the capabilities of an autopilot that was not heard yet.
         _require_link(command, self._flight.estimate(self._backend.snapshot()))
-        known = ", ".join(sorted(c.name for c in capabilities)) or "nothing of the kind"
+        if info.limitation:
+            raise NotSupportedError(f"{command}: {info.limitation}", {"autopilot": info.autopilot})
+        known = ", ".join(sorted(c.name for c in info.capabilities)) or "nothing of the kind"
         raise NotSupportedError(f"{command}: the backend {self._backend.name} cannot (it can: {known})")
 
     def require_state(self, command: str, *allowed: State) -> Snapshot:

@@ -42,7 +42,7 @@ def make_telemetry(
     reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
     return Telemetry(
         state=found.state,
-        state_reason=found.why,
+        state_reason=f"{found.why}; {flight.limitation}" if flight.limitation else found.why,
         stamp_s=snapshot.stamp_s,
         frame_id=reported.frame_id,
         pose=reported.pose,

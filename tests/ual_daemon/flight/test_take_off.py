@@ -194,6 +194,24 @@ def test_a_climb_that_does_not_get_there_times_out_and_names_the_height(
     assert "at 1.00 m" in error.message
 
 
+@pytest.mark.parametrize("on_setpoints", [False, True])
+def test_a_climb_that_goes_higher_than_asked_is_stopped_by_the_autopilot_itself(
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    ack.set_result(None)
+    autopilot.control, autopilot.landed, autopilot.climb_m_s = Control.REFERENCES, LandedState.TAKING_OFF, 2.0
+    step = Step()
+    while not step.has_ended:
+        step = autopilot.step(climb)
+        assert autopilot.z < 1.2 * HEIGHT_M + 1.0 + 0.2 + 0.3
+    assert step.is_autopilot_to_hold
+    assert step.setpoint is None
+    assert isinstance(step.error, TaskAbortedError)
+    assert "above the ground of the take-off, as 4 m were asked for" in str(step.error)
+    assert step.error.metadata["by"] == "height"
+
+
 def test_a_late_refusal_ends_a_take_off_that_is_still_on_the_ground(autopilot: Autopilot, ack: Future[None]) -> None:
     climb = take_off(autopilot, ack, on_setpoints=False)
     autopilot.control = Control.REFERENCES

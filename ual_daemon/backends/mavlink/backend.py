@@ -10,10 +10,10 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, UalError
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, HomeUnknownError
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.session.clock import MonotonicClock
@@ -25,8 +25,11 @@ from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
-from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
+
+HOME_PATIENCE_S = 2.0
+"""A command that needs the position of home waits this long for it: at arming it is forgotten, and asked for again."""
 
 
 class MavlinkBackend(Backend):
@@ -83,7 +86,7 @@ class MavlinkBackend(Backend):
     def send(self, setpoint: Setpoint) -> None:
         now_s = self.clock.now_s()
         discovery, session = self._discovery, self._session_in_reach(now_s)
-        if discovery is None or session is None:
+        if discovery is None or session is None or session.telemetry.conflict:
             return
         message = session.setpoint_encoder.encode(setpoint, now_s)
         if discovery.sender.send(message, is_perishable=True):
@@ -122,28 +125,36 @@ class MavlinkBackend(Backend):
         discovery = self._discovery = Discovery(
             self._settings, connection, self.url, self._setpoints.duration_s, self._signer
         )
-        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_dialect, on_update)
+        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
         self._thread = threading.Thread(target=loop.run, name=f"mavlink {self.options.ns}", daemon=True)
         self._thread.start()
 
-    def _use_dialect(self, dialect: Dialect) -> None:
-        self.freshness = dialect.freshness
+    def _use_freshness(self, freshness: Freshness) -> None:
+        self.freshness = freshness
 
     def _command(self, what: str, make: Callable[[Dialect], CommandLong]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
         result: Future[None] = Future()
-        session, loop = self._session_in_reach(self.clock.now_s()), self._loop
+        asked_s = self.clock.now_s()
+        session, loop = self._session_in_reach(asked_s), self._loop
         if session is None or loop is None:
             result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
             return result
-        try:
-            command = make(session.dialect)
-        except UalError as error:
-            result.set_exception(error)
+        if session.telemetry.conflict:
+            result.set_exception(RejectedByAutopilotError(f"cannot {what}: {session.telemetry.conflict}"))
             return result
 
         def submit(now_s: float) -> None:
-            acknowledged = session.submit(command, now_s, result.cancelled)
+            if result.cancelled():
+                return
+            try:
+                acknowledged = session.submit(make(session.dialect), now_s, result.cancelled)
+            except UalError as error:
+                if isinstance(error, HomeUnknownError) and now_s - asked_s < HOME_PATIENCE_S:
+                    loop.retry(submit)
+                    return
+                acknowledged = Future()
+                acknowledged.set_exception(error)
             acknowledged.add_done_callback(lambda done: _pass_on(done, result))
 
         loop.post(submit)

@@ -39,9 +39,10 @@ def heartbeat(
     return mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, 3, 3)
 
 
-def attitude(yaw_ned_rad: float = 0.0) -> Message:
+def attitude(yaw_ned_rad: float = 0.0, boot_ms: int = 0) -> Message:
+    """Without a time since boot, so that it is of no other boot than a position at whatever time."""
     return mavlink.MAVLink_attitude_quaternion_message(
-        BOOT_MS, math.cos(yaw_ned_rad / 2), 0.0, 0.0, math.sin(yaw_ned_rad / 2), 0.1, 0.2, 0.3
+        boot_ms, math.cos(yaw_ned_rad / 2), 0.0, 0.0, math.sin(yaw_ned_rad / 2), 0.1, 0.2, 0.3
     )
 
 

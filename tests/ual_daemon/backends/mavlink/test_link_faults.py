@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import pytest
 
-from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, packer, position
+from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.supervision import LinkState
@@ -58,8 +58,7 @@ def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(s
     fresh_s: list[float] = []
     for step in range(3000):  # 30 s
         harness.now_s = step / 100
-        moved = attitude()
-        moved.time_boot_ms += int(harness.now_s * 1000)
+        moved = attitude(boot_ms=BOOT_MS + int(harness.now_s * 1000))
         said: list[Message] = [moved, position(harness.now_s, north=harness.now_s)]
         if step % 100 == 0:
             said.append(heartbeat(armed=True))

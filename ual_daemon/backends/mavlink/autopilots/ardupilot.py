@@ -26,17 +26,21 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
 from ual_daemon.backends.mavlink.autopilots.dialect import (
     NO_PARAMETERS,
     Dialect,
+    HomeUnknownError,
     SimulationVerdict,
+    fence_limit,
     positive_parameter,
 )
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
+    NO_FENCE,
     Control,
     Estimator,
     Freshness,
     LandedState,
     Mode,
+    OwnFence,
     PositionSetpoint,
     Setpoint,
     Snapshot,
@@ -92,6 +96,11 @@ _CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
 
 _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
+_FENCE_ALT_MAX, _FENCE_CIRCLE, _FENCE_POLYGON, _FENCE_ALT_MIN = 1, 2, 4, 8
+"""The bits of FENCE_TYPE."""
+_COPTER_VTOL_STATES = (mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_MC)
+_PLANE_PARAMETER = "Q_ENABLE"
+"""A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
 
 _NEAR_HOME_M = 1.0
 """How far above or below home its estimate of height may wander; see `_above_home_m`."""
@@ -127,7 +136,16 @@ class ArduCopter(Dialect):
         "PSC_JERK_Z",
         "ATC_SLEW_YAW",
         _SIMULATION_PARAMETER,
+        _PLANE_PARAMETER,
+        "FENCE_ENABLE",
+        "FENCE_AUTOENABLE",
+        "FENCE_TYPE",
+        "FENCE_RADIUS",
+        "FENCE_ALT_MAX",
+        "FENCE_ALT_MIN",
+        "FENCE_TOTAL",
     )
+    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE"})
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -158,6 +176,10 @@ class ArduCopter(Dialect):
         ]
 
     @override
+    def parameter_value(self, message: Message) -> float | None:
+        return float(message.param_value)  # integers too, as numbers
+
+    @override
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
@@ -174,6 +196,10 @@ class ArduCopter(Dialect):
         return SimulationVerdict(True)
 
     @override
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        return vtol_state in _COPTER_VTOL_STATES and _PLANE_PARAMETER not in parameters
+
+    @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         default = Limits()
 
@@ -188,6 +214,19 @@ class ArduCopter(Dialect):
             horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2, ACCELERATION_SHARE),
             vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2, ACCELERATION_SHARE),
             yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
+        )
+
+    @override
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
+            return NO_FENCE
+        kinds, corners = int(parameters.get("FENCE_TYPE", 0.0)), int(parameters.get("FENCE_TOTAL", 0.0))
+        unread = f"its polygons and circles (FENCE_TOTAL {corners})" if kinds & _FENCE_POLYGON and corners else ""
+        return OwnFence(
+            fence_limit(parameters, "FENCE_RADIUS") if kinds & _FENCE_CIRCLE else None,
+            fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
+            fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
+            unread,
         )
 
     @override
@@ -210,7 +249,13 @@ class ArduCopter(Dialect):
         # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
-            raise WrongStateError("take_off: ArduPilot has not sent the position of its home yet")
+            raise HomeUnknownError("take_off: ArduPilot has not sent the position of its home yet")
+        if snapshot.has_rangefinder and standing_m > _NEAR_HOME_M:
+            raise WrongStateError(
+                f"take_off: ArduPilot's home is {standing_m:.1f} m below the UAV, and with its rangefinder it counts "
+                f"the height from the ground: it would climb to {standing_m + height_m:.1f} m instead of {height_m:g} "
+                "m; set its home to where it stands"
+            )
         climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
             (0.0,) * 6 + (standing_m + height_m,),

@@ -2,18 +2,65 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.autopilots.dialect import MULTIROTORS, Dialect
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
-from ual_daemon.backends.mavlink.autopilots.unknown import Unknown
+from ual_daemon.backends.mavlink.autopilots.unknown import Unknown, autopilot_text, vehicle_text
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
+_NO_VEHICLES = frozenset(
+    {
+        mavlink.MAV_TYPE_ANTENNA_TRACKER,
+        mavlink.MAV_TYPE_GCS,
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_TYPE_GIMBAL,
+        mavlink.MAV_TYPE_ADSB,
+        mavlink.MAV_TYPE_CAMERA,
+        mavlink.MAV_TYPE_CHARGING_STATION,
+        mavlink.MAV_TYPE_FLARM,
+        mavlink.MAV_TYPE_SERVO,
+        mavlink.MAV_TYPE_ODID,
+        mavlink.MAV_TYPE_BATTERY,
+        mavlink.MAV_TYPE_PARACHUTE,
+        mavlink.MAV_TYPE_LOG,
+        mavlink.MAV_TYPE_OSD,
+        mavlink.MAV_TYPE_IMU,
+        mavlink.MAV_TYPE_GPS,
+        mavlink.MAV_TYPE_WINCH,
+    }
+)
+"""What runs an autopilot's firmware or uses its component id, and is no vehicle."""
 
-def dialect_of(heartbeat: Message) -> Dialect:
-    """Returns the dialect of the autopilot that sends this heartbeat."""
-    autopilot, kind = heartbeat.autopilot, heartbeat.type
-    if kind in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_PX4:
+
+class Kind(NamedTuple):
+    """What a heartbeat says of its sender: MAV_AUTOPILOT and MAV_TYPE."""
+
+    autopilot: int
+    vehicle: int
+
+    @property
+    def is_vehicle(self) -> bool:
+        """Whether it moves: an antenna tracker does not."""
+        return self.vehicle not in _NO_VEHICLES
+
+
+def kind_of(heartbeat: Message) -> Kind:
+    """Returns what a heartbeat says of its sender."""
+    return Kind(heartbeat.autopilot, heartbeat.type)
+
+
+def kind_text(kind: Kind) -> str:
+    """Returns a kind for people."""
+    return f"{autopilot_text(kind.autopilot)} on a {vehicle_text(kind.vehicle)}"
+
+
+def dialect_of(kind: Kind) -> Dialect:
+    """Returns the dialect of an autopilot of this kind."""
+    autopilot, vehicle = kind
+    if vehicle in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return Px4()
-    if kind in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+    if vehicle in MULTIROTORS and autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return ArduCopter()
-    return Unknown(autopilot, kind)
+    return Unknown(autopilot, vehicle)

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from ual.errors import WrongStateError
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, arm_or_disarm
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import Estimator, Freshness, Mode, Setpoint, Snapshot
+from ual_daemon.backends.values import (
+    NO_FENCE,
+    Estimator,
+    FenceLimit,
+    Freshness,
+    Mode,
+    OwnFence,
+    Setpoint,
+    Snapshot,
+)
 from ual_daemon.geodesy import Projection
 
 _ESTIMATOR_NEEDS = {
@@ -39,6 +50,10 @@ modes."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
 
 
+class HomeUnknownError(WrongStateError):
+    """A height cannot be computed yet, because the autopilot has not sent the position of its home."""
+
+
 @dataclass(frozen=True, slots=True)
 class SimulationVerdict:
     """Whether an autopilot is simulated, by its own data; None while that is not enough. `why` gives the reason."""
@@ -63,6 +78,8 @@ class Dialect(ABC):
     """One kind of autopilot. Stateless: callers pass everything that it needs."""
 
     name: str
+    limitation = ""
+    """See `ual_daemon.backends.values.VehicleInfo`."""
     capabilities: frozenset[Capability] = frozenset()
     sends_landed_state = False
     """Whether EXTENDED_SYS_STATE is sure to come."""
@@ -86,7 +103,9 @@ class Dialect(ABC):
     changing_messages: frozenset[int] = frozenset()
     """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
     parameters: tuple[str, ...] = ()
-    """Parameters to read: those that `limits` uses."""
+    """Parameters to read: those that `limits` and `own_fence` use."""
+    optional_parameters: frozenset[str] = frozenset()
+    """Those of `parameters` that it need not have."""
 
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:
@@ -105,6 +124,10 @@ class Dialect(ABC):
     def streams(self, pose_rate_hz: float) -> list[CommandLong]:
         """Returns the requests for the messages that we need as streams."""
 
+    def parameter_value(self, message: Message) -> float | None:
+        """Returns the value in a PARAM_VALUE; None for a type that the autopilot is not known to send."""
+        return float(message.param_value) if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else None
+
     @abstractmethod
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
@@ -121,9 +144,34 @@ class Dialect(ABC):
         """Returns whether it can be armed in the mode of this name; `arm` leaves those in which it cannot."""
         return mode not in self.unarmable_modes
 
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        """Returns whether it can be the multirotor that its heartbeat says, by its MAV_VTOL_STATE and its parameters.
+
+        A VTOL may be set up to call itself a quadrotor.
+        """
+        return True
+
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
         """Returns its limits, by the parameters read so far."""
+
+    def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
+        return math.inf
+
+    def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns after how long without setpoints it leaves the mode in which it follows them, by itself.
+
+        Setpoints that come again then bring it back unasked, so UAL must not go on after as long a gap.
+        """
+        return math.inf
+
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        """Returns the fence that it applies itself, by the parameters read so far.
+
+        `is_enabled` says that its SYS_STATUS shows a fence in use: a switch may have enabled it.
+        """
+        return NO_FENCE
 
     @abstractmethod
     def encode_setpoint(
@@ -149,7 +197,8 @@ class Dialect(ABC):
         """Climbs to a height above where it stands by this snapshot.
 
         Raises:
-            WrongStateError: The snapshot lacks what the autopilot's height is computed from.
+            HomeUnknownError: The snapshot lacks what the autopilot's height is computed from.
+            WrongStateError: The autopilot would climb to another height.
 
         """
 
@@ -186,6 +235,12 @@ def version_text(number: int) -> str:
     major, minor, patch, release = number >> 24, number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF
     kind = _RELEASE[min(-(-release // _RELEASE_STEP), len(_RELEASE) - 1)]
     return f"{major}.{minor}.{patch} {kind}".rstrip()
+
+
+def fence_limit(parameters: Mapping[str, float], name: str, *, least: float = 0.0) -> FenceLimit | None:
+    """Returns the limit that a parameter sets; None where it is not known, or not above `least`."""
+    value = parameters.get(name)
+    return None if value is None or value <= least else FenceLimit(value, name)
 
 
 def positive_parameter(

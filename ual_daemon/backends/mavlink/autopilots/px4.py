@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -23,12 +24,13 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     Dialect,
     Event,
     SimulationVerdict,
+    fence_limit,
     positive_parameter,
 )
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
+from ual_daemon.backends.values import NO_FENCE, Control, Mode, OwnFence, Setpoint, Snapshot
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -78,6 +80,8 @@ _UNARMABLE = frozenset(
 OFFBOARD_NEEDS_SETPOINTS_S = 0.4
 """How long setpoints must have come before PX4 accepts OFFBOARD: without them it refuses the mode, or the arming."""
 
+_SHORTEST_LOSS_S = 0.2
+"""A COM_OF_LOSS_T below this is not followed: each jitter of the link would be a lost link."""
 _SIMULATION_UID = int.from_bytes(b"ONIDLATI", "little")
 """The unique id of the first vehicle of PX4's simulator (its board says ``SIMULATIONID0000``). The ids of the next ones
 are higher by their system id."""
@@ -111,6 +115,11 @@ class Px4(Dialect):
         "MPC_ACC_UP_MAX",
         "MPC_ACC_DOWN_MAX",
         "MPC_YAWRAUTO_MAX",
+        "MPC_XY_CRUISE",
+        "COM_OF_LOSS_T",
+        "GF_ACTION",
+        "GF_MAX_HOR_DIST",
+        "GF_MAX_VER_DIST",
     )
 
     @override
@@ -135,6 +144,14 @@ class Px4(Dialect):
         ]
 
     @override
+    def parameter_value(self, message: Message) -> float | None:
+        if message.param_type != mavlink.MAV_PARAM_TYPE_INT32:
+            return super().parameter_value(message)
+        # The bytes of an integer stand in the place of the number.
+        (value,) = struct.unpack("<i", struct.pack("<f", message.param_value))
+        return float(value)
+
+    @override
     def judge_simulation(
         self, version: Message | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
@@ -147,6 +164,10 @@ class Px4(Dialect):
     @override
     def event(self, frame: Frame, mode: str) -> Event:
         return px4_events.read(frame, mode)
+
+    @override
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        return vtol_state == int(mavlink.MAV_VTOL_STATE_UNDEFINED)
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:
@@ -164,6 +185,24 @@ class Px4(Dialect):
                 (value * share for value in accelerations if value > 0.0), default=default.vertical_acceleration_m_s2
             ),
             yaw_rate_rad_s=math.radians(yaw_rate_deg_s),
+        )
+
+    @override
+    def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
+        return positive_parameter(parameters, "MPC_XY_CRUISE", math.inf)
+
+    @override
+    def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
+        return max(_SHORTEST_LOSS_S, parameters.get("COM_OF_LOSS_T", math.inf))
+
+    @override
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+        if not parameters.get("GF_ACTION"):
+            return NO_FENCE
+        return OwnFence(
+            fence_limit(parameters, "GF_MAX_HOR_DIST"),
+            fence_limit(parameters, "GF_MAX_VER_DIST"),
+            unread="a fence of polygons, if it has one",
         )
 
     @override

@@ -26,11 +26,11 @@ class Unknown(Dialect):
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
 
     def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
-        entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
-        name = f"autopilot {autopilot}" if entry is None else entry.name.removeprefix("MAV_AUTOPILOT_").lower()
-        vehicle = mavlink.enums["MAV_TYPE"].get(kind)
-        of = "" if vehicle is None or kind == mavlink.MAV_TYPE_GENERIC else f", {_plain(vehicle.name)}"
-        self.name = f"unknown ({name}{of})"
+        of = "" if kind == mavlink.MAV_TYPE_GENERIC else f", {vehicle_text(kind)}"
+        self.name = f"unknown ({autopilot_text(autopilot)}{of})"
+        if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            self.estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT  # with the same flags
+        self.limitation = f"UAL only watches an autopilot that is {self.name}; it flies PX4 and ArduPilot multirotors"
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -44,7 +44,7 @@ class Unknown(Dialect):
     def streams(self, pose_rate_hz: float) -> list[CommandLong]:
         return [
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-            set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 2.0),
+            set_message_interval(self.estimator_message, 2.0),
             *pose_streams(pose_rate_hz),
             *slow_streams(),
         ]
@@ -90,11 +90,16 @@ class Unknown(Dialect):
         raise self._refusal()
 
     def _refusal(self) -> NotSupportedError:
-        return NotSupportedError(
-            f"UAL only watches an autopilot that is {self.name}; it flies PX4 and ArduPilot multirotors",
-            {"autopilot": self.name},
-        )
+        return NotSupportedError(self.limitation, {"autopilot": self.name})
 
 
-def _plain(name: str) -> str:
-    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower()
+def autopilot_text(autopilot: int) -> str:
+    """Returns a MAV_AUTOPILOT for people."""
+    entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
+    return f"autopilot {autopilot}" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower()
+
+
+def vehicle_text(kind: int) -> str:
+    """Returns a MAV_TYPE for people."""
+    entry = mavlink.enums["MAV_TYPE"].get(kind)
+    return f"vehicle {kind}" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()

@@ -30,6 +30,9 @@ class Host:
             LinkError: There is none, or not yet; call again later.
 
         """
+        numeric = self._numeric()
+        if numeric is not None:
+            return numeric
         if self._found is None:
             self._found = Future()
             threading.Thread(target=self._look_up, args=(self._found,), name="host name", daemon=True).start()
@@ -42,6 +45,16 @@ class Host:
         except (OSError, UnicodeError) as error:
             why = error.strerror if isinstance(error, OSError) else "that is no host name"
             raise LinkError(f"cannot find the host {self._name}: {why}; trying again") from None
+
+    def _numeric(self) -> tuple[socket.AddressFamily, Address] | None:
+        """Returns the address if the name is one; the name service is not asked then."""
+        for family, more in ((socket.AF_INET, ()), (socket.AF_INET6, (0, 0))):
+            try:
+                socket.inet_pton(family, self._name)
+            except (OSError, UnicodeError):
+                continue
+            return family, cast("Address", (self._name, self._port, *more))
+        return None
 
     def _look_up(self, found: Future[tuple[socket.AddressFamily, Address]]) -> None:
         try:

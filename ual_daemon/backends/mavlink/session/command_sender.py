@@ -106,6 +106,10 @@ class CommandSender:
         self._send_waiting(now_s)
         return pending.future
 
+    def drop(self, now_s: float) -> None:
+        """Drops all commands but requests for data: their vehicle may be another one now. Their futures stay open."""
+        self._drop(lambda pending: bool(pending.command.group), now_s)
+
     @property
     def is_any_under_way(self) -> bool:
         """Whether a command other than a request for data is queued or unanswered."""

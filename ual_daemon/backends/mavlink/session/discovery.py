@@ -9,12 +9,12 @@ from dataclasses import replace
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.autopilots.detection import dialect_of
+from ual_daemon.backends.mavlink.autopilots.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
-from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.session.session import Session, Successor
+from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message
 from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector
@@ -55,6 +55,7 @@ class Discovery(Selector):
         self._setpoints_s = setpoints_s
         self._next_heartbeat_s = -math.inf
         self._other_system_ids: set[int] = set()
+        self._passed_over: set[int] = set()
 
     def reconnected(self) -> None:
         """Starts anew with a new other end of the link, which continues no frame and has received no request."""
@@ -67,12 +68,19 @@ class Discovery(Selector):
         if self.session is not None:
             self.session.discard_state()
 
+    def release(self) -> None:
+        """Ends the session: the autopilot need not send what was requested any more."""
+        if self.session is not None and self.supervision.state is not LinkState.LOST:
+            self.session.release()
+
     def tick(self, now_s: float) -> None:
         """Does what is due; to be called often."""
         self.receiver.tick(now_s)
         self.supervision.tick(now_s)
         if self.session is not None:
             self.session.tick(now_s)
+            if self.session.successor is not None:
+                self._replace_session(self.session.system_id, self.session.successor)
         elif self._link.peer is not None and now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + OWN_HEARTBEAT_S
             self.sender.send(own_heartbeat())
@@ -87,10 +95,29 @@ class Discovery(Selector):
         )
 
     @override
-    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> Session:
-        dialect = dialect_of(heartbeat)
+    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> Session | None:
+        kind = kind_of(heartbeat)
+        if not kind.is_vehicle and self._settings.system_id is None:
+            self._pass_over(system_id, kind)
+            return None
         self.sender.join(system_id)
-        self.session = Session(system_id, dialect, self._settings, self.sender, self.supervision, self._setpoints_s)
+        return self._open_session(system_id, kind, dialect_of(kind), address)
+
+    def _pass_over(self, system_id: int, kind: Kind) -> None:
+        if system_id not in self._passed_over and len(self._passed_over) < _MOST_OTHERS:
+            self._passed_over.add(system_id)
+            _log.info("system %d is no vehicle, but %s: waiting for another one", system_id, kind_text(kind))
+
+    def _replace_session(self, system_id: int, successor: Successor) -> None:
+        """Opens the session anew, as the vehicle is another one than its heartbeats said, or than was there before."""
+        dialect = dialect_of(successor.kind)
+        self.receiver.replace_handler(self._open_session(system_id, successor.heartbeats_kind, dialect, None))
+
+    def _open_session(self, system_id: int, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
+        """Opens the session with an autopilot whose heartbeats are of this kind."""
+        self.session = Session(
+            system_id, kind, dialect, self._settings, self.sender, self.supervision, self._setpoints_s
+        )
         self.supervision.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
         _log.info("connected to %s, system %d%s", dialect.name, system_id, where)

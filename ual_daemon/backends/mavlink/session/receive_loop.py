@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -11,13 +12,12 @@ from collections.abc import Callable
 from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.base import UpdateCallback
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Chunk, Connection
 from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
-from ual_daemon.backends.values import Sample, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Freshness, Sample, Snapshot, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -27,13 +27,18 @@ FAST_TICK_S = 0.01
 """The shortest interval between two ticks: after a pose, and while an answer of the autopilot is awaited."""
 PAUSE_S = 1.0
 """When this thread was not scheduled for so long (a stopped process, a starved computer), the received data are old.
-PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old mode would take it back there."""
+PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old mode would take it back there. PX4's own
+limit (COM_OF_LOSS_T) counts where it is shorter."""
+
+PAUSE_SHOWN_S = 2.0
+"""After a pause of this thread the autopilot is not blamed for this long for what is missing."""
 
 
 class ReceiveLoop:
     """Runs on one thread until it is closed; `post`, `snapshot` and `info` are for any thread.
 
-    `on_dialect` is called before the first update that is about an autopilot, `on_update` as `Backend.open` describes.
+    `on_freshness` is called before the first update that is about an autopilot, and when its limits have changed;
+    `on_update` as `Backend.open` describes.
     """
 
     def __init__(
@@ -41,7 +46,7 @@ class ReceiveLoop:
         connection: Connection,
         discovery: Discovery,
         clock: MonotonicClock,
-        on_dialect: Callable[[Dialect], None],
+        on_freshness: Callable[[Freshness], None],
         on_update: UpdateCallback,
     ) -> None:
         self.snapshot = Snapshot(time_s=clock.now_s())
@@ -49,10 +54,14 @@ class ReceiveLoop:
         self._connection = connection
         self._discovery = discovery
         self._clock = clock
-        self._on_dialect = on_dialect
+        self._on_freshness = on_freshness
         self._on_update = on_update
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
+        self._session: Session | None = None
+        """The session that `info` is about."""
+        self._own_pause = ("", -math.inf)
+        """What the last pause of this thread was, for people, and when it ended."""
         self._pose: Sample[Pose] | None
         self._reset_schedule()
 
@@ -60,6 +69,10 @@ class ReceiveLoop:
         """Has a request called on the loop's thread, with the time, as soon as possible."""
         self._posted.append(request)
         self._connection.wake()
+
+    def retry(self, request: Callable[[float], None]) -> None:
+        """Has a request called at the next tick. To be called by a request that cannot do its work yet."""
+        self._posted.append(request)
 
     def close(self) -> None:
         """Ends the loop; returns at once."""
@@ -71,6 +84,7 @@ class ReceiveLoop:
         try:
             while not self._closing.is_set():
                 self._receive_until_defect()
+            self._discovery.release()
         finally:
             self._connection.close()
             _log_statistics(self._discovery.link_statistics(self._clock.now_s()))
@@ -105,7 +119,7 @@ class ReceiveLoop:
         chunks = connection.receive(self._next_full_tick_s - clock.now_s(), clock.now_s())
         woke_s = clock.now_s()
         pause_s, self._woke_s = woke_s - self._woke_s, woke_s
-        if pause_s > PAUSE_S:
+        if pause_s > self._longest_pause_s():
             chunks = self._discard_old(woke_s, pause_s)
         if connection.connections_count != self._connections_count:
             self._connections_count = connection.connections_count
@@ -113,11 +127,15 @@ class ReceiveLoop:
         for data, address in chunks:
             self._discovery.receiver.receive(data, address, clock.now_s(), clock.utc_s())
 
+    def _longest_pause_s(self) -> float:
+        return PAUSE_S if self._session is None else min(PAUSE_S, self._session.freshness.link_s)
+
     def _publish_if_due(self, now_s: float) -> bool:
         """Publishes a new pose at once, and otherwise every `TICK_S`. Returns whether the pose is new."""
         session = self._discovery.session
-        if session is not None and not self.info.autopilot:
-            self._on_dialect(session.dialect)
+        if session is not self._session and session is not None:
+            self._session = session
+            self._on_freshness(session.freshness)
             self.info = session.info()
         newest = None if session is None else session.telemetry.pose
         has_moved = newest is not self._pose
@@ -140,6 +158,7 @@ class ReceiveLoop:
             self._refresh_info(session)
 
     def _discard_old(self, now_s: float, pause_s: float) -> list[Chunk]:
+        self._own_pause = (f"this computer did not run UAL for {pause_s:.1f} s", now_s)
         _log.warning("this thread was not scheduled for %.1f s: requesting the autopilot's state anew", pause_s)
         self._connection.discard(now_s)
         self._discovery.discard_state()
@@ -150,18 +169,22 @@ class ReceiveLoop:
         if heard_s is not None:
             self._connection.on_heard(heard_s)
         self._connection.tick(now_s)
-        while self._posted:
+        for _ in range(len(self._posted)):  # those that are retried wait for the next tick
             self._posted.popleft()(now_s)
         self._discovery.tick(now_s)
 
     def _refresh_info(self, session: Session | None) -> None:
         info = self.info if session is None else session.info()
+        if session is not None:
+            self._on_freshness(session.freshness)
         if info != self.info:  # the same object while nothing is new, so that its users need not compare it
             self.info = info
 
     def _publish(self, now_s: float) -> None:
         session, trouble = self._discovery.session, self._connection.trouble
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
+        why, paused_s = self._own_pause
+        snapshot = snapshot._replace(updated_s=now_s, own_pause=why if now_s - paused_s < PAUSE_SHOWN_S else "")
         if trouble:
             snapshot = snapshot._replace(status_text=trouble)
         self.snapshot = snapshot

@@ -6,13 +6,19 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
+from typing import NamedTuple
 
+from ual_daemon import logs
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
 from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
+from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
+from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -28,11 +34,20 @@ SILENCE_S = 3.0
 """After a silence this long everything is requested anew: the autopilot may have booted, or be another one."""
 OLD_EVENT_S = 1.0
 """An event of PX4 that is this much older than the newest time since boot is a repetition."""
+HOME_REQUEST_S = 0.2
+"""How often home is requested while the one of the present arming is not known."""
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
 ORIGIN_S = 0.5
 """How often the origin of the local frame is requested while it is doubted."""
+
+
+class Successor(NamedTuple):
+    """The vehicle of the session that has to follow: what its heartbeats say, and what it is."""
+
+    heartbeats_kind: Kind
+    kind: Kind
 
 
 class Session:
@@ -41,6 +56,7 @@ class Session:
     def __init__(
         self,
         system_id: int,
+        kind: Kind,
         dialect: Dialect,
         settings: MavlinkSettings,
         sender: Sender,
@@ -49,7 +65,12 @@ class Session:
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
+        self.identity = Identity(system_id, kind)
+        self.successor: Successor | None = None
+        """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
         self.telemetry = Telemetry(dialect, supervision.begin_boot())
+        self.freshness = dialect.freshness
+        """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward() if learns else None
         self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
@@ -58,11 +79,13 @@ class Session:
         self._sender = sender
         self._supervision = supervision
         self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
+        self._reported_missing: tuple[str, ...] = ()
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
         self._next_own_heartbeat_s = -math.inf
+        self._next_home_request_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
         """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -81,14 +104,35 @@ class Session:
         """Whether a command is under way, or a heartbeat is wanted at once, so that `tick` should be called often."""
         return self._heartbeats.is_wanted or self._commands.is_any_under_way
 
-    def on_message(self, frame: Frame, message: Message | None, now_s: float, utc_now_s: float) -> None:
+    def on_message(
+        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+    ) -> None:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
         self._end_silence(now_s)
-        if message is None:
+        self._identify(frame, message, address, now_s)
+        if self.identity.conflict or self.successor is not None:
+            self.telemetry.on_frame(frame.sequence, now_s)
+        elif message is None:
             self._on_undecoded(frame, now_s)
         else:
             self._on_decoded(message, now_s, utc_now_s)
+
+    def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
+        """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
+        identity = self.identity
+        identity.on_frame(frame.sequence, address, now_s)
+        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        if boot_ms > 0:
+            identity.on_boot_time(boot_ms / 1000.0, now_s)
+        if message is not None and frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            kind = kind_of(message)
+            if identity.on_heartbeat(kind, now_s):
+                self.successor = Successor(kind, kind)
+        if identity.conflict and not self.telemetry.conflict:
+            self.discard_state()
+            self._commands.drop(now_s)
+        self.telemetry.conflict = identity.conflict
 
     def discard_state(self) -> None:
         """Discards all that may have changed, as `Telemetry.discard_state` does, and requests a heartbeat at once."""
@@ -123,11 +167,35 @@ class Session:
             _log.info("%s is heard, but sends no attitude any more: requesting everything anew", self.dialect.name)
             self._next_setup_s = now_s + STREAMLESS_S
             self._setup = self._new_setup()
+        self._update_freshness()
+        self.identity.tick(now_s)
+        self.telemetry.conflict = self.identity.conflict
+        self._check_multirotor()
         self._setup.tick(now_s)
         self._commands.tick(now_s)
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
+        if self.telemetry.is_home_missing and now_s >= self._next_home_request_s:
+            self._next_home_request_s = now_s + HOME_REQUEST_S
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
+
+    def _update_freshness(self) -> None:
+        usual = self.dialect.freshness
+        link_s = min(usual.link_s, self.dialect.setpoints_lost_s(self.telemetry.parameters))
+        if link_s != self.freshness.link_s:
+            self.freshness = replace(usual, link_s=link_s)
+            self._supervision.lost_s = link_s
+            _log.info(
+                "%s waits %.2g s for setpoints: after so long a gap nothing is sent unasked", self.dialect.name, link_s
+            )
+
+    def _check_multirotor(self) -> None:
+        telemetry = self.telemetry
+        if self.successor is None and not self.dialect.is_multirotor(telemetry.vtol_state, telemetry.parameters):
+            _log.warning("%s calls itself a multirotor, but is a VTOL: it is only watched", self.dialect.name)
+            kind = self.identity.kind
+            self.successor = Successor(kind, Kind(kind.autopilot, mavlink.MAV_TYPE_VTOL_QUADROTOR))
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
@@ -161,6 +229,8 @@ class Session:
             limits=dialect.limits(telemetry.parameters),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
             identity=self._identity(),
+            limitation=dialect.limitation,
+            cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
         )
 
     def _identity(self) -> str:
@@ -178,7 +248,7 @@ class Session:
         """
         heard_s = self.telemetry.heard_s
         silence_s = 0.0 if heard_s is None else now_s - heard_s
-        if silence_s > self.dialect.freshness.link_s:
+        if silence_s > self.freshness.link_s:
             self.discard_state()
         if silence_s > SILENCE_S:
             self.restart_setup()
@@ -250,7 +320,32 @@ class Session:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
     def _new_setup(self) -> SetupRequests:
-        return SetupRequests(self.dialect, self.telemetry, self._commands, self._request_parameter, self._pose_rate_hz)
+        return SetupRequests(
+            self.dialect,
+            self.telemetry,
+            self._commands,
+            self._request_parameter,
+            self._pose_rate_hz,
+            self._supervision.loss,
+            self._report_missing,
+        )
+
+    def _report_missing(self, names: tuple[str, ...]) -> None:
+        """Logs once what is assumed instead of parameters that the autopilot does not send."""
+        if names == self._reported_missing:
+            return
+        self._reported_missing = names
+        limits = self.info().limits
+        assumed = (
+            f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
+            f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+        )
+        logs.event(_log, logging.WARNING, "parameters_missing", names=", ".join(names), assumed=assumed)
+
+    def release(self) -> None:
+        """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""
+        for stream in self.dialect.streams(self._pose_rate_hz):
+            self._send_command(replace(stream, params=(stream.params[0], 0.0)), 0)
 
     def _request_origin(self, now_s: float) -> None:
         request = request_message(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)

@@ -17,6 +17,9 @@ SLOW_ROUND_S = 10.0
 FAST_PARAMETER_ROUNDS_COUNT = 5
 """After so many rounds the missing parameters are requested at intervals that double each time. An autopilot does not
 answer that it has no parameter of the name, as a real ArduPilot has no SIM_SPEEDUP."""
+DROPPED_SHARE = 0.6
+"""A stream that comes at less than this part of the best rate seen, with the losses of the link taken into account, was
+lowered by another program (REQUEST_DATA_STREAM of a ground station on the same link) and is requested again."""
 FLOWS_SHARE, SPARSE_FLOWS_SHARE = 0.25, 0.05
 """A stream flows if at least this part of the requested rate comes. The second one is for messages that are sent on a
 change and else seldom (`Dialect.sparse_messages`). Acknowledgements do not show which of these requests they are for:
@@ -36,7 +39,12 @@ class SetupRequests:
         commands: CommandSender,
         request_parameter: Callable[[str], None],
         pose_rate_hz: float,
+        loss: Callable[[float], float] = lambda _: 0.0,
+        on_missing: Callable[[tuple[str, ...]], None] = lambda _: None,
     ) -> None:
+        """`loss` returns the part of the messages that the link loses now (0 to 1). `on_missing` takes the names of the
+        parameters that were requested several times and have not come.
+        """
         self._dialect = dialect
         self._telemetry = telemetry
         self._commands = commands
@@ -46,6 +54,10 @@ class SetupRequests:
         self._round_s = 0.0
         self._next_s: float | None = None
         self._counts_at_start = self._counts_before_round = telemetry.message_counts.copy()
+        self._loss = loss
+        self._on_missing = on_missing
+        self._best_hz: dict[int, float] = {}
+        """The best rate of each stream, by the id of its message."""
         self._parameter_rounds_count = 0
         self._next_parameters_s: float | None = None
 
@@ -59,12 +71,15 @@ class SetupRequests:
         if self._next_parameters_s is None or now_s >= self._next_parameters_s:
             self._request_parameters()
             self._parameter_rounds_count += 1
+            if self._parameter_rounds_count == FAST_PARAMETER_ROUNDS_COUNT:
+                self._report_missing()
             doublings_count = max(0, self._parameter_rounds_count - FAST_PARAMETER_ROUNDS_COUNT)
             self._next_parameters_s = now_s + ROUND_S * 2.0**doublings_count
 
     def _request_messages(self, now_s: float) -> None:
         for command, future in self._streams.items():
             is_settled = future is not None and future.done() and (self._flows(command) or future.exception())
+            is_settled = is_settled and not self._has_dropped(command, now_s)
             if not (is_settled or self._commands.is_under_way(command)):
                 self._streams[command] = self._commands.submit(command, now_s)
         counts = self._counts_before_round = self._telemetry.message_counts.copy()
@@ -81,6 +96,21 @@ class SetupRequests:
         came_count = self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
         share = SPARSE_FLOWS_SHARE if message_id in self._dialect.sparse_messages else FLOWS_SHARE
         return came_count >= share * self._round_s / (interval_us * 1e-6)
+
+    def _has_dropped(self, command: CommandLong, now_s: float) -> bool:
+        """Whether the stream came far more slowly in the last round than it did before."""
+        message_id = round(command.params[0])
+        if self._round_s <= 0.0 or message_id in self._dialect.sparse_messages:
+            return False
+        counts = self._telemetry.message_counts
+        rate_hz = (counts[message_id] - self._counts_before_round[message_id]) / self._round_s
+        best_hz = self._best_hz[message_id] = max(rate_hz, self._best_hz.get(message_id, 0.0))
+        return rate_hz < DROPPED_SHARE * best_hz * (1.0 - self._loss(now_s))
+
+    def _report_missing(self) -> None:
+        missing = set(self._dialect.parameters) - self._dialect.optional_parameters - self._telemetry.parameters.keys()
+        if missing:
+            self._on_missing(tuple(sorted(missing)))
 
     def _request_parameters(self) -> None:
         for name in self._dialect.parameters:

@@ -152,6 +152,10 @@ class Supervision:
             lost_count=self.lost_count,
         )
 
+    def loss(self, now_s: float) -> float:
+        """Returns the part of the autopilot's messages that did not arrive lately (0 to 1)."""
+        return self.statistics(now_s).loss
+
     def _in_window(self, now_s: float) -> list[_Second]:
         return [each for each in list(self._seconds) if now_s - each.since_s <= WINDOW_S]
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
+from ual_daemon import logs
 from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
@@ -16,7 +18,9 @@ from ual_daemon.backends.mavlink.session.plausibility import Plausibility
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, NO_FENCE, Estimator, LandedState, Mode, OwnFence, Sample, Snapshot
+
+_log = logging.getLogger(__name__)
 
 ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
@@ -57,13 +61,21 @@ class Telemetry:
         """Where its local frame is on Earth."""
         self._home_altitude_amsl_m: float | None = None
         self._home_geo: GeoPoint | None = None
+        self._is_fence_enabled = False
+        self._own_fence = NO_FENCE
+        self._own_limits: OwnFence | None = None
         self._geoid_separation_m: float | None = None
+        self._has_rangefinder = False
         self._battery: Battery | None = None
         self._gps: GpsInfo | None = None
         self._status_text = StatusText()
         self.version: Message | None = None
         """The autopilot's AUTOPILOT_VERSION."""
         self.is_hardware_in_the_loop = False
+        self.vtol_state = 0
+        """Its newest MAV_VTOL_STATE."""
+        self.conflict = ""
+        """See `ual_daemon.backends.values.Snapshot`."""
         self.is_mode_doubtful = False
         """Whether a message that seemed late has another mode: the safety pilot's new one, if many messages before it
         were lost. The caller should request a heartbeat, and sets this back."""
@@ -109,8 +121,7 @@ class Telemetry:
         self.parameters.clear()
         self.version = None
         self.origin = LocalOrigin()
-        self._home_altitude_amsl_m = None
-        self._home_geo = None
+        self._home_altitude_amsl_m = self._home_geo = None
 
     @property
     def decoded_ids(self) -> frozenset[int]:
@@ -132,9 +143,22 @@ class Telemetry:
         self._sequence.update(sequence, now_s)
 
     def set_armed(self, is_armed: bool, now_s: float) -> None:
-        """Takes from an event, ahead of the next heartbeat, that it was armed or disarmed."""
-        if self._is_newest("armed", now_s):
-            self._armed = Sample(is_armed, now_s)
+        """Takes from a heartbeat, or from an event ahead of it, that it is armed or disarmed.
+
+        Autopilots move home to where they are armed. So the home from before the arming, or from before a time in which
+        it may have been armed, is not known any more; and a message from before it does not bring it back.
+        """
+        if not self._is_newest("armed", now_s):
+            return
+        if is_armed and not (self._armed is not None and self._armed.value):
+            self._home_altitude_amsl_m = self._home_geo = None
+            self._is_newest("home", now_s)
+        self._armed = Sample(is_armed, now_s)
+
+    @property
+    def is_home_missing(self) -> bool:
+        """Whether it is armed, and the home that it has since is not known."""
+        return self._home_altitude_amsl_m is None and self._armed is not None and self._armed.value
 
     @property
     def heard_s(self) -> float | None:
@@ -188,6 +212,9 @@ class Telemetry:
             status_text=self._status_text.text,
             home_geo=self._home_geo,
             boots_count=self._boots_count,
+            has_rangefinder=self._has_rangefinder,
+            conflict=self.conflict,
+            own_fence=self._own_limits,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -203,8 +230,7 @@ class Telemetry:
         return True
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("armed", now_s):
-            self._armed = Sample(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
+        self.set_armed(bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), now_s)
         self.is_hardware_in_the_loop = bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
         self._on_mode(message, now_s, _)
 
@@ -218,6 +244,7 @@ class Telemetry:
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("landed", now_s):
             self._landed = Sample(landed_state(message.landed_state), now_s)
+            self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("estimator", now_s):
@@ -260,9 +287,9 @@ class Telemetry:
         if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
             self.origin.on_origin(self._dialect.projection(latitude_deg, longitude_deg, altitude_m))
 
-    def _on_home_position(self, message: Message, _now_s: float, _: float) -> None:
+    def _on_home_position(self, message: Message, now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)
-        if self.plausibility.accepts_altitude(altitude_m):
+        if self._is_newest("home", now_s) and self.plausibility.accepts_altitude(altitude_m):
             self._home_altitude_amsl_m = altitude_m
             self._home_geo = self._place_of_home(degrees(message.latitude), degrees(message.longitude))
 
@@ -281,6 +308,13 @@ class Telemetry:
 
     def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
         self.is_ready_to_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+        self._has_rangefinder = bool(
+            message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+        )
+        is_enabled = bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE)
+        if is_enabled is not self._is_fence_enabled:
+            self._is_fence_enabled = is_enabled
+            self._update_fence()
         found = battery(message)
         if found is None or self.plausibility.accepts_battery(found):
             self._battery = found
@@ -293,8 +327,19 @@ class Telemetry:
 
     def _on_param_value(self, message: Message, _now_s: float, _: float) -> None:
         """Takes those that are used: a ground station may have it send a thousand others."""
-        name, value = message.param_id, message.param_value
-        if name not in self._dialect.parameters or message.param_type != mavlink.MAV_PARAM_TYPE_REAL32:
+        name = message.param_id
+        if name not in self._dialect.parameters:
             return
-        if self.plausibility.accepts_parameter(name, value):
+        value = self._dialect.parameter_value(message)
+        if value is not None and self.plausibility.accepts_parameter(name, value):
             self.parameters[name] = value
+            self._update_fence()
+
+    def _update_fence(self) -> None:
+        fence = self._dialect.own_fence(self.parameters, is_enabled=self._is_fence_enabled)
+        if fence == self._own_fence:
+            return
+        self._own_fence = fence
+        self._own_limits = fence if fence.limits else None
+        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
+        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)

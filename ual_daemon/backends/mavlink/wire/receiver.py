@@ -29,8 +29,10 @@ class MessageHandler(Protocol):
     def decoded_ids(self) -> AbstractSet[int]:
         """Ids of the messages that are worth decoding."""
 
-    def on_message(self, frame: Frame, message: Message | None, now_s: float, utc_now_s: float) -> None:
-        """Takes a checked frame, and its content where that is decoded."""
+    def on_message(
+        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+    ) -> None:
+        """Takes a checked frame, its content where that is decoded, and where it came from."""
 
 
 class Selector(Protocol):
@@ -106,6 +108,10 @@ class Receiver:
             self._incomplete_since_s = None
             self._take_all(self._reader.finish(), self._link.peer, now_s, now_s + self._utc_offset_s)
 
+    def replace_handler(self, handler: MessageHandler) -> None:
+        """Passes the messages of the selected autopilot to another handler from now on."""
+        self._handler = handler
+
     def reconnected(self) -> None:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.finish()
@@ -137,7 +143,7 @@ class Receiver:
         if self._link.peer != address:
             self._link.answer_to(address)
         self._peer_heard_s = now_s
-        handler.on_message(frame, message, now_s, utc_now_s)
+        handler.on_message(frame, message, address, now_s, utc_now_s)
 
     def _take_other(self, frame: Frame) -> None:
         """Takes a frame of another system; only the first heartbeat of each autopilot matters."""

@@ -24,6 +24,7 @@ from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
+from ual_daemon.backends.mavlink.links.resolve import Host
 from ual_daemon.settings import ConfigError
 
 T = TypeVar("T")
@@ -216,7 +217,13 @@ def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.Monkey
     def times_out(*_: Any, **__: Any) -> Any:
         raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
 
-    with running(f"tcp://{HERE}:{server.getsockname()[1]}") as run:
+    look_up = socket.getaddrinfo
+
+    def answers(_: str, *args: Any, **kwargs: Any) -> Any:
+        return look_up(HERE, *args, **kwargs)
+
+    monkeypatch.setattr(socket, "getaddrinfo", answers)
+    with running(f"tcp://uav.example:{server.getsockname()[1]}") as run:
         with monkeypatch.context() as patch:
             patch.setattr(socket, "getaddrinfo", times_out)
             run.until(lambda: "Connection timed out; trying again" in run.connection.trouble, passed_s=0.5)
@@ -554,3 +561,10 @@ def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:
     with contextlib.closing(Connection(link, "test")) as connection:
         connection.discard(0.0)
         assert 100 < link.batches_count <= 1000
+
+
+def test_a_numeric_address_is_not_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Host, "_look_up", lambda *_: pytest.fail("looked up"))
+    for name in ("127.0.0.1", "::1"):
+        _, address = Host(name, 14540, socket.SOCK_DGRAM).address()
+        assert address[:2] == (name, 14540)

@@ -93,9 +93,7 @@ def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
 
 
 def _attitude_at(now_s: float) -> Any:
-    message = attitude()
-    message.time_boot_ms += int(now_s * 1000)
-    return message
+    return attitude(boot_ms=BOOT_MS + int(now_s * 1000))
 
 
 def _stream(harness: Harness, *, until_s: float, without: int = 0) -> set[float]:

@@ -116,10 +116,9 @@ def test_timesync_is_asked_and_answered() -> None:
 
 def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> None:
     harness = Harness()
-    harness.receive(heartbeat(), attitude())
+    harness.receive(heartbeat(), attitude(boot_ms=BOOT_MS))
     harness.now_s += 1.0
-    young = attitude()
-    young.time_boot_ms = BOOT_MS // 10
+    young = attitude(boot_ms=BOOT_MS // 10)
     harness.receive(young, young, young)
     assert harness.supervision.reboots_count == 1
 

@@ -1,0 +1,53 @@
+"""What the autopilots' parameters say of their own fences."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import NO_FENCE, FenceLimit, OwnFence
+
+FENCE = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 30.0, "FENCE_ALT_MAX": 100.0, "FENCE_ALT_MIN": -10.0}
+RADIUS, HIGHEST = FenceLimit(30.0, "FENCE_RADIUS"), FenceLimit(100.0, "FENCE_ALT_MAX")
+
+
+@pytest.mark.parametrize(
+    ("changed", "is_enabled", "expected"),
+    [
+        ({}, False, OwnFence(RADIUS, HIGHEST)),
+        ({"FENCE_ENABLE": 0.0}, False, NO_FENCE),
+        ({"FENCE_ENABLE": 0.0}, True, OwnFence(RADIUS, HIGHEST)),  # by a switch
+        ({"FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0}, False, OwnFence(RADIUS, HIGHEST)),
+        ({"FENCE_TYPE": 2.0}, False, OwnFence(RADIUS)),
+        ({"FENCE_TYPE": 8.0}, False, OwnFence(lowest=FenceLimit(-10.0, "FENCE_ALT_MIN"))),
+        ({"FENCE_TYPE": 4.0, "FENCE_TOTAL": 5.0}, False, OwnFence(unread="its polygons and circles (FENCE_TOTAL 5)")),
+    ],
+)
+def test_ardupilots_fence(changed: dict[str, float], is_enabled: bool, expected: OwnFence) -> None:
+    assert ArduCopter().own_fence({**FENCE, **changed}, is_enabled=is_enabled) == expected
+
+
+def test_px4s_fence_is_off_without_an_action_and_without_distances() -> None:
+    own = Px4().own_fence
+    assert own({}, is_enabled=False) == NO_FENCE
+    assert own({"GF_ACTION": 0.0, "GF_MAX_HOR_DIST": 30.0}, is_enabled=False) == NO_FENCE
+    assert own({"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 0.0}, is_enabled=False).limits == ()
+    found = own({"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 30.0, "GF_MAX_VER_DIST": 20.0}, is_enabled=False)
+    assert found.limits == (FenceLimit(30.0, "GF_MAX_HOR_DIST"), FenceLimit(20.0, "GF_MAX_VER_DIST"))
+    assert "polygons" in found.unread
+
+
+def _value(number: float, kind: int) -> Message:
+    return mavlink.MAVLink_param_value_message(b"ANY", number, kind, 1, 0)
+
+
+def test_integers_are_read_as_each_autopilot_sends_them() -> None:
+    (bytes_of_2,) = struct.unpack("<f", struct.pack("<i", 2))
+    assert Px4().parameter_value(_value(bytes_of_2, mavlink.MAV_PARAM_TYPE_INT32)) == 2.0
+    assert Px4().parameter_value(_value(2.5, mavlink.MAV_PARAM_TYPE_REAL32)) == 2.5
+    assert Px4().parameter_value(_value(2.5, mavlink.MAV_PARAM_TYPE_UINT8)) is None
+    assert ArduCopter().parameter_value(_value(7.0, mavlink.MAV_PARAM_TYPE_INT8)) == 7.0

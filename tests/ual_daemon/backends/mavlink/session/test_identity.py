@@ -1,0 +1,172 @@
+"""That one vehicle is flown, and the one that was meant: several with one system id, and others in its place."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer, position
+from ual.errors import NotSupportedError
+from ual.types import State
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.autopilots.unknown import Unknown
+from ual_daemon.backends.mavlink.settings import MavlinkSettings
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.flight.state import estimate
+
+ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+OTHER = (ADDRESS[0], ADDRESS[1] + 10)
+
+
+def copter(*, armed: bool = False) -> Message:
+    return heartbeat(4, armed=armed, autopilot=ARDUPILOT)
+
+
+def plane() -> Message:
+    return heartbeat(10, armed=True, autopilot=ARDUPILOT, kind=mavlink.MAV_TYPE_FIXED_WING)
+
+
+def tracker() -> Message:
+    return heartbeat(10, autopilot=ARDUPILOT, kind=mavlink.MAV_TYPE_ANTENNA_TRACKER)
+
+
+def why(harness: Harness) -> str:
+    found = estimate(harness.snapshot(), Dialect.freshness)
+    assert found.state is State.UNINITIALIZED
+    return found.why
+
+
+def test_a_plane_that_takes_the_place_of_a_copter_is_only_watched() -> None:
+    harness = Harness()
+    harness.receive(copter())
+    assert harness.session.dialect.name == "ArduPilot"
+    harness.run(10.0)  # the copter is switched off
+    for _ in range(3):
+        harness.receive(plane())
+        assert harness.snapshot().mode is None or isinstance(harness.session.dialect, Unknown)
+        harness.run(1.0)
+    harness.receive(plane())
+    info = harness.session.info()
+    assert not info.capabilities
+    assert "UAL only watches" in info.limitation
+    assert "fixed wing" in info.limitation
+    assert harness.snapshot().armed.value is True
+    with pytest.raises(NotSupportedError, match="fixed wing"):
+        harness.session.dialect.hold()
+
+
+def test_a_copter_that_comes_after_a_plane_is_flown() -> None:
+    harness = Harness()
+    harness.receive(plane())
+    harness.run(10.0)
+    harness.receive(copter())
+    harness.run(0.1)
+    harness.receive(copter())
+    assert harness.session.dialect.name == "ArduPilot"
+
+
+@pytest.mark.parametrize("other", [plane, tracker])
+def test_two_kinds_with_one_system_id_are_not_flown(other: type[Message], caplog: pytest.LogCaptureFixture) -> None:
+    harness = Harness()
+    harness.receive(copter(armed=True))
+    for _ in range(6):
+        harness.run(0.5)
+        harness.receive(other())
+        harness.run(0.5)
+        harness.receive(copter(armed=True), attitude(), position(harness.now_s))
+    assert "quadrotor and ardupilotmega on a" in why(harness)
+    assert "send as system 1: give each vehicle an id of its own" in why(harness)
+    assert harness.snapshot().mode is None
+    assert sum(record.message == "vehicle_conflict" for record in caplog.records) == 1
+    harness.run(6.0)
+    harness.receive(copter(armed=True))
+    assert harness.snapshot().conflict == ""
+
+
+def test_commands_under_way_are_not_sent_again_in_a_conflict() -> None:
+    harness = Harness()
+    harness.receive(copter())
+    harness.session.submit(harness.session.dialect.hold(), harness.now_s)
+    assert harness.commands(mavlink.MAV_CMD_DO_SET_MODE)
+    harness.receive(plane())
+    harness.run(2.0)
+    assert harness.commands(mavlink.MAV_CMD_DO_SET_MODE) == []
+
+
+def test_an_antenna_tracker_heard_first_does_not_lock_the_copter_out() -> None:
+    harness = Harness()
+    harness.receive(data=packer(2)(tracker()))
+    assert harness.discovery.session is None
+    harness.receive(copter())
+    assert harness.session.dialect.name == "ArduPilot"
+
+
+def test_an_antenna_tracker_is_watched_where_its_system_id_is_set() -> None:
+    harness = Harness(MavlinkSettings(system_id=2))
+    harness.receive(data=packer(2)(tracker()))
+    assert "antenna tracker" in harness.session.info().limitation
+
+
+def test_two_copters_with_one_system_id_are_seen_by_their_times_since_boot() -> None:
+    harness = Harness()
+    other = packer()
+    harness.receive(copter())
+    for _ in range(5):
+        harness.run(0.05)
+        harness.receive(attitude(), position(harness.now_s))
+        harness.receive(data=other(position(harness.now_s + 60.0)))
+    assert "two vehicles, booted 60 s apart, send as system 1" in why(harness)
+    assert harness.snapshot().pose is None
+
+
+def test_two_copters_that_booted_at_once_are_seen_by_their_addresses_and_sequence_numbers() -> None:
+    harness = Harness()
+    other = packer()
+    for _ in range(100):  # its numbers are elsewhere
+        other(attitude())
+    harness.receive(copter())
+    for _ in range(8):
+        harness.run(0.05)
+        harness.receive(attitude(), position(harness.now_s))
+        harness.receive(data=other(position(harness.now_s)), address=OTHER)
+    assert f"two vehicles (at {OTHER[0]}:{OTHER[1]} and {ADDRESS[0]}:{ADDRESS[1]})" in why(harness) or (
+        f"two vehicles (at {ADDRESS[0]}:{ADDRESS[1]} and {OTHER[0]}:{OTHER[1]})" in why(harness)
+    )
+
+
+def test_one_vehicle_by_two_ways_a_new_address_and_a_reboot_are_no_conflict() -> None:
+    harness = Harness()
+    harness.receive(copter())
+    for _ in range(20):  # a router that sends all twice
+        harness.run(0.05)
+        data = harness.pack(position(harness.now_s))
+        harness.receive(data=data)
+        harness.receive(data=data, address=OTHER)
+    assert harness.snapshot().conflict == ""
+    for number in range(40):  # it reboots
+        harness.run(0.05)
+        harness.receive(position(number * 0.05 - 4.0), address=OTHER)
+    assert harness.snapshot().conflict == ""
+
+
+@pytest.mark.parametrize("state", [mavlink.MAV_VTOL_STATE_FW, mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW])
+def test_a_quadplane_that_calls_itself_a_quadrotor_is_only_watched(state: int) -> None:
+    harness = Harness()
+    harness.receive(copter(), mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_MC, 1))
+    harness.run(0.1)
+    assert harness.session.info().capabilities
+    harness.receive(mavlink.MAVLink_extended_sys_state_message(state, 1))
+    harness.run(0.1)
+    harness.receive(copter())
+    assert not harness.session.info().capabilities
+    assert "vtol" in harness.session.info().limitation
+    assert harness.snapshot().conflict == ""
+
+
+def test_a_quadplane_is_recognized_on_the_ground_by_a_parameter_of_planes() -> None:
+    harness = Harness()
+    harness.receive(copter())
+    q_enable = mavlink.MAVLink_param_value_message(b"Q_ENABLE", 1.0, mavlink.MAV_PARAM_TYPE_INT8, 900, 1)
+    harness.receive(q_enable)
+    harness.run(0.1)
+    harness.receive(copter())
+    assert not harness.session.info().capabilities

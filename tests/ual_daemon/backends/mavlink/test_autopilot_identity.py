@@ -1,0 +1,70 @@
+"""The vehicle is the one that was meant: what callers are told where it is not, with simulated autopilots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.errors import NotSupportedError, TaskAbortedError, WrongStateError
+from ual.geometry import Twist, Vector3
+from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+
+@pytest.fixture
+def flight() -> Iterator[Flight]:
+    flight = Flight("ardupilot")
+    yield flight
+    flight.uav.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (mavlink.MAV_TYPE_FIXED_WING, "fixed wing"),
+        (mavlink.MAV_TYPE_GROUND_ROVER, "ground rover"),
+        (mavlink.MAV_TYPE_HELICOPTER, "helicopter"),
+    ],
+)
+def test_a_vehicle_that_is_no_multirotor_says_so_in_every_refusal_and_in_its_state(
+    kind: int, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ArduPilot, "kind", kind)
+    flight = Flight("ardupilot")
+    try:
+        flight.wait_for_state(State.LANDED_DISARMED)
+        expected = rf"UAL only watches .*{words}.*; it flies PX4 and ArduPilot multirotors"
+        for command in (flight.uav.arm, flight.uav.land, flight.uav.recover_from_manual):
+            with pytest.raises(NotSupportedError, match=expected):
+                command()
+        with pytest.raises(NotSupportedError, match=expected):
+            flight.uav.take_off(3.0)
+        with pytest.raises(NotSupportedError, match=expected):
+            flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+        assert words in flight.uav.telemetry().state_reason
+    finally:
+        flight.uav.close()
+
+
+def test_a_heartbeat_of_another_kind_ends_the_flight_of_the_daemon_until_it_stays_away(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+    flight.let_pass(2.0)
+    with flight.autopilot.lock:
+        flight.autopilot.kind = mavlink.MAV_TYPE_FIXED_WING
+        flight.autopilot._push(mavlink.MAVLINK_MSG_ID_HEARTBEAT)  # type: ignore[attr-defined]
+        flight.autopilot.kind = mavlink.MAV_TYPE_QUADROTOR
+    with pytest.raises(TaskAbortedError, match="send as system 1: give each vehicle an id of its own"):
+        task.wait(LIMIT_S)
+    ended_s = flight.now_s
+    with pytest.raises(WrongStateError, match="fixed wing send as system 1"):
+        flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+    flight.let_pass(2.0)
+    assert [each for each in flight.autopilot.setpoints_s if each > ended_s + 0.1] == []
+    assert "fixed wing" in flight.uav.telemetry().state_reason
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.land()

@@ -1,0 +1,77 @@
+"""Small things with simulated autopilots: stream rates, parameters that do not come, and our own pauses."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.errors import UalError
+from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+POSITION = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    flight = Flight(str(request.param))
+    yield flight
+    flight.uav.close()
+
+
+def test_stream_rates_that_another_program_lowers_are_asked_for_again_but_not_all_the_time(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(15.0)
+    (channel, *_) = flight.autopilot.channels
+    assert channel.intervals_s[POSITION] == pytest.approx(0.02)
+    began_s = flight.now_s
+    for _ in range(3):  # a ground station does so again and again
+        with flight.autopilot.lock:
+            channel.stream(POSITION, 0.05, flight.now_s)
+        flight.wait_for(lambda: channel.intervals_s[POSITION] < 0.03, "the rate that was asked for")
+    asked = [
+        at_s
+        for at_s, command, params, _ in flight.autopilot.commands
+        if at_s > began_s and command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and params[0] == POSITION
+    ]
+    assert len(asked) <= (flight.now_s - began_s) / 9.0 + 1
+
+
+def test_the_default_rates_come_back_when_the_daemon_ends(flight: Flight) -> None:
+    (channel, *_) = flight.autopilot.channels
+    before = {each: 1.0 / rate_hz for each, rate_hz in channel._rates_hz.items()}
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(3.0)
+    assert channel.intervals_s != before
+    flight.uav.close()
+    flight.autopilot.run(0.5)
+    assert channel.intervals_s == before
+
+
+def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
+    flight: Flight, caplog: pytest.LogCaptureFixture
+) -> None:
+    with flight.autopilot.lock:
+        flight.autopilot.ignored.add(mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ)
+    flight.kill()
+    with caplog.at_level(logging.WARNING):
+        flight.start()
+        flight.wait_for_state(State.LANDED_DISARMED)
+        flight.let_pass(30.0)
+    (record,) = [record for record in caplog.records if record.message == "parameters_missing"]
+    fields = str(record.__dict__)
+    assert "MPC_XY_VEL_MAX" in fields or "WPNAV_SPEED" in fields
+    assert "at most" in fields
+
+
+def test_an_own_pause_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
+    flight.let_pass(1.0)
+    flight.backend.connection.pause_s = 2.5
+    with pytest.raises(UalError, match=r"this computer did not run UAL for 2\.5 s"):
+        task.wait(LIMIT_S)

@@ -1,0 +1,121 @@
+"""The height of a take-off, with simulated autopilots whose home is not known, lies elsewhere, or does not count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.simulators import ArduPilot, Px4
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.errors import TaskAbortedError, WrongStateError
+from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+HEIGHT_M = 5.0
+HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    flight = Flight(str(request.param))
+    yield flight
+    flight.uav.close()
+
+
+@pytest.fixture
+def copter_flight() -> Iterator[Flight]:
+    flight = Flight("ardupilot")
+    yield flight
+    flight.uav.close()
+
+
+def copter_of(flight: Flight) -> ArduPilot:
+    assert isinstance(flight.autopilot, ArduPilot)
+    return flight.autopilot
+
+
+def be_armed(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+
+
+def highest_m(flight: Flight) -> float:
+    """How high above the ground it really was at most."""
+    down = [telemetry.pose.position.z for _, telemetry in list(flight.seen) if telemetry.pose is not None]
+    return max(down) - down[0]
+
+
+def test_a_home_position_lost_at_arming_does_not_make_ardupilot_climb_by_the_old_one(copter_flight: Flight) -> None:
+    flight, autopilot = copter_flight, copter_of(copter_flight)
+    flight.wait_for_state(State.LANDED_DISARMED)
+    with autopilot.lock:  # home was set 8.8 m below; the arming moves it to where the copter stands
+        autopilot.home = (0.0, 0.0, 8.8)
+    flight.wait_for(lambda: abs((flight.backend.snapshot().home_altitude_amsl_m or 0.0) - 479.3) < 0.1, "the old home")
+    autopilot.builders[HOME] = lambda: None
+    be_armed(flight)
+    assert flight.backend.snapshot().home_altitude_amsl_m is None
+    flight.uav.take_off(HEIGHT_M)  # by ArduPilot's own height above home
+    assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
+    flight.land()
+
+
+def test_a_take_off_without_any_height_above_home_is_refused(copter_flight: Flight) -> None:
+    flight, autopilot = copter_flight, copter_of(copter_flight)
+    for message_id in (HOME, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT):
+        autopilot.builders[message_id] = lambda: None
+    be_armed(flight)
+    with pytest.raises(WrongStateError, match="has not sent the position of its home yet"):
+        flight.uav.take_off(HEIGHT_M)
+
+
+def test_a_take_off_right_after_arming_waits_for_the_new_home(copter_flight: Flight) -> None:
+    flight, autopilot = copter_flight, copter_of(copter_flight)
+    flight.wait_for_state(State.LANDED_DISARMED)
+    with autopilot.lock:
+        autopilot.home = (0.0, 0.0, 8.8)
+    flight.let_pass(1.5)
+    be_armed(flight)
+    flight.uav.take_off(HEIGHT_M)
+    assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
+    flight.land()
+
+
+def test_with_a_rangefinder_and_a_home_far_below_ardupilot_is_not_sent_up(copter_flight: Flight) -> None:
+    flight, autopilot = copter_flight, copter_of(copter_flight)
+    autopilot.has_rangefinder = True
+    be_armed(flight)
+    with autopilot.lock:  # by hand
+        autopilot.home = (0.0, 0.0, 20.0)
+    flight.let_pass(1.5)
+    with pytest.raises(WrongStateError, match=r"home is 20\.0 m below .* climb to 25\.0 m instead of 5 m"):
+        flight.uav.take_off(HEIGHT_M)
+    with autopilot.lock:
+        autopilot.home = autopilot.position
+    flight.let_pass(1.5)
+    flight.uav.take_off(HEIGHT_M)
+    assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
+    flight.land()
+
+
+def test_a_climb_beyond_what_was_asked_is_stopped_and_held(flight: Flight) -> None:
+    be_armed(flight)
+    autopilot = flight.autopilot
+    if isinstance(autopilot, ArduPilot):
+        autopilot.takeoff_error_m = 20.0
+    task = flight.uav.take_off(HEIGHT_M, blocking=False)
+    if isinstance(autopilot, Px4):  # its estimate of height jumps
+        flight.wait_for(lambda: flight.uav.pose().pose.position.z > 4.0, "its climb")
+        with autopilot.lock:
+            autopilot.wander.position[2] -= 4.0
+    with pytest.raises(TaskAbortedError, match=r"take_off: stopped at .* as 5 m were asked for") as caught:
+        task.wait()
+    assert caught.value.metadata["by"] == "height"
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(3.0)
+    assert flight.uav.telemetry().flight_mode == ("AUTO.LOITER" if isinstance(autopilot, Px4) else "BRAKE")
+    if isinstance(autopilot, ArduPilot):
+        assert highest_m(flight) < 1.2 * HEIGHT_M + 1.0 + 1.0
+    flight.uav.recover_from_manual()
+    flight.land()
