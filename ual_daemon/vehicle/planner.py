@@ -196,9 +196,7 @@ class Planner:
                 height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("return_to_launch")
             snapshot = self._preconditions.require_state("return_to_launch", State.FLYING_AUTO)
-            trajectory, home, plan = plan_way_home(
-                self._flight, self._settings, height_m, self._flight.limits.get(), snapshot
-            )
+            trajectory, home, plan = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
 
         def make(task: VehicleTask) -> Manoeuvre:
             return ReturnToLaunch(
