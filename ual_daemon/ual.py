@@ -42,6 +42,7 @@ class UAL(Uav):
         settings: Frames, limits, tolerances, geofence.
         backend_settings: The settings of the backend.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
+        watch_only: Whether it only reports: every command is refused, and nothing that flies is sent.
 
     Raises:
         ConfigError: There is no such backend, or a setting is wrong.
@@ -63,10 +64,11 @@ class UAL(Uav):
         settings: VehicleSettings | None = None,
         backend_settings: Mapping[str, Any] | None = None,
         allow_arming: bool = False,
+        watch_only: bool = False,
     ) -> None:
         if isinstance(backend, str):
             backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
-        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming)
+        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, watch_only=watch_only)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self.vehicle.open()

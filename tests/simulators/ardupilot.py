@@ -272,6 +272,7 @@ class ArduPilot(Autopilot):
 
     def _on_local_target(self, message: Message, sender: Sender) -> None:
         self.setpoints_s.append(self.elapsed_s)
+        self.setpoint_senders.append((sender.system_id, sender.component_id))
         if self.mode != GUIDED or not self.is_armed or message.coordinate_frame not in _FRAMES:
             return
         mask = message.type_mask
@@ -502,7 +503,7 @@ class ArduPilot(Autopilot):
         return mavlink.MAVLink_position_target_local_ned_message(
             self.time_ms,
             mavlink.MAV_FRAME_LOCAL_NED,
-            0,
+            _POSITION if self._target.position == (None, None, None) else 0,
             *position,
             *self._target.velocity,
             *self._target.acceleration,

@@ -110,6 +110,8 @@ class Autopilot(ABC):
         """All commands for it: time, id, parameters, system and component of the sender."""
         self.setpoints_s: list[float] = []
         """The times of all setpoints for it, usable or not."""
+        self.setpoint_senders: list[tuple[int, int]] = []
+        """The system and component of the sender of each of them."""
         self._boot(boot_s)
 
     # Time

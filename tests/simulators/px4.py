@@ -349,6 +349,7 @@ class Px4(Autopilot):
 
     def _on_local_target(self, message: Message, sender: Sender) -> None:
         self.setpoints_s.append(self.elapsed_s)
+        self.setpoint_senders.append((sender.system_id, sender.component_id))
         target = self._usable(message)
         if target is not None:
             self._setpoint, self.setpoint_s = target, self.now_s

@@ -77,7 +77,7 @@ class Snapshot(NamedTuple):
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`. `geoid_separation_m` is the height
     above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
-    count.
+    count. `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
     """
 
     time_s: float
@@ -97,6 +97,7 @@ class Snapshot(NamedTuple):
     gps: GpsInfo | None = None
     status_text: str = ""
     sequence: int = 0
+    other_sender: str = ""
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
@@ -131,7 +132,9 @@ class VehicleInfo:
 
     `flies_takeoff_on_setpoints` says that after `Backend.take_off` the daemon's setpoints fly the climb (PX4 OFFBOARD,
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
-    Only setpoints that `takes` allows are sent.
+    Only setpoints that `takes` allows are sent. `falls_without_setpoints` says that the vehicle comes down when
+    setpoints stop in the mode that takes them: such a one is held from the first update on, also by a daemon that was
+    not commanded in this flight; any other one is left to whoever flies it.
     """
 
     autopilot: str = ""
@@ -140,6 +143,7 @@ class VehicleInfo:
     capabilities: frozenset[Capability] = frozenset()
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
+    falls_without_setpoints: bool = False
     takes: Takes = Takes.ALL
 
 

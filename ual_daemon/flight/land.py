@@ -8,7 +8,7 @@ from ual.errors import UalTimeoutError
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken_over, why_blind
+from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
@@ -46,11 +46,11 @@ class Land(Manoeuvre):
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(failure)
             elif control is not Control.REFERENCES:
-                return failed(taken_over(snapshot, self.name))
+                return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
-            return failed(taken_over(snapshot, self.name))
+            return taken(snapshot, self.name)
         if self._is_too_late(snapshot):
             return failed(UalTimeoutError("land: the UAV has stopped descending, but reports no ground"))
         return Step()

@@ -33,6 +33,7 @@ class Step:
         has_ended: Whether the manoeuvre has ended.
         error: The error with which it has ended; None if it has succeeded.
         next_reference: The reference to follow after it; None to stop at the present position.
+        is_taken: Whether it has ended because others took the UAV, to which UAL then sends nothing.
 
     """
 
@@ -40,6 +41,7 @@ class Step:
     has_ended: bool = False
     error: UalError | None = None
     next_reference: Reference | None = None
+    is_taken: bool = False
 
 
 def failed(error: UalError) -> Step:
@@ -104,6 +106,11 @@ def why_blind(estimate: Estimate, during: str) -> UalError | None:
     if estimate.state is State.UNINITIALIZED:
         return TaskAbortedError(f"{during}: {estimate.why}", {"by": "autopilot", "state": State.UNINITIALIZED.name})
     return None
+
+
+def taken(snapshot: Snapshot, during: str) -> Step:
+    """Returns the step of a manoeuvre that has ended because others took the UAV."""
+    return Step(has_ended=True, error=taken_over(snapshot, during), is_taken=True)
 
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:

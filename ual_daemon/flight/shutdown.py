@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
@@ -19,16 +20,20 @@ _HOLD_PATIENCE_S = 5.0
 
 
 class Shutdown:
-    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL."""
+    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL.
 
-    def __init__(self, backend: Backend) -> None:
+    `is_flown_by_us` returns whether UAL flies it: the flight of others is left alone.
+    """
+
+    def __init__(self, backend: Backend, is_flown_by_us: Callable[[], bool]) -> None:
         self.future: Future[None] = Future()
         self._backend = backend
+        self._is_flown_by_us = is_flown_by_us
         self._hold: AutopilotCommand | None = None
 
     def step(self, snapshot: Snapshot) -> bool:
         """Sends the hold command, once, if UAL flies the UAV. Returns whether the handover is over."""
-        if self._hold is None and self._state(snapshot) is State.FLYING_AUTO:
+        if self._hold is None and self._is_flown_by_us() and self._state(snapshot) is State.FLYING_AUTO:
             self._hold = self._send_hold(snapshot)
             snapshot = self._backend.snapshot()  # a simulation obeys at once, even while its time stands still
         if self._hold is None:

@@ -18,10 +18,11 @@ class Estimate:
     is_link_up: bool = True
 
 
-def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None) -> Estimate:
+def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None, note: str = "") -> Estimate:
     """Estimates the state from the data, in the order of `ual.v1.State`.
 
-    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise.
+    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise. `note` is
+    added to the reason of FLYING_AUTO.
     """
     if not _is_all_fresh(snapshot, freshness):
         missing = _why_uninitialized(snapshot, freshness)
@@ -44,13 +45,13 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
         return Estimate(State.LANDING, f"the autopilot lands (mode {mode})")
-    return _in_the_air(mode, takes_references=control is Control.REFERENCES)
+    return _in_the_air(mode, note, takes_references=control is Control.REFERENCES)
 
 
 @lru_cache(maxsize=64)  # every setpoint calls it
-def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
+def _in_the_air(mode: str, note: str, *, takes_references: bool) -> Estimate:
     if takes_references:
-        return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode})")
+        return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
     return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references")
 
 

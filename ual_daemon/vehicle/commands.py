@@ -115,6 +115,7 @@ class Commands:
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
             snapshot = self._preconditions.require_state("take_off", State.LANDED_ARMED)
+            self._preconditions.require_own_ground("take_off")
             ground, bounds = measured_motion(snapshot), self._flight.limits.get()
             top = ground.position + Vector3(0.0, 0.0, height_m)
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
@@ -154,11 +155,18 @@ class Commands:
         return Prepared(Plan(), begin)
 
     def recover_from_manual(self) -> Prepared[Future[None]]:
-        """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO."""
+        """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
+
+        On the ground after others have flown, nothing is sent: from then on a take-off is allowed again.
+        """
         with self._preconditions.logging_refusal("recover_from_manual"):
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             self._flight.require_replaceable("recover_from_manual")
-            snapshot = self._preconditions.require_state("recover_from_manual", State.FLYING_MANUAL)
+            is_ground_theirs = self._flight.authority.is_ground_theirs
+            allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
+            snapshot = self._preconditions.require_state("recover_from_manual", *allowed)
+            if self._flight.estimate(snapshot).state is State.LANDED_ARMED:
+                return Prepared(Plan(), self._take_ground_back)
 
         def begin() -> Future[None]:
             with self._preconditions.logging_refusal("recover_from_manual"):
@@ -170,6 +178,16 @@ class Commands:
                 return recover.future
 
         return Prepared(Plan(), begin)
+
+    def _take_ground_back(self) -> Future[None]:
+        """Makes the ground UAL's again, from which it may take off."""
+        with self._preconditions.logging_refusal("recover_from_manual"):
+            self._preconditions.require_state("recover_from_manual", State.LANDED_ARMED)
+            self._flight.authority.is_ground_theirs = False
+            accepted("recover_from_manual")
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
 
     # --- Stopping -----------------------------------------------------------------------------------------------------
 
@@ -231,7 +249,8 @@ class Commands:
     @property
     def is_arming_allowed(self) -> bool:
         """Whether callers may arm and disarm. In a simulation they always may."""
-        return self._allow_arming or self._backend.simulation() is not None
+        is_allowed = self._allow_arming or self._backend.simulation() is not None
+        return is_allowed and not self._flight.is_watch_only
 
     def arm(self) -> Future[None]:
         """Arms. The future ends when the autopilot reports that it is armed."""
@@ -243,6 +262,7 @@ class Commands:
 
     def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
         with self._preconditions.logging_refusal(name):
+            self._preconditions.require_flying_allowed(name)
             self._preconditions.require_capability(Capability.ARM, name)
             if not self.is_arming_allowed:
                 raise PermissionDeniedError(

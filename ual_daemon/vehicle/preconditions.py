@@ -13,7 +13,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.refusals import shutting_down
+from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
@@ -82,16 +82,46 @@ class Preconditions:
         known = ", ".join(sorted(c.name for c in capabilities)) or "nothing of the kind"
         raise NotSupportedError(f"{command}: the backend {self._backend.name} cannot (it can: {known})")
 
+    def require_flying_allowed(self, command: str) -> None:
+        """Checks that this daemon may fly.
+
+        Raises:
+            PermissionDeniedError: It only watches.
+
+        """
+        if self._flight.is_watch_only:
+            raise only_watching(command)
+
+    def require_own_ground(self, command: str) -> None:
+        """Checks that nobody else has flown the UAV since it was disarmed, unless control was asked back.
+
+        A pilot who has taken over and landed by hand may step up to the UAV while its motors run: a take-off that a
+        client repeats must not lift it again.
+
+        Raises:
+            WrongStateError: Others have flown it.
+
+        """
+        if self._flight.authority.is_ground_theirs:
+            raise WrongStateError(
+                f"{command}: others have flown the UAV since it was armed, so it stays on the ground until it was "
+                "disarmed once, or until recover_from_manual takes control back",
+                {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
+            )
+
     def require_state(self, command: str, *allowed: State) -> Snapshot:
         """Returns the snapshot in which the state is one of the allowed ones.
 
         Raises:
             WrongStateError: The state is another one, or UAL is shutting down.
             LinkLostError: The autopilot is not heard.
+            PermissionDeniedError: This daemon only watches.
 
         """
         if self._flight.is_closing:
             raise shutting_down(command)
+        if self._flight.is_watch_only:
+            raise only_watching(command)
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)
         if found.state in allowed:

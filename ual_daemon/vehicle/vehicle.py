@@ -43,8 +43,14 @@ class Vehicle:
     """
 
     def __init__(
-        self, backend: Backend, settings: VehicleSettings | None = None, *, allow_arming: bool = False
+        self,
+        backend: Backend,
+        settings: VehicleSettings | None = None,
+        *,
+        allow_arming: bool = False,
+        watch_only: bool = False,
     ) -> None:
+        """`watch_only`: every command is refused, and nothing that flies is sent."""
         self.ns = backend.options.ns
         self.log_name = ""
         """The name of this UAV in the log, if there are several in the process."""
@@ -53,7 +59,7 @@ class Vehicle:
         self._pose_frame_id = settings.pose_frame_id
         self._resolver = FrameResolver(self.ns, settings)
         self._limits = CurrentLimits(backend, settings.limits)
-        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver))
+        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver), watch_only=watch_only)
         self._tasks = Tasks(backend.clock)
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming

@@ -195,7 +195,7 @@ class LightBackend(Backend):
 
     def pilot_switch(self, mode: FlightMode) -> None:
         """The safety pilot switches the mode."""
-        self.pilot(self._guide if mode is FlightMode.GUIDED else lambda fleet: self._switch(fleet, mode))
+        self.pilot(self._give_back if mode is FlightMode.GUIDED else lambda fleet: self._switch(fleet, mode))
 
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
@@ -251,6 +251,13 @@ class LightBackend(Backend):
         fleet.set_mode(i, FlightMode.GUIDED)
         fleet.setpoint_s[i] = self.world.now_s()
         return None
+
+    def _give_back(self, fleet: Vehicles) -> str | None:
+        """Changes to GUIDED, and hovers there until setpoints come: the daemon sends none before a command."""
+        refusal = self._guide(fleet)
+        if refusal is None:
+            fleet.setpoint_s[self._index] = math.inf
+        return refusal
 
     def _switch(self, fleet: Vehicles, mode: FlightMode) -> str | None:
         if mode is FlightMode.HOLD and not fleet.has_position[self._index]:

@@ -114,6 +114,7 @@ class ArduCopter(Dialect):
     unarmable_modes = _UNARMABLE
     # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
+    stays_without_setpoints = True  # in GUIDED it hovers for ever
     flies_takeoff_on_setpoints = False  # a setpoint on the way up cancels the take-off, silently
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
@@ -155,6 +156,7 @@ class ArduCopter(Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
             *pose_streams(pose_rate_hz),
             *slow_streams(),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
         ]
 
     @override

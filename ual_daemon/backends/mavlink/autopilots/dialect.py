@@ -70,6 +70,8 @@ class Dialect(ABC):
     """See `ual_daemon.backends.values.VehicleInfo`."""
     takes_feed_forward = False
     """Whether it adds the accelerations of setpoints to those of its controllers, so that `FeedForward` helps it."""
+    stays_without_setpoints = False
+    """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
     freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
     """Chosen for PX4's slowest rates without a request: heartbeat and estimator status 1 Hz, landed state 5 Hz,
     position 30 Hz. They are long enough that on a link that loses and damages 40 % every requested value comes in time,

@@ -13,6 +13,8 @@ from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
+from ual_daemon.backends.mavlink.session.sender_watch import TARGET_ID, SenderWatch
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -33,7 +35,7 @@ STREAMLESS_S = 10.0
 
 
 class Session:
-    """The session with the autopilot of a system. `setpoints_s` is as for `CommandSender`."""
+    """The session with the autopilot of a system. `setpoints` are those that were sent to it."""
 
     def __init__(
         self,
@@ -42,7 +44,7 @@ class Session:
         settings: MavlinkSettings,
         sender: Sender,
         supervision: Supervision,
-        setpoints_s: Callable[[float], float],
+        setpoints: SetpointMonitor,
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
@@ -54,10 +56,11 @@ class Session:
         self._pose_rate_hz = settings.pose_rate_hz
         self._sender = sender
         self._supervision = supervision
-        self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
+        self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
+        self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
         """When the newest position came that the feed-forward has not taken yet, by our clock and the autopilot's."""
@@ -67,6 +70,7 @@ class Session:
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            **({TARGET_ID: self._on_target} if dialect.stays_without_setpoints else {}),
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self.decoded_ids = self.telemetry.decoded_ids | self._handlers.keys()
@@ -127,7 +131,8 @@ class Session:
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
-        return self.telemetry.snapshot(now_s)
+        snapshot = self.telemetry.snapshot(now_s)
+        return snapshot._replace(other_sender=self._sender_watch.another(snapshot))
 
     def judge_simulation(self) -> SimulationVerdict:
         """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
@@ -221,6 +226,9 @@ class Session:
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
             self._unlearned_s = (now_s, message.time_boot_ms / 1000.0)
+
+    def _on_target(self, message: Message, now_s: float, _: float) -> None:
+        self._sender_watch.on_target(message, now_s)
 
     def _on_text(self, _message: Message, _now_s: float, _: float) -> None:
         self._commands.on_text(self.telemetry.status_text)
