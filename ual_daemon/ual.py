@@ -173,8 +173,8 @@ class UAL(Uav):
         self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
 
     @override
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.commands.recover_from_manual().begin, timeout_s, "recover_from_manual")
+    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        _run(self.vehicle.commands.recover_from_manual(force=force).begin, timeout_s, "recover_from_manual")
 
     @override
     def abort(self, freeze: bool = False) -> None:

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import Battery, Capability, GeoPoint, GpsInfo, Limits
+from ual.types import Battery, Capability, GeoPoint, GpsInfo, Health, Limits
 from ual_daemon.geodesy import Projection
 
 T_co = TypeVar("T_co", covariant=True)
@@ -38,6 +38,38 @@ class Control(Enum):
     """The autopilot's landing mode."""
     OTHER = 4
     """The safety pilot, or another mode of the autopilot."""
+
+
+class Cause(Enum):
+    """Who or what took the control from UAL, or holds it; the value is the metadata `by` of errors."""
+
+    SAFETY_PILOT = "safety pilot"
+    """A mode that is flown by sticks, or a mode that the transmitter's switch selected."""
+    GROUND_STATION = "ground station"
+    """Another mode of the autopilot, without a failsafe or a switch: a ground station or another program."""
+    BATTERY = "battery failsafe"
+    RC = "rc failsafe"
+    """The transmitter is lost."""
+    FENCE = "fence"
+    """The autopilot's own geofence."""
+    GROUND_STATION_LOST = "ground station failsafe"
+    """The link to the ground station is lost."""
+    POSITION = "position failsafe"
+    """The estimator has no good position."""
+    FAILSAFE = "failsafe"
+    """A failsafe whose reason the autopilot does not say."""
+    OPEN = ""
+    """Not known yet: the mode has just changed, and its reason may follow within a moment."""
+
+    @property
+    def is_failsafe(self) -> bool:
+        """Whether the autopilot itself took the control, to save the vehicle or those below it."""
+        return self in _FAILSAFES
+
+
+_FAILSAFES = frozenset(
+    {Cause.BATTERY, Cause.RC, Cause.FENCE, Cause.GROUND_STATION_LOST, Cause.POSITION, Cause.FAILSAFE}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +110,9 @@ class Snapshot(NamedTuple):
     above the ellipsoid minus the height above mean sea level, at this place. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
+    `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
+    present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
+    `health` has the rest of what the autopilot says of itself; its `failsafe` and `held_by` are filled in above.
     """
 
     time_s: float
@@ -98,6 +133,9 @@ class Snapshot(NamedTuple):
     status_text: str = ""
     sequence: int = 0
     other_sender: str = ""
+    health: Health | None = None
+    failsafe: Cause | None = None
+    held_by: Cause | None = None
 
     def at(self, time_s: float) -> Snapshot:
         """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""

@@ -18,7 +18,7 @@ from ual.geometry import Pose
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Control, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, Snapshot, Takes
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
@@ -289,6 +289,8 @@ class Flight:
         manoeuvre = self._manoeuvre
         if manoeuvre is None:
             return False
+        if snapshot.held_by is Cause.OPEN and raw.is_link_up:
+            return True  # nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre
         try:
             step = manoeuvre.step(snapshot, raw)
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller

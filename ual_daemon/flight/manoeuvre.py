@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.types import State
-from ual_daemon.backends.values import Control, Setpoint, Snapshot
+from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.state import Estimate
@@ -114,10 +114,17 @@ def taken(snapshot: Snapshot, during: str) -> Step:
 
 
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
-    """Returns the error of a manoeuvre that ended because the safety pilot took over."""
+    """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    cause = snapshot.held_by or Cause.SAFETY_PILOT
+    metadata = {"by": cause.value, "state": State.FLYING_MANUAL.name, "mode": mode}
+    in_mode = f"(the autopilot is in mode {mode})"
+    if cause.is_failsafe:
+        return TaskAbortedError(
+            f"{during}: taken by the autopilot: {cause.value} {in_mode}; recover_from_manual takes control back only "
+            "with force",
+            metadata,
+        )
     return TaskAbortedError(
-        f"{during}: the safety pilot took over (the autopilot is in mode {mode}); "
-        "recover_from_manual takes control back",
-        {"by": "safety pilot", "state": State.FLYING_MANUAL.name, "mode": mode},
+        f"{during}: the {cause.value} took over {in_mode}; recover_from_manual takes control back", metadata
     )

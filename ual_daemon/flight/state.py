@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from ual.types import State
-from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Sample, Snapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +44,23 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     if manoeuvre is State.LANDING:
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
-        return Estimate(State.LANDING, f"the autopilot lands (mode {mode})")
-    return _in_the_air(mode, note, takes_references=control is Control.REFERENCES)
+        return Estimate(State.LANDING, f"the autopilot lands (mode {mode}){_because(snapshot.held_by)}")
+    if control is Control.REFERENCES:
+        return _in_auto(mode, note)
+    return _in_manual(mode, snapshot.held_by)
 
 
 @lru_cache(maxsize=64)  # every setpoint calls it
-def _in_the_air(mode: str, note: str, *, takes_references: bool) -> Estimate:
-    if takes_references:
-        return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
-    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references")
+def _in_auto(mode: str, note: str) -> Estimate:
+    return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
+
+
+def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
+    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references{_because(held_by)}")
+
+
+def _because(held_by: Cause | None) -> str:
+    return f": {held_by.value}" if held_by is not None and held_by.value else ""
 
 
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:

@@ -101,7 +101,7 @@ class Commands:
     def plan(self, motion: MotionRequest) -> Plan:
         """Makes a dry run: returns the plan of a motion, or raises the error by which it would be refused."""
         if isinstance(motion, RecoverFromManualRequest):
-            return self.recover_from_manual().plan
+            return self.recover_from_manual(force=motion.force).plan
         if isinstance(motion, TaskRequest):
             return self.prepare(motion).plan
         if isinstance(motion, TwistStamped):
@@ -116,6 +116,7 @@ class Commands:
             self._flight.require_replaceable("take_off")
             snapshot = self._preconditions.require_state("take_off", State.LANDED_ARMED)
             self._preconditions.require_own_ground("take_off")
+            self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
             ground, bounds = measured_motion(snapshot), self._flight.limits.get()
             top = ground.position + Vector3(0.0, 0.0, height_m)
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
@@ -154,7 +155,7 @@ class Commands:
 
         return Prepared(Plan(), begin)
 
-    def recover_from_manual(self) -> Prepared[Future[None]]:
+    def recover_from_manual(self, *, force: bool = False) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
 
         On the ground after others have flown, nothing is sent: from then on a take-off is allowed again.
@@ -165,6 +166,7 @@ class Commands:
             is_ground_theirs = self._flight.authority.is_ground_theirs
             allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
             snapshot = self._preconditions.require_state("recover_from_manual", *allowed)
+            self._preconditions.require_no_failsafe("recover_from_manual", snapshot, force=force)
             if self._flight.estimate(snapshot).state is State.LANDED_ARMED:
                 return Prepared(Plan(), self._take_ground_back)
 

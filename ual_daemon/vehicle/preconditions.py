@@ -11,7 +11,7 @@ from ual.errors import LinkLostError, NotSupportedError, UalError, WrongStateErr
 from ual.types import Capability, State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
@@ -108,6 +108,30 @@ class Preconditions:
                 "disarmed once, or until recover_from_manual takes control back",
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
             )
+
+    def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:
+        """Checks that no failsafe of the autopilot is active or holds the control, unless forced.
+
+        Raises:
+            WrongStateError: One is; the metadata `by` names it.
+
+        """
+        held_by = snapshot.held_by if snapshot.held_by is not None and snapshot.held_by.is_failsafe else None
+        cause = held_by or snapshot.failsafe
+        is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
+        if force or (cause is None and (is_on_ground or snapshot.held_by is not Cause.OPEN)):
+            return
+        if cause is None:
+            raise WrongStateError(
+                f"{command}: it is not known yet who took the UAV, or which failsafe: try again in a moment",
+                {"needed": "force", "command": command},
+            )
+        mode = "" if snapshot.mode is None else f" (mode {snapshot.mode.value.name})"
+        does = f"the autopilot's {cause.value} {'has taken control' if held_by else 'is active'}{mode}"
+        raise WrongStateError(
+            f"{command}: {does}; only with force is it overridden, and the UAV then flies without that protection",
+            {"by": cause.value, "needed": "force", "command": command},
+        )
 
     def require_state(self, command: str, *allowed: State) -> Snapshot:
         """Returns the snapshot in which the state is one of the allowed ones.

@@ -12,7 +12,7 @@ from ual._cli.app import REFUSED, Session, command, pass_session
 from ual._cli.everyone import ask_all
 from ual._cli.tables import print_table
 from ual._cli.watch import watch
-from ual.types import State, Telemetry
+from ual.types import Health, State, Telemetry
 
 _STATES = [state.name for state in State]
 
@@ -83,7 +83,13 @@ def state(session: Session) -> None:
         telemetry = uav.telemetry()
         ns = uav.ns
     session.emit(
-        {"ns": ns, "state": telemetry.state, "reason": telemetry.state_reason, "flight_mode": telemetry.flight_mode},
+        {
+            "ns": ns,
+            "state": telemetry.state,
+            "reason": telemetry.state_reason,
+            "flight_mode": telemetry.flight_mode,
+            **_health_fields(telemetry.health or Health()),
+        },
         _state_text(telemetry),
     )
     if telemetry.state is State.UNINITIALIZED:
@@ -106,7 +112,25 @@ def wait(session: Session, states: tuple[str, ...]) -> None:
 
 def _state_text(telemetry: Telemetry) -> str:
     # A pipe gets only the name, so that scripts can compare it.
-    return f"{telemetry.state.name}: {telemetry.state_reason}" if sys.stdout.isatty() else telemetry.state.name
+    if not sys.stdout.isatty():
+        return telemetry.state.name
+    health = telemetry.health or Health()
+    lines = [f"{telemetry.state.name}: {telemetry.state_reason}"]
+    if health.failsafe:
+        lines.append(f"failsafe: {health.failsafe}")
+    if health.failing_checks:
+        lines.append(f"fails: {', '.join(health.failing_checks)}")
+    return "\n".join(lines)
+
+
+def _health_fields(health: Health) -> dict[str, object]:
+    return {
+        "failsafe": health.failsafe,
+        "held_by": health.held_by,
+        "is_ready_to_arm": health.is_ready_to_arm,
+        "failing_checks": list(health.failing_checks),
+        "link_quality": health.link_quality,
+    }
 
 
 COMMANDS = (list_uavs, info, state, wait, watch)

@@ -264,6 +264,8 @@ def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else task.description or task.kind.name, ""),
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
+        ("failsafe", "" if t.health is None else t.health.failsafe, "bold red"),
+        ("fails", "" if t.health is None else ", ".join(t.health.failing_checks), ""),
         ("battery", " ".join(filter(None, (_known(percent, "{:.0f} %"), _known(voltage, "{:.1f} V")))), ""),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
         ("satellites", "" if gps is None else f"{gps.satellites_count} ({gps.fix.name})", ""),

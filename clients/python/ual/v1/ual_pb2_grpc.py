@@ -224,7 +224,9 @@ class UalServiceServicer(object):
 
     def TakeOff(self, request, context):
         """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it.
+        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
+        have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
+        active, unless forced.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -287,7 +289,9 @@ class UalServiceServicer(object):
 
     def RecoverFromManual(self, request, context):
         """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
-        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO.
+        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
+        UAV: it then sends nothing to the autopilot, and allows TakeOff again. Refused with WRONG_STATE out of a failsafe, whose
+        name is in the metadata `by`, unless forced.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
