@@ -83,6 +83,8 @@ class Autopilot(ABC):
         self.is_gps_good = True
         self.arm_refusal = ""
         """Why it cannot be armed; empty if it can."""
+        self.failing_sensors = 0
+        """Those of SYS_STATUS (MAV_SYS_STATUS) that are not healthy."""
         self.said = ""
         """Its last STATUSTEXT."""
         self.sticks = Sticks()
@@ -499,8 +501,10 @@ class Autopilot(ABC):
         )
 
     def _sys_status(self) -> Message:
-        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+        present |= self.failing_sensors
         health = present if self.is_ready_to_arm else present & ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        health &= ~self.failing_sensors
         return mavlink.MAVLink_sys_status_message(present, present, health, 300, 16200, 1000, 90, 0, 0, 0, 0, 0, 0)
 
     def _extended_sys_state(self) -> Message:

@@ -56,6 +56,8 @@ class Cause(Enum):
     """The link to the ground station is lost."""
     POSITION = "position failsafe"
     """The estimator has no good position."""
+    SETPOINTS = "setpoint failsafe"
+    """No setpoints came: taking control back is the remedy, so it needs no force."""
     FAILSAFE = "failsafe"
     """A failsafe whose reason the autopilot does not say."""
     OPEN = ""
@@ -66,9 +68,22 @@ class Cause(Enum):
         """Whether the autopilot itself took the control, to save the vehicle or those below it."""
         return self in _FAILSAFES
 
+    @property
+    def needs_force(self) -> bool:
+        """Whether UAL overrides it only with force."""
+        return self.is_failsafe and self is not Cause.SETPOINTS
+
 
 _FAILSAFES = frozenset(
-    {Cause.BATTERY, Cause.RC, Cause.FENCE, Cause.GROUND_STATION_LOST, Cause.POSITION, Cause.FAILSAFE}
+    {
+        Cause.BATTERY,
+        Cause.RC,
+        Cause.FENCE,
+        Cause.GROUND_STATION_LOST,
+        Cause.POSITION,
+        Cause.SETPOINTS,
+        Cause.FAILSAFE,
+    }
 )
 
 

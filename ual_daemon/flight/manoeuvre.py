@@ -119,12 +119,6 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     cause = snapshot.held_by or Cause.SAFETY_PILOT
     metadata = {"by": cause.value, "state": State.FLYING_MANUAL.name, "mode": mode}
     in_mode = f"(the autopilot is in mode {mode})"
-    if cause.is_failsafe:
-        return TaskAbortedError(
-            f"{during}: taken by the autopilot: {cause.value} {in_mode}; recover_from_manual takes control back only "
-            "with force",
-            metadata,
-        )
-    return TaskAbortedError(
-        f"{during}: the {cause.value} took over {in_mode}; recover_from_manual takes control back", metadata
-    )
+    what = f"taken by the autopilot: {cause.value}" if cause.is_failsafe else f"the {cause.value} took over"
+    then = "takes control back only with force" if cause.needs_force else "takes control back"
+    return TaskAbortedError(f"{during}: {what} {in_mode}; recover_from_manual {then}", metadata)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-from ual.errors import PermissionDeniedError, WrongStateError
+from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Transform, TwistStamped, Vector3
 from ual.types import (
     Capability,
@@ -22,6 +22,7 @@ from ual.types import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight, LastCommand
 from ual_daemon.flight.land import Land
@@ -170,12 +171,16 @@ class Commands:
             if self._flight.estimate(snapshot).state is State.LANDED_ARMED:
                 return Prepared(Plan(), self._take_ground_back)
 
+        def refusal(newer: Snapshot) -> UalError | None:
+            return self._preconditions.failsafe_refusal("recover_from_manual", newer, force=force)
+
         def begin() -> Future[None]:
             with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references", snapshot.time_s)
-                recover = Recover(command, self._flight.limits.get())
+                recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
                 self._flight.begin(recover)
-                command.send(self._backend.take_control)
+                if snapshot.held_by is not Cause.OPEN or force:
+                    recover.send()
                 accepted("recover_from_manual")
                 return recover.future
 

@@ -116,20 +116,22 @@ class Preconditions:
             WrongStateError: One is; the metadata `by` names it.
 
         """
-        held_by = snapshot.held_by if snapshot.held_by is not None and snapshot.held_by.is_failsafe else None
-        cause = held_by or snapshot.failsafe
-        is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
-        if force or (cause is None and (is_on_ground or snapshot.held_by is not Cause.OPEN)):
-            return
-        if cause is None:
-            raise WrongStateError(
-                f"{command}: it is not known yet who took the UAV, or which failsafe: try again in a moment",
-                {"needed": "force", "command": command},
-            )
+        refusal = self.failsafe_refusal(command, snapshot, force=force)
+        if refusal is not None:
+            raise refusal
+
+    def failsafe_refusal(self, command: str, snapshot: Snapshot, *, force: bool) -> WrongStateError | None:
+        """Returns the refusal of a command because of a failsafe; None if none hinders it, or if it is forced."""
+        held_by = _needing_force(snapshot.held_by)
+        cause = held_by or _needing_force(snapshot.failsafe)
+        if force or cause is None:
+            return None
         mode = "" if snapshot.mode is None else f" (mode {snapshot.mode.value.name})"
-        does = f"the autopilot's {cause.value} {'has taken control' if held_by else 'is active'}{mode}"
-        raise WrongStateError(
-            f"{command}: {does}; only with force is it overridden, and the UAV then flies without that protection",
+        is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
+        does = "has taken control" if held_by and not is_on_ground else "is active"
+        return WrongStateError(
+            f"{command}: the autopilot's {cause.value} {does}{mode}; only with force is it overridden, and the UAV "
+            "then flies without that protection",
             {"by": cause.value, "needed": "force", "command": command},
         )
 
@@ -156,6 +158,10 @@ class Preconditions:
             f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}",
             {"state": found.state.name, "needed": needed, "command": command},
         )
+
+
+def _needing_force(cause: Cause | None) -> Cause | None:
+    return cause if cause is not None and cause.needs_force else None
 
 
 def _require_link(command: str, found: Estimate) -> None:

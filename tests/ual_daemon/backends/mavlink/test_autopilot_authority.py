@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.simulators import ArduPilot
+from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot, Px4
+from tests.simulators.ardupilot import RTL
 from tests.simulators.autopilot import Sticks
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight, px4_of
-from ual.errors import WrongStateError
+from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
@@ -151,11 +153,11 @@ def test_a_looping_take_off_does_not_lift_what_the_pilot_has_landed_by_hand(flig
     while uav.state() is not State.LANDED_DISARMED and attempts < 2000:
         with pytest.raises(WrongStateError):
             uav.take_off(HEIGHT_M)
-        attempts += 1
-        if autopilot.body.is_on_ground and isinstance(autopilot, ArduPilot):
+        attempts += uav.state() is State.LANDED_ARMED
+        if attempts == 10 and isinstance(autopilot, ArduPilot):
             autopilot.pilot_disarm()  # PX4 does so by itself
         flight.let_pass(0.05)
-    assert State.LANDED_ARMED in flight.states_since(0.0)[-3:]
+    assert attempts >= 10
     assert autopilot.body.is_on_ground
     flight.take_off()
     flight.land()
@@ -176,3 +178,98 @@ def test_recover_on_the_ground_allows_the_next_take_off(flight: Flight) -> None:
     assert flight.commands_since(before_s) == set()
     uav.take_off(HEIGHT_M)
     flight.land()
+
+
+def trigger(flight: Flight, kind: str) -> None:
+    autopilot = flight.autopilot
+    assert isinstance(autopilot, (ArduPilot, Px4))
+    autopilot.trigger_failsafe(kind)
+
+
+BY = {"rc": "rc failsafe", "battery": "battery failsafe", "fence": "fence"}
+
+
+@pytest.mark.parametrize("kind", BY)
+def test_a_failsafe_that_ends_a_go_to_is_named_and_is_left_only_by_force(flight: Flight, kind: str) -> None:
+    uav, by = flight.uav, BY[kind]
+    flight.take_off()
+    task = uav.go_to_waypoint(flight.goal(30.0, 0.0), blocking=False)
+    flight.let_pass(2.0)
+    trigger(flight, kind)
+    taken_s = flight.now_s
+    with pytest.raises(TaskAbortedError, match=f"taken by the autopilot: {by}") as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == by
+    assert flight.now_s - taken_s < 1.0
+    for _ in range(5):
+        with pytest.raises(WrongStateError) as refused:
+            uav.recover_from_manual()
+        flight.let_pass(0.5)
+    assert refused.value.metadata.get("by", by) == by
+    assert flight.commands_since(taken_s) == set()
+    flight.wait_for_state(State.FLYING_MANUAL, State.LANDING)
+    assert by in uav.telemetry().state_reason
+    if uav.state() is State.FLYING_MANUAL:
+        uav.recover_from_manual(force=True)
+        assert uav.state() is State.FLYING_AUTO
+
+
+def test_no_take_off_after_the_transmitter_was_lost_on_the_ground(flight: Flight) -> None:
+    """The recipe: with the transmitter off it took off without a safety pilot."""
+    uav, autopilot = flight.uav, flight.autopilot
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(1.0)  # the transmitter was there
+    autopilot.failing_sensors = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+    assert autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.let_pass(1.0)
+    with pytest.raises(WrongStateError, match="rc failsafe is active") as caught:
+        uav.take_off(HEIGHT_M)
+    assert (caught.value.metadata["by"], caught.value.metadata["needed"]) == ("rc failsafe", "force")
+    health = uav.telemetry().health
+    assert health is not None
+    assert "rc receiver" in health.failing_checks
+    autopilot.failing_sensors = 0
+    flight.let_pass(1.0)
+    uav.take_off(HEIGHT_M)
+    flight.land()
+
+
+def test_after_setpoints_were_lost_control_comes_back_without_force() -> None:
+    flight = Flight("px4")
+    try:
+        flight.take_off()
+        flight.kill()
+        flight.autopilot.run(1.8)
+        px4_of(flight).sticks_s = px4_of(flight).now_s + 1e6  # with a transmitter: POSCTL
+        flight.start()
+        flight.wait_for_state(State.FLYING_MANUAL, State.LANDING)
+        flight.let_pass(1.0)
+        health = flight.uav.telemetry().health
+        assert health is not None
+        assert health.held_by == "setpoint failsafe"
+    finally:
+        flight.uav.close()
+
+
+def test_a_mode_of_the_autopilot_is_the_pilots_by_the_switch_and_else_the_ground_stations() -> None:
+    flight = Flight("ardupilot")
+    try:
+        autopilot = flight.autopilot
+        assert isinstance(autopilot, ArduPilot)
+        flight.take_off()
+        flight.let_pass(1.0)
+        for by_switch, by in ((False, "ground station"), (True, "safety pilot")):
+            task = flight.uav.go_to_waypoint(flight.goal(20.0, 0.0), blocking=False)
+            flight.let_pass(2.0)
+            with autopilot.lock:
+                if by_switch:
+                    autopilot.pilot_switches_to(RTL)
+                else:
+                    autopilot.set_mode(RTL)
+            with pytest.raises(TaskAbortedError) as caught:
+                task.wait(LIMIT_S)
+            assert caught.value.metadata["by"] == by
+            flight.uav.recover_from_manual()
+    finally:
+        flight.uav.close()

@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Cause, Control, Mode
 
@@ -19,6 +20,9 @@ SETTLE_S = 0.4
 5 Hz, and PX4 may report the mode in a heartbeat before it says whether it was intended."""
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for a mode is ours."""
+STREAM_S = 0.5
+"""A failsafe that comes when no setpoint of ours came for so long may be for that reason alone."""
+_SUSPICIOUS = int(mavlink.MAV_SYS_STATUS_SENSOR_BATTERY | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
 _SWITCHES_FROM, _MOVED_US, _NO_SIGNAL = 5, 100, 65535
 """The first channel that can be a switch, by how much a switch moves one, and the value of one that is not there."""
 _MOST_SIGNS = 8
@@ -27,8 +31,9 @@ _MOST_SIGNS = 8
 class CauseWatch:
     """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives."""
 
-    def __init__(self, dialect: Dialect) -> None:
+    def __init__(self, dialect: Dialect, sent: SetpointMonitor) -> None:
         self._dialect = dialect
+        self._sent = sent
         self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
         self._mode_name = ""
         self._since_s = -math.inf
@@ -162,13 +167,21 @@ class CauseWatch:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""
         begin_s = self._since_s - BEFORE_S
         if self._is_unintended:
-            return self._episode or (Cause.FAILSAFE if is_over else None)
+            if self._episode is None and is_over:
+                self._episode = self._unnamed()
+            return self._episode
         sign = self._sign_since(begin_s)
         if sign is not None:
             return sign
         if self._sensors is not None and self._sensors_s >= begin_s:
             return self._sensors
         return Cause.FAILSAFE if is_over and self._is_critical and self._critical_s >= begin_s else None
+
+    def _unnamed(self) -> Cause:
+        """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
+        is_sending = self._since_s - self._sent.last_s <= STREAM_S
+        is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
+        return Cause.FAILSAFE if is_sending or is_ill else Cause.SETPOINTS
 
     def _sign_since(self, begin_s: float) -> Cause | None:
         """Returns the newest sign since a time."""

@@ -62,7 +62,7 @@ class Session:
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
-        causes = self._causes = CauseWatch(dialect)
+        causes = self._causes = CauseWatch(dialect, setpoints)
         self._health = HealthReport(dialect)
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
