@@ -89,10 +89,15 @@ _FAILSAFES = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The autopilot's mode: its name, for people, and what controls the vehicle in it."""
+    """The autopilot's mode: its name, for people, and what controls the vehicle in it.
+
+    `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
+    replace such a mode, and never one that the pilot flies.
+    """
 
     name: str
     control: Control
+    is_autonomous: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,12 +22,15 @@ class Land(Manoeuvre):
     declares = State.LANDING
     is_replaceable = False
 
-    def __init__(self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot) -> None:
-        """`reference` is followed until the autopilot lands by itself."""
+    def __init__(
+        self, task: VehicleTask, command: AutopilotCommand, reference: Reference | None, start: Snapshot
+    ) -> None:
+        """`reference` is followed until the autopilot lands by itself; None where it flies by itself already."""
         super().__init__("land", task)
         self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False
+        self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
         self._start_z = measured_motion(start).position.z
 
     @override
@@ -45,7 +48,7 @@ class Land(Manoeuvre):
                 self._is_landing, self._reference = True, None
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(failure)
-            elif control is not Control.REFERENCES:
+            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
                 return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))

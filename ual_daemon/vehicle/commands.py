@@ -139,17 +139,19 @@ class Commands:
         return Prepared(plan, begin)
 
     def _land(self) -> Prepared[VehicleTask]:
-        """Prepares a landing at the present position."""
+        """Prepares a landing at the present position, also out of a mode in which the autopilot flies by itself."""
         with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
-            snapshot = self._preconditions.require_state("land", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_landing_allowed()
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 command = AutopilotCommand("land", snapshot.time_s)
-                self._flight.begin(Land(task, command, self._flight.brake(snapshot), snapshot))
+                is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
+                reference = self._flight.brake(snapshot) if is_ours else None
+                self._flight.begin(Land(task, command, reference, snapshot))
                 command.send(self._backend.land)
                 accepted("land", task_id=task.id)
                 return task

@@ -109,6 +109,28 @@ class Preconditions:
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
             )
 
+    def require_landing_allowed(self) -> Snapshot:
+        """Returns the snapshot in which a landing may begin: in FLYING_AUTO, or where the autopilot flies by itself.
+
+        Raises:
+            WrongStateError: The safety pilot flies, the state is another one, or UAL is shutting down.
+            LinkLostError: The autopilot is not heard.
+            PermissionDeniedError: This daemon only watches.
+
+        """
+        if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
+            return self.require_state("land", State.FLYING_AUTO)
+        snapshot = self.require_state("land", State.FLYING_MANUAL)
+        mode = snapshot.mode
+        if mode is not None and mode.value.is_autonomous:
+            return snapshot
+        name = "" if mode is None else f" in mode {mode.value.name}"
+        raise WrongStateError(
+            f"land needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands it by "
+            "hand; recover_from_manual takes control back, and then land is possible",
+            {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": "land"},
+        )
+
     def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:
         """Checks that no failsafe of the autopilot is active or holds the control, unless forced.
 

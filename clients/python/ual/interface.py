@@ -293,6 +293,9 @@ class TaskCommands(ABC, Generic[T]):
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> T:
         """Lands where the UAV is. Allowed in FLYING_AUTO; ends when the autopilot reports the ground.
 
+        Also allowed in FLYING_MANUAL where the autopilot flies by itself (its hold, a failsafe's return), never while
+        the safety pilot flies.
+
         Args:
             blocking: Whether to wait for the end.
             timeout_s: How long to wait, in seconds. The landing goes on when it passes.

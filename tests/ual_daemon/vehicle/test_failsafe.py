@@ -8,7 +8,7 @@ import pytest
 
 from tests.ual_daemon.stepped import Stepped, at, stepped
 from ual.errors import InvalidArgumentError, TaskAbortedError, WrongStateError
-from ual.simulation import FailsafeTriggered
+from ual.simulation import AckLost, Command, CommandRefused, FailsafeTriggered
 from ual.types import Health, RecoverFromManualRequest, State, TakeOffRequest
 
 
@@ -107,3 +107,37 @@ def test_a_failsafe_that_is_none_is_refused(uav: Stepped) -> None:
 
 def test_health_says_what_fails(uav: Stepped) -> None:
     assert health(uav) == Health(is_ready_to_arm=True)
+
+
+def test_land_ends_a_flight_in_which_a_failsafe_holds_without_recovering_control(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.begin_fault(FailsafeTriggered("battery failsafe"))
+    uav.run(0.1)
+    assert uav.is_in(State.FLYING_MANUAL)
+    uav.end(uav.prepare.land().begin().future)
+    assert uav.state in (State.LANDED_ARMED, State.LANDED_DISARMED)
+
+
+def test_land_is_never_sent_while_the_pilot_flies_by_sticks_and_says_what_can_be_done(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(0.1)
+    with pytest.raises(WrongStateError, match=r"the safety pilot flies in mode MANUAL.*recover_from_manual") as caught:
+        uav.prepare.land()
+    assert caught.value.metadata["state"] == "FLYING_MANUAL"
+
+
+def test_a_pilot_who_takes_over_before_the_landing_begins_ends_it(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.begin_fault(CommandRefused(Command.LAND, "not now"))
+    uav.sim.begin_fault(FailsafeTriggered("fence"))
+    uav.sim.begin_fault(AckLost(Command.LAND))
+    uav.run(0.1)
+    task = uav.prepare.land().begin()
+    uav.run(0.5)
+    assert not task.future.done()  # it still holds, and nothing is sent
+    uav.sim.pilot_take_over()
+    uav.run(0.1)
+    error = task.future.exception(timeout=0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"

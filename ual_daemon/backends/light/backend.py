@@ -44,7 +44,9 @@ _SEED_DISTANCE = 1 << 40
 """Larger than the number of steps in any world, so that no two vehicles use the same seed."""
 
 _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}
-_MODES = [Mode(mode.name, _CONTROLS.get(mode, Control.OTHER)) for mode in FlightMode]
+_MODES = [
+    Mode(mode.name, _CONTROLS.get(mode, Control.OTHER), is_autonomous=mode is FlightMode.HOLD) for mode in FlightMode
+]
 
 
 class _LightPilot(SafetyPilot):

@@ -233,8 +233,9 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Land(self, request, context):
-        """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-        can abort it.
+        """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+        failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+        pilot can abort it.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -656,8 +656,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """
 
     Land: _UalServiceLandType
-    """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-    can abort it.
+    """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+    failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+    pilot can abort it.
     """
 
     GoToWaypoint: _UalServiceGoToWaypointType
@@ -904,8 +905,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.LandRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.LandResponse, collections.abc.Awaitable[ual.v1.ual_pb2.LandResponse]]:
-        """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-        can abort it.
+        """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+        failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+        pilot can abort it.
         """
 
     @abc.abstractmethod

@@ -273,3 +273,15 @@ def test_a_mode_of_the_autopilot_is_the_pilots_by_the_switch_and_else_the_ground
             flight.uav.recover_from_manual()
     finally:
         flight.uav.close()
+
+
+def test_land_ends_a_failsafes_hold_or_return(flight: Flight) -> None:
+    flight.take_off()
+    flight.uav.go_to_waypoint(flight.goal(40.0, 0.0))  # far from home, where ArduPilot would land at once
+    trigger(flight, "battery")
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.autopilot.setpoint_senders.clear()
+    flight.let_pass(1.0)
+    flight.uav.land()
+    assert flight.autopilot.body.is_on_ground
+    assert flight.autopilot.setpoint_senders == []

@@ -124,6 +124,7 @@ _PILOTS_MODES = frozenset(
         "TURTLE",
     }
 )
+_AUTONOMOUS = frozenset({"AUTO", "AUTO_RTL", "BRAKE", "CIRCLE", "FOLLOW", "RTL", "SMART_RTL"})
 _FAILSAFE_TEXTS = (
     ("battery failsafe", Cause.BATTERY),
     ("radio failsafe", Cause.RC),
@@ -168,7 +169,8 @@ class ArduCopter(Dialect):
 
     @override
     def mode(self, custom_mode: int) -> Mode:
-        return Mode(_MODES.get(custom_mode, f"MODE{custom_mode}"), _CONTROL.get(custom_mode, Control.OTHER))
+        name = _MODES.get(custom_mode, f"MODE{custom_mode}")
+        return Mode(name, _CONTROL.get(custom_mode, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
 
     @override
     def cause_of_text(self, text: str) -> Cause | None:

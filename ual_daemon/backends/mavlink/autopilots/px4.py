@@ -62,6 +62,7 @@ _CONTROL = {
     "AUTO.LAND": Control.LAND,
     "AUTO.PRECLAND": Control.LAND,
 }
+_AUTONOMOUS = frozenset({"AUTO.LOITER", "AUTO.MISSION", "AUTO.RTL", "AUTO.FOLLOW_TARGET", "POSCTL.ORBIT"})
 _AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
 _UNARMABLE = frozenset(
     {
@@ -122,7 +123,7 @@ class Px4(Dialect):
         name = _MAIN.get(main_number, f"MODE{main_number}")
         if sub_number:
             name = f"{name}.{_SUB.get(name, {}).get(sub_number, sub_number)}"
-        return Mode(name, _CONTROL.get(name, Control.OTHER))
+        return Mode(name, _CONTROL.get(name, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
 
     @override
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
