@@ -155,6 +155,7 @@ def test_after_the_pilot_landed_by_hand_a_looping_take_off_does_not_lift_it(
     assert wiretap.orders(taken_s) == []
     flight.pilot.sticks = Sticks()
     flight.pilot.stand_by()
+    flight.wait_for(lambda: not flight.pilot.is_armed, "the pilot's heartbeat")
     flight.take_off()  # it was disarmed once
     uav.land()
 
