@@ -231,7 +231,7 @@ class Flight:
         with self._lock:
             if self._shutdown is not None:
                 return self._shutdown.future
-            shutdown = self._shutdown = Shutdown(self._backend, self._may_fly)
+            shutdown = self._shutdown = Shutdown(self._backend, self.is_flown_by_us)
             manoeuvre = self._manoeuvre
             if manoeuvre is not None and manoeuvre.is_replaceable:
                 self._manoeuvre, self._reference = None, None
@@ -254,7 +254,7 @@ class Flight:
         """Ends what is left. To be called once no more updates come."""
         with self._lock:
             manoeuvre, self._manoeuvre, self._reference = self._manoeuvre, None, None
-            shutdown = self._shutdown = self._shutdown or Shutdown(self._backend, self._may_fly)
+            shutdown = self._shutdown = self._shutdown or Shutdown(self._backend, self.is_flown_by_us)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         if manoeuvre is not None:
             self._end(manoeuvre, error)
@@ -282,7 +282,7 @@ class Flight:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO
             logs.event(_log, level, "another_sender", why=other or "no longer seen")
-        self._note = "".join(("" if self._may_fly() else _NOT_COMMANDED, f"; {other}" if other else ""))
+        self._note = "".join(("" if self.is_flown_by_us() else _NOT_COMMANDED, f"; {other}" if other else ""))
 
     def _step_manoeuvre(self, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps the manoeuvre that is under way. Returns False if there is none, or if it has just ended."""
@@ -314,15 +314,15 @@ class Flight:
         old = self._reference
         may_send = _may_send_reference(snapshot, raw, is_begun=old is not None)
         self.authority.observe(raw.state, is_sending=may_send and old is not None)
-        if not (may_send and self._may_fly()):
+        if not (may_send and self.is_flown_by_us()):
             self._exchange(old, None)
             return
         new = self._next_reference(old, snapshot)
         if new is old or self._exchange(old, new):
             self._send_reference(new, snapshot)
 
-    def _may_fly(self) -> bool:
-        """Whether UAL may send what flies: it was commanded in this flight, or the autopilot would fall without it."""
+    def is_flown_by_us(self) -> bool:
+        """Returns whether UAL may send what flies: it was commanded in this flight, or the UAV falls without it."""
         return self.authority.is_ours or (not self.is_watch_only and self._backend.info().falls_without_setpoints)
 
     def _next_reference(self, reference: Reference | None, snapshot: Snapshot) -> Reference:

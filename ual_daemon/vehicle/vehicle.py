@@ -89,6 +89,10 @@ class Vehicle:
         """
         return self._flight.prepare_shutdown()
 
+    def is_flown_by_us(self) -> bool:
+        """Returns whether UAL flies it: it was commanded in this flight, or the UAV would fall without it."""
+        return self._flight.is_flown_by_us()
+
     def doing(self) -> dict[str, object]:
         """Returns what the UAV is doing, as the fields of an event of the log: for an end that leaves it in motion."""
         sample = self.telemetry()
