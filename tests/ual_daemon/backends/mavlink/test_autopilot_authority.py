@@ -235,19 +235,22 @@ def test_no_take_off_after_the_transmitter_was_lost_on_the_ground(flight: Flight
     flight.land()
 
 
-def test_after_setpoints_were_lost_control_comes_back_without_force() -> None:
+@pytest.mark.parametrize("dead_s", [0.0, 1.8])
+def test_after_setpoints_were_lost_control_comes_back_without_force(dead_s: float) -> None:
     flight = Flight("px4")
     try:
         flight.take_off()
         flight.kill()
-        flight.autopilot.run(1.8)
         px4_of(flight).sticks_s = px4_of(flight).now_s + 1e6  # with a transmitter: POSCTL
+        flight.autopilot.run(dead_s)
         flight.start()
-        flight.wait_for_state(State.FLYING_MANUAL, State.LANDING)
+        flight.wait_for_state(State.FLYING_MANUAL)
         flight.let_pass(1.0)
         health = flight.uav.telemetry().health
         assert health is not None
         assert health.held_by == "setpoint failsafe"
+        flight.uav.recover_from_manual()
+        assert flight.uav.state() is State.FLYING_AUTO
     finally:
         flight.uav.close()
 

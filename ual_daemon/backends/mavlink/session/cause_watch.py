@@ -105,9 +105,9 @@ class CauseWatch:
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def failsafe(self, *, is_armed: bool) -> Cause | None:
-        """Returns the failsafe that is active, whatever the mode; None if none is."""
+        """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
         if is_armed and self._is_unintended:
-            return self._episode or Cause.FAILSAFE
+            return self._episode
         return self._sensors
 
     def held_by(self, mode: Mode, now_s: float, *, is_armed: bool) -> Cause | None:
@@ -144,8 +144,8 @@ class CauseWatch:
         is_over = now_s - self._since_s > SETTLE_S
         if self._is_unintended is not False:
             failsafe = self._failsafe_that_flies(is_over=is_over)
-            if failsafe is not None:
-                return failsafe
+            if failsafe is not None or self._is_unintended:
+                return failsafe or Cause.OPEN
         if self._was_found:
             return None
         is_intention_open = self._dialect.names_intended_mode and self._is_unintended is None
