@@ -55,6 +55,7 @@ class UAL(Uav):
         backend_settings: The settings of the backend.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
         home_file: A file in which home is kept, so that it survives a restart of the process.
+        watch_only: Whether it only reports: every command is refused, and nothing that flies is sent.
 
     Raises:
         ConfigError: There is no such backend, or a setting is wrong.
@@ -76,12 +77,13 @@ class UAL(Uav):
         settings: VehicleSettings | None = None,
         backend_settings: Mapping[str, Any] | None = None,
         allow_arming: bool = False,
+        watch_only: bool = False,
         home_file: Path | None = None,
     ) -> None:
         if isinstance(backend, str):
             backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
         kept = None if home_file is None else HomeFile(home_file)
-        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept)
+        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self._is_closed = False
@@ -190,8 +192,8 @@ class UAL(Uav):
         self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
 
     @override
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.commands.recover_from_manual().begin, timeout_s, "recover_from_manual")
+    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        _run(self.vehicle.commands.recover_from_manual(force=force).begin, timeout_s, "recover_from_manual")
 
     @override
     def abort(self, freeze: bool = False) -> None:

@@ -56,6 +56,18 @@ _POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 
 
 
 RANGEFINDER_MAX_M = 40.0
+_SWITCH_US = {LOITER: 1700, GUIDED: 1500, RTL: 1300}
+"""The pulse of the transmitter's switch (channel 5) in the positions that the pilot uses."""
+_FAILSAFES = {
+    "rc": (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, True, ("Radio Failsafe",)),
+    "battery": (
+        mavlink.MAV_SYS_STATUS_SENSOR_BATTERY,
+        True,
+        ("Battery 1 is low 10.40V used 98 mAh", "Battery Failsafe"),
+    ),
+    "fence": (mavlink.MAV_SYS_STATUS_GEOFENCE, False, ("Circle fence breached",)),
+}
+"""The sensor that fails, whether the system status gets CRITICAL, and the texts, as recorded."""
 
 
 class ArduPilot(Autopilot):
@@ -139,6 +151,8 @@ class ArduPilot(Autopilot):
         self._landed_s = -math.inf
         self._touched_s: float | None = None
         self._has_radio = False
+        self._is_critical = False
+        self._switch_us = _SWITCH_US[GUIDED]
         self._switch: int | None = None
         self._switch_seen: tuple[int, float] | None = None
         if self.has_satellites:
@@ -194,6 +208,22 @@ class ArduPilot(Autopilot):
             self._stop()
             self._push(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
+
+    def trigger_failsafe(self, kind: str) -> None:
+        """Triggers a failsafe as recorded: "rc", "battery" or "fence". It returns; on the ground it changes nothing."""
+        with self.lock:
+            sensor, is_critical, texts = _FAILSAFES[kind]
+            self.failing_sensors |= sensor
+            self._is_critical = self._is_critical or is_critical
+            if self.is_armed and not self._is_landed:
+                self.set_mode(RTL)  # its heartbeat comes first
+                for text in texts:
+                    self.say(text)
+
+    def end_failsafe(self) -> None:
+        """The transmitter is heard again, the battery is another one, it is inside the fence. Its mode stays."""
+        with self.lock:
+            self.failing_sensors, self._is_critical = 0, False
 
     def cancel_takeoff(self) -> None:
         """Ends a take-off, as any setpoint does before its end."""
@@ -268,12 +298,18 @@ class ArduPilot(Autopilot):
             self.pilot_moves(Sticks())
             self.at(_SWITCH_S, partial(self._flip, LOITER))
 
+    def pilot_switches_to(self, mode: int) -> None:
+        """The safety pilot moves the mode switch to another mode of the autopilot."""
+        with self.lock:
+            self.at(_SWITCH_S, partial(self._flip, mode))
+
     def pilot_give_back(self) -> None:
         """The safety pilot sets the mode switch to GUIDED."""
         with self.lock:
             self.at(_SWITCH_S, partial(self._flip, GUIDED))
 
     def _flip(self, mode: int) -> None:
+        self._switch_us = _SWITCH_US[mode]
         self.set_mode(mode)
 
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
@@ -299,6 +335,7 @@ class ArduPilot(Autopilot):
 
     def _on_local_target(self, message: Message, sender: Sender) -> None:
         self.setpoints_s.append(self.elapsed_s)
+        self.setpoint_senders.append((sender.system_id, sender.component_id))
         if self.mode != GUIDED or not self.is_armed or message.coordinate_frame not in _FRAMES:
             return
         mask = message.type_mask
@@ -513,6 +550,7 @@ class ArduPilot(Autopilot):
             **super()._builders(),
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status_report,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
         }
 
     def heartbeat(self) -> Message:
@@ -522,6 +560,8 @@ class ArduPilot(Autopilot):
         status = mavlink.MAV_STATE_STANDBY
         if self.is_armed and (not self._is_landed or self.is_taking_off):
             status = mavlink.MAV_STATE_ACTIVE
+        if self._is_critical:
+            status = mavlink.MAV_STATE_CRITICAL
         return mavlink.MAVLink_heartbeat_message(self.kind, self.autopilot, base_mode, self.mode, status, 3)
 
     def _local_position(self) -> Message | None:
@@ -538,6 +578,11 @@ class ArduPilot(Autopilot):
         flags = _GOOD_FLAGS if self.has_position else _NO_POSITION_FLAGS
         return mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.1)
 
+    def _rc_channels(self) -> Message:
+        others = [1500] * 4
+        channels = [*others, self._switch_us, 1500, 1500, 1500, *[0] * 10]
+        return mavlink.MAVLink_rc_channels_message(self.time_ms, 8, *channels, 255)
+
     def _position_target(self) -> Message:
         """Returns the target that it flies to, in any mode."""
         position = tuple(
@@ -546,7 +591,7 @@ class ArduPilot(Autopilot):
         return mavlink.MAVLink_position_target_local_ned_message(
             self.time_ms,
             mavlink.MAV_FRAME_LOCAL_NED,
-            0,
+            _POSITION if self._target.position == (None, None, None) else 0,
             *position,
             *self._target.velocity,
             *self._target.acceleration,

@@ -93,6 +93,8 @@ class Autopilot(ABC):
         self.is_gps_good = True
         self.arm_refusal = ""
         """Why it cannot be armed; empty if it can."""
+        self.failing_sensors = 0
+        """Those of SYS_STATUS (MAV_SYS_STATUS) that are not healthy."""
         self.said = ""
         """Its last STATUSTEXT."""
         self.sticks = Sticks()
@@ -121,6 +123,8 @@ class Autopilot(ABC):
         """All commands for it: time, id, parameters, system and component of the sender."""
         self.setpoints_s: list[float] = []
         """The times of all setpoints for it, usable or not."""
+        self.setpoint_senders: list[tuple[int, int]] = []
+        """The system and component of the sender of each of them."""
         self._boot(boot_s)
 
     # Time
@@ -559,8 +563,10 @@ class Autopilot(ABC):
         )
 
     def _sys_status(self) -> Message:
-        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK | self.more_sensors
+        present = 33570863 | mavlink.MAV_SYS_STATUS_PREARM_CHECK | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+        present |= self.failing_sensors | self.more_sensors
         health = present if self.is_ready_to_arm else present & ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        health &= ~self.failing_sensors
         return mavlink.MAVLink_sys_status_message(present, present, health, 300, 16200, 1000, 90, 0, 0, 0, 0, 0, 0)
 
     @property

@@ -76,11 +76,32 @@ _EVENT, _EVENT_CRC_EXTRA = 410, 160
 # Ids, log levels and arguments of events, as recorded. The id of the denial is the hash of its name.
 _ARMED, _DISARMED = (0x0190CAF3, 0x66, b"\x04"), (0x01F46777, 0x66, b"\x06")
 _TAKEOFF_DETECTED, _LANDING_DETECTED = (0x01414569, 0x66, b""), (0x019638AC, 0x66, b"")
+_FAILSAFE_EVENTS = {
+    "rc": (
+        (event_id("commander_rc_lost"), 0x66, b""),
+        (event_id("commander_failsafe_enter_hold"), 0x42, bytes.fromhex("0000060006050001")),
+        (event_id("commander_failsafe_enter_generic"), 0x42, bytes.fromhex("0000060006000000")),
+    ),
+    "battery": (
+        (event_id("check_battery_critical"), 0x22, bytes.fromhex("ffffffff0b000000")),
+        (event_id("commander_failsafe_enter_hold"), 0x42, bytes.fromhex("0000060006050004")),
+        (event_id("commander_failsafe_enter"), 0x42, bytes.fromhex("0000060006040000")),
+    ),
+    "fence": (
+        (event_id("check_gf_violation_max_hor_dist"), 0x33, bytes.fromhex("ffffffff14000000")),
+        (event_id("commander_failsafe_enter_generic_hold"), 0x42, bytes.fromhex("0000060006050000")),
+        (event_id("commander_failsafe_enter_generic"), 0x42, bytes.fromhex("0000060006000000")),
+    ),
+}
+"""What triggers a failsafe, its Hold, and what follows that after 5 s, as recorded."""
+_FAILSAFE_HOLD_S = 5.0
 _FAILSAFE = (0x01C2DC72, 0x42, b"\x00\x06\x00\x03")
 _ARMING_DENIED = (event_id("commander_arm_denied_resolve_failures"), 0x22, b"")
 _UNKNOWN = {8: (b"\xa0\x89\x3f" + bytes(17) + b"\x01", 117), 380: (bytes(4) + b"\xff" * 16, 232), 411: (b"\x02", 106)}
 """What pymavlink does not know and PX4 sends: LINK_NODE_STATUS, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE; with
 the seeds of their checksums."""
+_FAILING = {"rc": mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, "battery": mavlink.MAV_SYS_STATUS_SENSOR_BATTERY}
+"""The sensors of SYS_STATUS that fail with it; PX4's fence has none."""
 _STATUS_S = 0.5
 """The period at which vehicle_status is published when nothing changes."""
 
@@ -197,6 +218,7 @@ class Px4(Autopilot):
         super()._boot(boot_s)
         self.intention = self._before = LOITER
         self.failsafe: Mode | None = None
+        self._failsafe_kind = ""
         self._mode_s = boot_s
         self._setpoint = Target()
         self.setpoint_s = -math.inf
@@ -262,6 +284,7 @@ class Px4(Autopilot):
             self._takeoff_z_m = self.position[2] - self.parameters["MIS_TAKEOFF_ALT"]
         was = self.mode
         self.intention, self.failsafe = mode, None
+        self._failsafe_kind = ""
         self._entered(was)
         return True
 
@@ -271,6 +294,28 @@ class Px4(Autopilot):
             self._event(*_FAILSAFE)
         self.failsafe = failsafe
         self._entered(was)
+
+    def trigger_failsafe(self, kind: str) -> None:
+        """Triggers a failsafe as recorded: "rc", "battery" or "fence". It holds, and returns 5 s later."""
+        with self.lock:
+            trigger, holds, returns = _FAILSAFE_EVENTS[kind]
+            self.failing_sensors |= _FAILING.get(kind, 0)
+            self._event(*trigger)
+            self._event(*holds)
+            was, self.failsafe, self._failsafe_kind = self.mode, LOITER, kind
+            self._entered(was)
+            self.at(_FAILSAFE_HOLD_S, lambda: self._return_by_failsafe(kind, returns))
+
+    def end_failsafe(self) -> None:
+        """The transmitter is heard again, the battery is another one, it is inside the fence."""
+        with self.lock:
+            self.failing_sensors = 0
+
+    def _return_by_failsafe(self, kind: str, event: tuple[int, int, bytes]) -> None:
+        if self._failsafe_kind == kind and self.failsafe == LOITER:
+            self._event(*event)
+            was, self.failsafe = self.mode, RTL
+            self._entered(was)
 
     def _entered(self, was: Mode) -> None:
         if self.mode == was:
@@ -361,6 +406,7 @@ class Px4(Autopilot):
 
     def _on_local_target(self, message: Message, sender: Sender) -> None:
         self.setpoints_s.append(self.elapsed_s)
+        self.setpoint_senders.append((sender.system_id, sender.component_id))
         target = self._usable(message)
         if target is not None:
             self._setpoint, self.setpoint_s = target, self.now_s
@@ -458,7 +504,7 @@ class Px4(Autopilot):
             wanted = ALTCTL
         elif self.intention == OFFBOARD and silence_s > self.parameters["COM_OF_LOSS_T"] + STREAM_LOST_S:
             wanted = self.failsafe or (POSCTL if self.has_sticks else RTL)
-        elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream:
+        elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream and not self._failsafe_kind:
             wanted = None  # when the stream is back, OFFBOARD returns by itself
         if wanted != self.failsafe:
             self._fall_back(wanted)
@@ -545,6 +591,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: filler(85),
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes
             # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: lambda: mavlink.MAVLink_system_time_message(0, self.time_ms),

@@ -13,6 +13,7 @@ from ual.simulation import (
     Command,
     CommandRefused,
     EstimatorJumps,
+    FailsafeTriggered,
     LinkLost,
     MotorsWeak,
     PositionLost,
@@ -69,6 +70,14 @@ task_infos = st.builds(
 plans = st.builds(types.Plan, st.none() | numbers, st.none() | durations)
 geo_points = st.builds(types.GeoPoint, numbers, numbers, st.none() | numbers, st.none() | numbers, st.none() | numbers)
 batteries = st.builds(types.Battery, st.none() | numbers, st.none() | numbers, st.none() | numbers)
+healths = st.builds(
+    types.Health,
+    is_ready_to_arm=st.none() | st.booleans(),
+    failing_checks=st.lists(texts, max_size=3).map(tuple),
+    link_quality=st.none() | numbers,
+    failsafe=texts,
+    held_by=texts,
+)
 gps_infos = st.builds(
     types.GpsInfo, st.sampled_from(types.GpsFix), st.integers(0, 99), st.none() | numbers, st.none() | numbers
 )
@@ -94,6 +103,7 @@ telemetries = st.builds(
     status_text=texts,
     frame_lost=texts,
     missed_count=st.integers(0, 2**64 - 1),
+    health=st.none() | healths,
 )
 frames = st.builds(types.Frame, frame_ids, frame_ids, st.none() | transforms, st.booleans())
 infos = st.builds(
@@ -119,4 +129,5 @@ faults = st.one_of(
     st.builds(CommandRefused, commands, texts),
     st.builds(AckLost, commands),
     st.builds(AckLate, commands, numbers),
+    st.builds(FailsafeTriggered, texts),
 )

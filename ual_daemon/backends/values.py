@@ -12,7 +12,7 @@ from enum import Enum
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
-from ual.types import Battery, Capability, GeoPoint, GpsInfo, Limits
+from ual.types import Battery, Capability, GeoPoint, GpsInfo, Health, Limits
 from ual_daemon.geodesy import Projection
 
 T_co = TypeVar("T_co", covariant=True)
@@ -41,12 +41,64 @@ class Control(Enum):
     """The safety pilot, or another mode of the autopilot."""
 
 
+class Cause(Enum):
+    """Who or what took the control from UAL, or holds it; the value is the metadata `by` of errors."""
+
+    SAFETY_PILOT = "safety pilot"
+    """A mode that is flown by sticks, or a mode that the transmitter's switch selected."""
+    GROUND_STATION = "ground station"
+    """Another mode of the autopilot, without a failsafe or a switch: a ground station or another program."""
+    BATTERY = "battery failsafe"
+    RC = "rc failsafe"
+    """The transmitter is lost."""
+    FENCE = "fence"
+    """The autopilot's own geofence."""
+    GROUND_STATION_LOST = "ground station failsafe"
+    """The link to the ground station is lost."""
+    POSITION = "position failsafe"
+    """The estimator has no good position."""
+    SETPOINTS = "setpoint failsafe"
+    """No setpoints came: taking control back is the remedy, so it needs no force."""
+    FAILSAFE = "failsafe"
+    """A failsafe whose reason the autopilot does not say."""
+    OPEN = ""
+    """Not known yet: the mode has just changed, and its reason may follow within a moment."""
+
+    @property
+    def is_failsafe(self) -> bool:
+        """Whether the autopilot itself took the control, to save the vehicle or those below it."""
+        return self in _FAILSAFES
+
+    @property
+    def needs_force(self) -> bool:
+        """Whether UAL overrides it only with force."""
+        return self.is_failsafe and self is not Cause.SETPOINTS
+
+
+_FAILSAFES = frozenset(
+    {
+        Cause.BATTERY,
+        Cause.RC,
+        Cause.FENCE,
+        Cause.GROUND_STATION_LOST,
+        Cause.POSITION,
+        Cause.SETPOINTS,
+        Cause.FAILSAFE,
+    }
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The autopilot's mode: its name, for people, and what controls the vehicle in it."""
+    """The autopilot's mode: its name, for people, and what controls the vehicle in it.
+
+    `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
+    replace such a mode, and never one that the pilot flies.
+    """
 
     name: str
     control: Control
+    is_autonomous: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +165,10 @@ class Snapshot(NamedTuple):
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
     its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
     of an earlier frame.
+    `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
+    `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
+    present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
+    `health` has the rest of what the autopilot says of itself; its `failsafe` and `held_by` are filled in above.
     """
 
     time_s: float
@@ -139,6 +195,10 @@ class Snapshot(NamedTuple):
     own_fence: OwnFence | None = None
     updated_s: float = math.inf
     own_pause: str = ""
+    other_sender: str = ""
+    health: Health | None = None
+    failsafe: Cause | None = None
+    held_by: Cause | None = None
 
     @property
     def home(self) -> Vector3 | None:
@@ -185,6 +245,9 @@ class VehicleInfo:
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `limitation` says for people
     why it has fewer capabilities than others.
+    `falls_without_setpoints` says that the vehicle comes down when
+    setpoints stop in the mode that takes them: such a one is held from the first update on, also by a daemon that was
+    not commanded in this flight; any other one is left to whoever flies it.
     """
 
     autopilot: str = ""
@@ -193,6 +256,7 @@ class VehicleInfo:
     capabilities: frozenset[Capability] = frozenset()
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
+    falls_without_setpoints: bool = False
     takes: Takes = Takes.ALL
     identity: str = ""
     limitation: str = ""

@@ -14,17 +14,18 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import NamedTuple
 
-from ual.errors import TaskAbortedError, UalError, WrongStateError
+from ual.errors import TaskAbortedError, UalError, UalTimeoutError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Control, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, Snapshot, Takes
+from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.home import Home
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
-from ual_daemon.flight.refusals import not_pausable, not_replaceable, replaced, shutting_down
+from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate
@@ -37,6 +38,8 @@ from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
 
+_NOT_COMMANDED = "; UAL has not been commanded in this flight and sends nothing"
+
 
 class LastCommand(NamedTuple):
     """The newest command that began: its number, counted from the start, and its name."""
@@ -48,11 +51,24 @@ class LastCommand(NamedTuple):
 class Flight:
     """What one UAV flies. Any thread may call any member, except `step`: only the update thread."""
 
-    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: Geofence | None = None) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        limits: CurrentLimits,
+        geofence: Geofence | None = None,
+        *,
+        watch_only: bool = False,
+    ) -> None:
+        """`watch_only`: sends nothing that flies, whatever comes."""
         self._backend = backend
         self.limits = limits
         self.geofence = geofence
         self.home = Home()
+        self.is_watch_only = watch_only
+        self.authority = Authority()
+        self._note = ""
+        """What the reason of FLYING_AUTO adds; composed at each update."""
+        self._other_sender = ""
         self._sender = SetpointSender(backend, limits)
         self._stopping = Stopping(limits, geofence)
         self._watched = WatchedCommands()
@@ -71,7 +87,8 @@ class Flight:
     def estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
         manoeuvre = self._manoeuvre
-        return estimate(snapshot, self._backend.freshness, None if manoeuvre is None else manoeuvre.declares)
+        declared = None if manoeuvre is None else manoeuvre.declares
+        return estimate(snapshot, self._backend.freshness, declared, self._note)
 
     @property
     def takes(self) -> Takes:
@@ -152,6 +169,7 @@ class Flight:
             error = self._why_not_begin(manoeuvre.name, since)
             if error is None:
                 self._manoeuvre, self._reference = manoeuvre, None
+                self.authority.is_ours, self.authority.is_ground_theirs = True, False
                 self._last_command = LastCommand(self._last_command.number + 1, manoeuvre.name)
         if error is not None:
             self._end(manoeuvre, error)
@@ -163,6 +181,8 @@ class Flight:
         """Returns why a manoeuvre or reference may not begin now; None if it may. Called with the lock held."""
         if self._shutdown is not None:
             return shutting_down(name)
+        if self.is_watch_only:
+            return only_watching(name)
         old = self._manoeuvre
         if old is not None and not old.is_replaceable:
             return not_replaceable(old, name)
@@ -189,6 +209,7 @@ class Flight:
             if error is not None:
                 raise error
             self._manoeuvre, self._reference = None, reference
+            self.authority.is_ours, self.authority.is_ground_theirs = True, False
             self._last_command = LastCommand(self._last_command.number + 1, by)
         self._sender.send(setpoint, snapshot)
         if old is not None:
@@ -272,7 +293,7 @@ class Flight:
         with self._lock:
             if self._shutdown is not None:
                 return self._shutdown.future
-            shutdown = self._shutdown = Shutdown(self._backend)
+            shutdown = self._shutdown = Shutdown(self._backend, self.is_flown_by_us)
             manoeuvre = self._manoeuvre
             if manoeuvre is not None and manoeuvre.is_replaceable:
                 self._manoeuvre, self._reference = None, None
@@ -295,7 +316,7 @@ class Flight:
         """Ends what is left. To be called once no more updates come."""
         with self._lock:
             manoeuvre, self._manoeuvre, self._reference = self._manoeuvre, None, None
-            shutdown = self._shutdown = self._shutdown or Shutdown(self._backend)
+            shutdown = self._shutdown = self._shutdown or Shutdown(self._backend, self.is_flown_by_us)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         if manoeuvre is not None:
             self._end(manoeuvre, error)
@@ -313,6 +334,7 @@ class Flight:
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot)
+        self._update_note(snapshot)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
 
@@ -338,11 +360,22 @@ class Flight:
         if manoeuvre is not None and error is not None:
             self._end(manoeuvre, error)
 
+    def _update_note(self, snapshot: Snapshot) -> None:
+        """Composes what the reason of FLYING_AUTO adds, and logs when another program's setpoints begin and end."""
+        other = snapshot.other_sender
+        if other != self._other_sender:
+            self._other_sender = other
+            level = logging.WARNING if other else logging.INFO
+            logs.event(_log, level, "another_sender", why=other or "no longer seen")
+        self._note = "".join(("" if self.is_flown_by_us() else _NOT_COMMANDED, f"; {other}" if other else ""))
+
     def _step_manoeuvre(self, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps the manoeuvre that is under way. Returns False if there is none, or if it has just ended."""
         manoeuvre = self._manoeuvre
         if manoeuvre is None:
             return False
+        if snapshot.held_by is Cause.OPEN and raw.is_link_up:
+            return True  # nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre
         try:
             step = manoeuvre.step(snapshot, raw)
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller
@@ -362,7 +395,8 @@ class Flight:
             if manoeuvre.is_paused and step.error is None:
                 return True  # paused by another thread during the step
             self._manoeuvre, self._reference = None, step.next_reference
-        self._end(manoeuvre, step.error)
+            self.authority.is_ours = not step.is_taken
+        self._end(manoeuvre, _with_other_sender(step.error, snapshot))
         if step.is_autopilot_to_hold:
             self._hold_by_autopilot(snapshot, manoeuvre.name)
         return False
@@ -389,12 +423,18 @@ class Flight:
     def _step_reference(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Sends the setpoint of the reference, and forgets the reference once the autopilot does not follow UAL."""
         old = self._reference
-        if not _may_send_reference(snapshot, raw, is_begun=old is not None):
+        may_send = _may_send_reference(snapshot, raw, is_begun=old is not None)
+        self.authority.observe(raw.state, is_sending=may_send and old is not None)
+        if not (may_send and self.is_flown_by_us()):
             self._exchange(old, None)
             return
         new = self._next_reference(old, snapshot)
         if new is old or self._exchange(old, new):
             self._send_reference(new, snapshot)
+
+    def is_flown_by_us(self) -> bool:
+        """Returns whether UAL may send what flies: it was commanded in this flight, or the UAV falls without it."""
+        return self.authority.is_ours or (not self.is_watch_only and self._backend.info().falls_without_setpoints)
 
     def _next_reference(self, reference: Reference | None, snapshot: Snapshot) -> Reference:
         """Returns the reference to follow now: the given one, or a stop if there is none or its velocity has ended."""
@@ -447,6 +487,13 @@ class Flight:
         else:
             logs.event(_log, logging.WARNING, "task_ended", **fields, reason=error.reason, why=str(error))
         manoeuvre.end(error)
+
+
+def _with_other_sender(error: UalError | None, snapshot: Snapshot) -> UalError | None:
+    """Returns an error that also names another program's setpoints, which may be why it did not get there."""
+    if not snapshot.other_sender or not isinstance(error, UalTimeoutError):
+        return error
+    return UalTimeoutError(f"{error}; {snapshot.other_sender}", {**error.metadata, "other_sender": "true"})
 
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:

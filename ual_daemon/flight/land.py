@@ -9,7 +9,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken_over, why_blind
+from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
@@ -24,13 +24,19 @@ class Land(Manoeuvre):
     is_replaceable = False
 
     def __init__(
-        self, task: VehicleTask, command: AutopilotCommand, reference: Reference, start: Snapshot, name: str = "land"
+        self,
+        task: VehicleTask,
+        command: AutopilotCommand,
+        reference: Reference | None,
+        start: Snapshot,
+        name: str = "land",
     ) -> None:
-        """`reference` is followed until the autopilot lands by itself."""
+        """`reference` is followed until the autopilot lands by itself; None where it flies by itself already."""
         super().__init__(name, task)
         self._command = self.command = command
         self._reference: Reference | None = reference
         self._is_landing = False
+        self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
         self._start_z = measured_motion(start).position.z
 
     @override
@@ -48,12 +54,12 @@ class Land(Manoeuvre):
                 self._is_landing, self._reference = True, None
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(failure)
-            elif control is not Control.REFERENCES:
-                return failed(taken_over(snapshot, self.name))
+            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
+                return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
                 return Step(self._reference.setpoint(snapshot))
         elif control is not Control.LAND and landed is not LandedState.LANDING:
-            return failed(taken_over(snapshot, self.name))
+            return taken(snapshot, self.name)
         if self._is_too_late(snapshot):
             return failed(UalTimeoutError("land: the UAV has stopped descending, but reports no ground"))
         return Step()

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.geometry import Vector3
 from ual.types import State
-from ual_daemon.backends.values import Control, Setpoint, Snapshot
+from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.own_fence import breach_text
@@ -39,6 +39,7 @@ class Step:
         next_reference: The reference to follow after it; None to stop at the present position.
         handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
         is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
+        is_taken: Whether it has ended because others took the UAV, to which UAL then sends nothing.
 
     """
 
@@ -48,6 +49,7 @@ class Step:
     next_reference: Reference | None = None
     handover: Handover | None = None
     is_autopilot_to_hold: bool = False
+    is_taken: bool = False
 
 
 class Handover(NamedTuple):
@@ -139,17 +141,18 @@ def why_blind(estimate: Estimate, during: str) -> UalError | None:
     return None
 
 
+def taken(snapshot: Snapshot, during: str) -> Step:
+    """Returns the step of a manoeuvre that has ended because others took the UAV."""
+    return Step(has_ended=True, error=taken_over(snapshot, during), is_taken=True)
+
+
 def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
-    """Returns the error of a manoeuvre that ended because the safety pilot took over, or the autopilot at its fence."""
+    """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
     mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
     breach = breach_text(snapshot)
-    if breach:
-        return TaskAbortedError(
-            f"{during}: {breach}, and is in mode {mode} now",
-            {"by": "fence", "state": State.FLYING_MANUAL.name, "mode": mode},
-        )
-    return TaskAbortedError(
-        f"{during}: the safety pilot took over (the autopilot is in mode {mode}); "
-        "recover_from_manual takes control back",
-        {"by": "safety pilot", "state": State.FLYING_MANUAL.name, "mode": mode},
-    )
+    cause = snapshot.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
+    metadata = {"by": cause.value, "state": State.FLYING_MANUAL.name, "mode": mode}
+    in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
+    what = f"taken by the autopilot: {cause.value}" if cause.is_failsafe else f"the {cause.value} took over"
+    then = "takes control back only with force" if cause.needs_force else "takes control back"
+    return TaskAbortedError(f"{during}: {what} {in_mode}; recover_from_manual {then}", metadata)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future
+
 from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
@@ -13,16 +16,32 @@ from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
+Refusal = Callable[[Snapshot], UalError | None]
+
 
 class Recover(Manoeuvre):
-    """Takes control back from the safety pilot. Holds the present pose until the mode has changed, and then stops."""
+    """Takes control back from the safety pilot. Holds the present pose until the mode has changed, and then stops.
+
+    While it is not known yet who took the UAV, nothing is sent: it may be a failsafe, which is not overridden.
+    """
 
     is_replaceable = False
 
-    def __init__(self, command: AutopilotCommand, limits: Limits) -> None:
+    def __init__(
+        self, command: AutopilotCommand, limits: Limits, take_control: Callable[[], Future[None]], refusal: Refusal
+    ) -> None:
+        """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may."""
         super().__init__("recover_from_manual", None)
         self._command = self.command = command
         self._limits = limits
+        self._take_control = take_control
+        self._refusal = refusal
+        self._is_sent = False
+
+    def send(self) -> None:
+        """Sends the command, once."""
+        self._is_sent = True
+        self._command.send(self._take_control)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -39,6 +58,11 @@ class Recover(Manoeuvre):
                     {"by": "autopilot", "state": estimate.state.name},
                 )
             )
+        if not self._is_sent:  # `Flight` steps it once it is known who took the UAV
+            refusal = self._refusal(snapshot)
+            if refusal is not None:
+                return failed(refusal)
+            self.send()
         failure = self._command.failure(snapshot)
         if failure is not None:
             return failed(failure)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.errors import TaskAbortedError, WrongStateError
+from ual.errors import PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.flight.manoeuvre import Manoeuvre
 
@@ -10,6 +10,13 @@ from ual_daemon.flight.manoeuvre import Manoeuvre
 def shutting_down(command: str) -> WrongStateError:
     """The refusal of a command that arrives after the shutdown has begun."""
     return WrongStateError(f"{command}: UAL is shutting down and takes no more commands")
+
+
+def only_watching(command: str) -> PermissionDeniedError:
+    """The refusal of a command by a daemon that only watches."""
+    return PermissionDeniedError(
+        f"{command}: this daemon only watches (--watch-only) and sends nothing that flies", {"command": command}
+    )
 
 
 def not_replaceable(manoeuvre: Manoeuvre, command: str) -> WrongStateError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
@@ -20,11 +21,15 @@ _HOLD_PATIENCE_S = 5.0
 
 
 class Shutdown:
-    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL."""
+    """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL.
 
-    def __init__(self, backend: Backend) -> None:
+    `is_flown_by_us` returns whether UAL flies it: the flight of others is left alone.
+    """
+
+    def __init__(self, backend: Backend, is_flown_by_us: Callable[[], bool]) -> None:
         self.future: Future[None] = Future()
         self._backend = backend
+        self._is_flown_by_us = is_flown_by_us
         self._hold: AutopilotCommand | None = None
         self._lock = threading.Lock()
 
@@ -51,7 +56,8 @@ class Shutdown:
     def _begin_hold(self, snapshot: Snapshot) -> bool:
         """Sends the hold command if that is still to do. Returns whether this call sent it."""
         with self._lock:  # the caller of the shutdown and the updates come from different threads
-            if self._hold is not None or self._state(snapshot) is not State.FLYING_AUTO:
+            is_due = self._hold is None and self._is_flown_by_us() and self._state(snapshot) is State.FLYING_AUTO
+            if not is_due:
                 return False
             hold = self._hold = AutopilotCommand("hold its position", snapshot.time_s)
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")

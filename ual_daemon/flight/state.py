@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from ual.types import State
-from ual_daemon.backends.values import NEVER_S, Control, Freshness, LandedState, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Sample, Snapshot
 
 _OWN_PAUSE_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
@@ -21,10 +21,11 @@ class Estimate:
     is_link_up: bool = True
 
 
-def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None) -> Estimate:
+def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None = None, note: str = "") -> Estimate:
     """Estimates the state from the data, in the order of `ual.v1.State`.
 
-    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise.
+    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise. `note` is
+    added to the reason of FLYING_AUTO.
     """
     if not _is_all_fresh(snapshot, freshness):
         missing = _why_uninitialized(snapshot, freshness)
@@ -46,8 +47,10 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     if manoeuvre is State.LANDING:
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
-        return Estimate(State.LANDING, f"the autopilot lands (mode {mode})")
-    return _in_the_air(mode, takes_references=control is Control.REFERENCES)
+        return Estimate(State.LANDING, f"the autopilot lands (mode {mode}){_because(snapshot.held_by)}")
+    if control is Control.REFERENCES:
+        return _in_auto(mode, note)
+    return _in_manual(mode, snapshot.held_by)
 
 
 def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
@@ -58,10 +61,16 @@ def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
 
 
 @lru_cache(maxsize=64)  # every setpoint calls it
-def _in_the_air(mode: str, *, takes_references: bool) -> Estimate:
-    if takes_references:
-        return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode})")
-    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references")
+def _in_auto(mode: str, note: str) -> Estimate:
+    return Estimate(State.FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
+
+
+def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
+    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references{_because(held_by)}")
+
+
+def _because(held_by: Cause | None) -> str:
+    return f": {held_by.value}" if held_by is not None and held_by.value else ""
 
 
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:

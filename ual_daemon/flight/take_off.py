@@ -18,7 +18,7 @@ from ual_daemon.flight.manoeuvre import (
     Manoeuvre,
     Step,
     failed,
-    taken_over,
+    taken,
     why_blind,
 )
 from ual_daemon.flight.state import Estimate
@@ -96,7 +96,7 @@ class TakeOff(Manoeuvre):
     def _wait_on_ground(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         """Makes one update before the autopilot has begun the take-off."""
         if self._is_taken_over(snapshot, estimate):
-            return failed(taken_over(snapshot, self.name))
+            return taken(snapshot, self.name)
         failure = self._command.failure(snapshot)
         if failure is not None:
             return failed(failure)
@@ -126,7 +126,7 @@ class TakeOff(Manoeuvre):
         assert snapshot.mode is not None
         ours = (Control.REFERENCES,) if self._on_setpoints else (Control.REFERENCES, Control.TAKE_OFF)
         if snapshot.mode.value.control not in ours:
-            return failed(taken_over(snapshot, self.name))
+            return taken(snapshot, self.name)
         refusal = self._command.refusal()  # a refusal may come late over a bad link
         if refusal is not None and estimate.state is State.LANDED_ARMED:
             return failed(refusal)

@@ -36,6 +36,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     tls_key: str | None = None
     allow_arming: bool = False
     auto_arm: bool = False
+    watch_only: bool = False
     transport: Literal["auto", "core", "aio"] = "auto"
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"

@@ -181,7 +181,7 @@ class _Served:
         error = safe.exception()
         if error is not None:
             return self._leave_in_flight(str(error))
-        if self._vehicle.state() is State.FLYING_AUTO:
+        if self._vehicle.state() is State.FLYING_AUTO and self._vehicle.is_flown_by_us():
             return self._leave_in_flight("the autopilot did not take over: it still waits for setpoints")
         return True
 

@@ -22,6 +22,7 @@ from ual_daemon.program import lazy, log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
+    DaemonSettings,
     FlagSource,
     Source,
     located,
@@ -79,6 +80,9 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 )
 @click.option("--allow-arming/--no-allow-arming", default=None, help="Let callers arm a real UAV.")
 @click.option("--auto-arm/--no-auto-arm", default=None, help="A simulated pilot arms whenever the UAV stands ready.")
+@click.option(
+    "--watch-only/--no-watch-only", default=None, help="Only report: refuse every command, send nothing that flies."
+)
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
 @click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
@@ -167,12 +171,14 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
                 each.backend,
                 each.vehicle,
                 allow_arming=settings.allow_arming,
+                watch_only=settings.watch_only,
                 home_file=HomeFile(_discovery.home_file(each.backend.options.ns)),
             )
             for each in uavs
         ]  # checks the frames and the fence
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
+        _refuse_arming_while_watching(settings)
         if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
             where = f" at {settings.url}" if settings.url else ""
             raise ConfigError(  # noqa: TRY301
@@ -263,6 +269,12 @@ def _serve(
         _fail(str(error), _CANNOT_START)
     if not are_safe:
         sys.exit(_LEFT_IN_MOTION)
+
+
+def _refuse_arming_while_watching(settings: DaemonSettings) -> None:
+    for key in ("allow_arming", "auto_arm"):
+        if settings.watch_only and getattr(settings, key):
+            raise ConfigError(f"a daemon that only watches arms nothing: leave out watch_only or {key}", key)
 
 
 def _refuse_exposure(listen: Sequence[Address], *, is_safe: bool) -> None:

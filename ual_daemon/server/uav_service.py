@@ -191,7 +191,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def RecoverFromManual(
         self, request: pb.RecoverFromManualRequest, context: object
     ) -> _Maybe[pb.RecoverFromManualResponse]:
-        prepared = self._commands.recover_from_manual()
+        prepared = self._commands.recover_from_manual(force=request.force)
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())

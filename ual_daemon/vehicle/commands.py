@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-from ual.errors import PermissionDeniedError, WrongStateError
+from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Transform, TwistStamped, Vector3
 from ual.types import (
     Capability,
@@ -23,7 +23,7 @@ from ual.types import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.flight import Flight, LastCommand
@@ -109,7 +109,7 @@ class Commands:
     def plan(self, motion: MotionRequest) -> Plan:
         """Makes a dry run: returns the plan of a motion, or raises the error by which it would be refused."""
         if isinstance(motion, RecoverFromManualRequest):
-            return self.recover_from_manual().plan
+            return self.recover_from_manual(force=motion.force).plan
         if isinstance(motion, TaskRequest):
             return self.prepare(motion).plan
         if isinstance(motion, TwistStamped):
@@ -123,6 +123,8 @@ class Commands:
             height_m = validation.positive(request.height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("take_off")
             snapshot = self._require_armed_for_take_off()
+            self._preconditions.require_own_ground("take_off")
+            self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
             ground, bounds = measured_motion(snapshot), self._flight.limits.get()
             top = ground.position + Vector3(0.0, 0.0, height_m)
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
@@ -177,40 +179,64 @@ class Commands:
         )
 
     def _land(self) -> Prepared[VehicleTask]:
-        """Prepares a landing at the present position."""
+        """Prepares a landing at the present position, also out of a mode in which the autopilot flies by itself."""
         with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
-            snapshot = self._preconditions.require_state("land", State.FLYING_AUTO)
+            snapshot = self._preconditions.require_landing_allowed()
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):
                 task = self._tasks.new(TaskKind.LAND, "land")
                 command = AutopilotCommand("land", snapshot.time_s)
-                self._flight.begin(Land(task, command, self._flight.brake(snapshot), snapshot))
+                is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
+                reference = self._flight.brake(snapshot) if is_ours else None
+                self._flight.begin(Land(task, command, reference, snapshot))
                 command.send(self._backend.land)
                 accepted("land", task_id=task.id)
                 return task
 
         return Prepared(Plan(), begin)
 
-    def recover_from_manual(self) -> Prepared[Future[None]]:
-        """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO."""
+    def recover_from_manual(self, *, force: bool = False) -> Prepared[Future[None]]:
+        """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
+
+        On the ground after others have flown, nothing is sent: from then on a take-off is allowed again.
+        """
         with self._preconditions.logging_refusal("recover_from_manual"):
             self._preconditions.require_capability(Capability.RECOVER, "recover_from_manual")
             self._flight.require_replaceable("recover_from_manual")
-            snapshot = self._preconditions.require_state("recover_from_manual", State.FLYING_MANUAL)
+            is_ground_theirs = self._flight.authority.is_ground_theirs
+            allowed = (State.FLYING_MANUAL, State.LANDED_ARMED) if is_ground_theirs else (State.FLYING_MANUAL,)
+            snapshot = self._preconditions.require_state("recover_from_manual", *allowed)
+            self._preconditions.require_no_failsafe("recover_from_manual", snapshot, force=force)
+            if self._flight.estimate(snapshot).state is State.LANDED_ARMED:
+                return Prepared(Plan(), self._take_ground_back)
+
+        def refusal(newer: Snapshot) -> UalError | None:
+            return self._preconditions.failsafe_refusal("recover_from_manual", newer, force=force)
 
         def begin() -> Future[None]:
             with self._preconditions.logging_refusal("recover_from_manual"):
                 command = AutopilotCommand("take our references", snapshot.time_s)
-                recover = Recover(command, self._flight.limits.get())
+                recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
                 self._flight.begin(recover)
-                command.send(self._backend.take_control)
+                if snapshot.held_by is not Cause.OPEN or force:
+                    recover.send()
                 accepted("recover_from_manual")
                 return recover.future
 
         return Prepared(Plan(), begin)
+
+    def _take_ground_back(self) -> Future[None]:
+        """Makes the ground UAL's again, from which it may take off."""
+        with self._preconditions.logging_refusal("recover_from_manual"):
+            self._preconditions.require_state("recover_from_manual", State.LANDED_ARMED)
+            self._flight.authority.is_ground_theirs = False
+            accepted("recover_from_manual")
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
 
     # --- Stopping -----------------------------------------------------------------------------------------------------
 
@@ -298,7 +324,8 @@ class Commands:
     @property
     def is_arming_allowed(self) -> bool:
         """Whether callers may arm and disarm. In a simulation they always may."""
-        return self._allow_arming or self._backend.simulation() is not None
+        is_allowed = self._allow_arming or self._backend.simulation() is not None
+        return is_allowed and not self._flight.is_watch_only
 
     def arm(self) -> Future[None]:
         """Arms. The future ends when the autopilot reports that it is armed."""
@@ -310,6 +337,7 @@ class Commands:
 
     def _arm_or_disarm(self, name: str, needed: State, *, is_armed: bool) -> Future[None]:
         with self._preconditions.logging_refusal(name):
+            self._preconditions.require_flying_allowed(name)
             self._preconditions.require_capability(Capability.ARM, name)
             if not self.is_arming_allowed:
                 raise PermissionDeniedError(

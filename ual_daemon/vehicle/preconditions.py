@@ -11,9 +11,9 @@ from ual.errors import LinkLostError, NotSupportedError, UalError, WrongStateErr
 from ual.types import Capability, State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.refusals import shutting_down
+from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
@@ -84,16 +84,94 @@ class Preconditions:
         known = ", ".join(sorted(c.name for c in info.capabilities)) or "nothing of the kind"
         raise NotSupportedError(f"{command}: the backend {self._backend.name} cannot (it can: {known})")
 
+    def require_flying_allowed(self, command: str) -> None:
+        """Checks that this daemon may fly.
+
+        Raises:
+            PermissionDeniedError: It only watches.
+
+        """
+        if self._flight.is_watch_only:
+            raise only_watching(command)
+
+    def require_own_ground(self, command: str) -> None:
+        """Checks that nobody else has flown the UAV since it was disarmed, unless control was asked back.
+
+        A pilot who has taken over and landed by hand may step up to the UAV while its motors run: a take-off that a
+        client repeats must not lift it again.
+
+        Raises:
+            WrongStateError: Others have flown it.
+
+        """
+        if self._flight.authority.is_ground_theirs:
+            raise WrongStateError(
+                f"{command}: others have flown the UAV since it was armed, so it stays on the ground until it was "
+                "disarmed once, or until recover_from_manual takes control back",
+                {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
+            )
+
+    def require_landing_allowed(self) -> Snapshot:
+        """Returns the snapshot in which a landing may begin: in FLYING_AUTO, or where the autopilot flies by itself.
+
+        Raises:
+            WrongStateError: The safety pilot flies, the state is another one, or UAL is shutting down.
+            LinkLostError: The autopilot is not heard.
+            PermissionDeniedError: This daemon only watches.
+
+        """
+        if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
+            return self.require_state("land", State.FLYING_AUTO)
+        snapshot = self.require_state("land", State.FLYING_MANUAL)
+        mode = snapshot.mode
+        if mode is not None and mode.value.is_autonomous:
+            return snapshot
+        name = "" if mode is None else f" in mode {mode.value.name}"
+        raise WrongStateError(
+            f"land needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands it by "
+            "hand; recover_from_manual takes control back, and then land is possible",
+            {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": "land"},
+        )
+
+    def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:
+        """Checks that no failsafe of the autopilot is active or holds the control, unless forced.
+
+        Raises:
+            WrongStateError: One is; the metadata `by` names it.
+
+        """
+        refusal = self.failsafe_refusal(command, snapshot, force=force)
+        if refusal is not None:
+            raise refusal
+
+    def failsafe_refusal(self, command: str, snapshot: Snapshot, *, force: bool) -> WrongStateError | None:
+        """Returns the refusal of a command because of a failsafe; None if none hinders it, or if it is forced."""
+        held_by = _needing_force(snapshot.held_by)
+        cause = held_by or _needing_force(snapshot.failsafe)
+        if force or cause is None:
+            return None
+        mode = "" if snapshot.mode is None else f" (mode {snapshot.mode.value.name})"
+        is_on_ground = snapshot.landed is not None and snapshot.landed.value is LandedState.ON_GROUND
+        does = "has taken control" if held_by and not is_on_ground else "is active"
+        return WrongStateError(
+            f"{command}: the autopilot's {cause.value} {does}{mode}; only with force is it overridden, and the UAV "
+            "then flies without that protection",
+            {"by": cause.value, "needed": "force", "command": command},
+        )
+
     def require_state(self, command: str, *allowed: State) -> Snapshot:
         """Returns the snapshot in which the state is one of the allowed ones.
 
         Raises:
             WrongStateError: The state is another one, or UAL is shutting down.
             LinkLostError: The autopilot is not heard.
+            PermissionDeniedError: This daemon only watches.
 
         """
         if self._flight.is_closing:
             raise shutting_down(command)
+        if self._flight.is_watch_only:
+            raise only_watching(command)
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)
         if found.state in allowed:
@@ -104,6 +182,10 @@ class Preconditions:
             f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}",
             {"state": found.state.name, "needed": needed, "command": command},
         )
+
+
+def _needing_force(cause: Cause | None) -> Cause | None:
+    return cause if cause is not None and cause.needs_force else None
 
 
 def _require_link(command: str, found: Estimate) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
-from ual.types import GeoPoint, Odometry, Telemetry
+from ual.types import GeoPoint, Health, Odometry, Telemetry
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.state import Estimate
@@ -59,6 +60,19 @@ def make_telemetry(
         sequence=sequence,
         status_text=snapshot.status_text,
         frame_lost="" if odom_loss is None else str(odom_loss),
+        health=_health(snapshot),
+    )
+
+
+def _health(snapshot: Snapshot) -> Health | None:
+    """Returns the autopilot's health, with the failsafe and who holds the control."""
+    failsafe, held_by = snapshot.failsafe, snapshot.held_by
+    if failsafe is None and held_by is None:
+        return snapshot.health
+    return replace(
+        snapshot.health or Health(),
+        failsafe="" if failsafe is None else failsafe.value,
+        held_by="" if held_by is None else held_by.value,
     )
 
 

@@ -51,8 +51,11 @@ class Vehicle:
         *,
         allow_arming: bool = False,
         home_file: HomeFile | None = None,
+        watch_only: bool = False,
     ) -> None:
-        """With `home_file`, home survives a restart of the process."""
+        """With `home_file`, home survives a restart of the process. `watch_only`: every command is refused, and nothing
+        that flies is sent.
+        """
         self.ns = backend.options.ns
         self.log_name = ""
         """The name of this UAV in the log, if there are several in the process."""
@@ -62,7 +65,7 @@ class Vehicle:
         kept = home_file if backend.outlived else None
         self._resolver = FrameResolver(self.ns, settings, kept, lambda: backend.info().identity)
         self._limits = CurrentLimits(backend, settings.limits)
-        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver))
+        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver), watch_only=watch_only)
         self._tasks = Tasks(backend.clock)
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
@@ -93,6 +96,10 @@ class Vehicle:
         hold the position by itself. The future ends when this is done.
         """
         return self._flight.prepare_shutdown()
+
+    def is_flown_by_us(self) -> bool:
+        """Returns whether UAL flies it: it was commanded in this flight, or the UAV would fall without it."""
+        return self._flight.is_flown_by_us()
 
     def doing(self) -> dict[str, object]:
         """Returns what the UAV is doing, as the fields of an event of the log: for an end that leaves it in motion."""

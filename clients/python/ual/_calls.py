@@ -170,8 +170,9 @@ def disarm() -> Call[None]:
     return Call(Service.UAL, "Disarm", pb.DisarmRequest(), _nothing, None)
 
 
-def recover_from_manual() -> Call[None]:
-    return Call(Service.UAL, "RecoverFromManual", pb.RecoverFromManualRequest(), _nothing, None)
+def recover_from_manual(force: bool = False) -> Call[None]:
+    request = _built(lambda: pb.RecoverFromManualRequest(force=force), "force")
+    return Call(Service.UAL, "RecoverFromManual", request, _nothing, None)
 
 
 def set_home(set_z: bool) -> Call[None]:
@@ -231,7 +232,7 @@ def has_ended(task: TaskInfo) -> bool:
 def dry_run(motion: MotionRequest) -> Call[Plan]:
     """A motion as a question: nothing moves."""
     if isinstance(motion, RecoverFromManualRequest):
-        call: Call[Any] = recover_from_manual()
+        call: Call[Any] = recover_from_manual(motion.force)
     elif isinstance(motion, (PoseStamped, TwistStamped)):
         call = single_setpoint(setpoint(motion, "pose" if isinstance(motion, PoseStamped) else "velocity"))
     elif type(motion) in _TASK_METHODS:

@@ -124,8 +124,8 @@ class Uav(interface.Uav):
         self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
 
     @override
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
-        self._command(_calls.recover_from_manual(), timeout_s)
+    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        self._command(_calls.recover_from_manual(force), timeout_s)
 
     @override
     def abort(self, freeze: bool = False) -> None:

@@ -37,6 +37,7 @@ from ual.simulation import (
     Command,
     CommandRefused,
     EstimatorJumps,
+    FailsafeTriggered,
     Fault,
     LinkLost,
     MotorsWeak,
@@ -54,6 +55,7 @@ from ual.types import (
     GoToWaypointRequest,
     GpsFix,
     GpsInfo,
+    Health,
     Info,
     LandRequest,
     Limits,
@@ -241,7 +243,7 @@ def transform_from_proto(message: pb.Transform) -> Transform:
 def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
     """What begins a task, as the message of its method."""
     if isinstance(request, TakeOffRequest):
-        return pb.TakeOffRequest(height_m=request.height_m, non_blocking=non_blocking)
+        return pb.TakeOffRequest(height_m=request.height_m, non_blocking=non_blocking, force=request.force)
     if isinstance(request, LandRequest):
         return pb.LandRequest(non_blocking=non_blocking)
     if isinstance(request, GoToWaypointRequest):
@@ -283,7 +285,7 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
 def task_request_from_proto(message: TaskRequestMessage) -> TaskRequest:
     """What begins a task. Raises `InvalidArgumentError` for a part that is missing or unknown."""
     if isinstance(message, pb.TakeOffRequest):
-        return TakeOffRequest(message.height_m)
+        return TakeOffRequest(message.height_m, message.force)
     if isinstance(message, pb.LandRequest):
         return LandRequest()
     if isinstance(message, pb.GoToWaypointRequest):
@@ -522,6 +524,8 @@ def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
         message.gps.CopyFrom(_gps_to_proto(telemetry.gps))
     if telemetry.task is not None:
         message.task.CopyFrom(task_to_proto(telemetry.task))
+    if telemetry.health is not None:
+        _write_health(telemetry.health, message.health)
 
 
 def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Telemetry:
@@ -623,6 +627,29 @@ def _gps_from_proto(message: pb.GpsInfo) -> GpsInfo:
     )
 
 
+def _write_health(health: Health, message: pb.Health) -> None:
+    message.SetInParent()  # also where all of it is empty
+    if health.is_ready_to_arm is not None:
+        message.is_ready_to_arm = health.is_ready_to_arm
+    if health.failing_checks:
+        message.failing_checks.extend(health.failing_checks)
+    if health.link_quality is not None:
+        message.link_quality = health.link_quality
+    message.failsafe = health.failsafe
+    message.held_by = health.held_by
+
+
+def _health_from_proto(message: pb.Health) -> Health:
+    has = message.HasField
+    return Health(
+        message.is_ready_to_arm if has("is_ready_to_arm") else None,
+        tuple(message.failing_checks),
+        message.link_quality if has("link_quality") else None,
+        message.failsafe,
+        message.held_by,
+    )
+
+
 def _reader(name: str, read: Callable[[Any], object]) -> Callable[[pb.Telemetry], object]:
     """Reads a part that may not be there."""
     return lambda message: read(getattr(message, name)) if message.HasField(name) else None  # type: ignore[arg-type]
@@ -639,6 +666,7 @@ _TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
     "position_geo": _reader("position_geo", _geo_point_from_proto),
     "battery": _reader("battery", _battery_from_proto),
     "gps": _reader("gps", _gps_from_proto),
+    "health": _reader("health", _health_from_proto),
 }
 
 
@@ -737,6 +765,8 @@ def fault_to_proto(fault: Fault) -> sim_pb.Fault:
             return sim_pb.Fault(ack_lost=sim_pb.AckLost(command=_command(command)))
         case AckLate(command, delay_s):
             return sim_pb.Fault(ack_late=sim_pb.AckLate(command=_command(command), delay_s=delay_s))
+        case FailsafeTriggered(cause):
+            return sim_pb.Fault(failsafe_triggered=sim_pb.FailsafeTriggered(cause=cause))
     raise InvalidArgumentError(f"fault: {fault!r} is none of ual.simulation", {"field": "fault"})
 
 
@@ -764,6 +794,8 @@ def fault_from_proto(message: sim_pb.Fault, field: str = "fault") -> Fault:
         case "ack_late":
             late = message.ack_late
             return AckLate(_enum(Command, late.command, f"{field}.ack_late.command"), late.delay_s)
+        case "failsafe_triggered":
+            return FailsafeTriggered(message.failsafe_triggered.cause)
         case _:
             raise _not_set(f"{field}.kind")
 

@@ -209,9 +209,9 @@ class DryRun(Generic[P]):
     def __init__(self, plan: Callable[[MotionRequest], P]) -> None:
         self._plan = plan
 
-    def take_off(self, height_m: float) -> P:
+    def take_off(self, height_m: float, *, force: bool = False) -> P:
         """Returns the plan of `Uav.take_off`."""
-        return self._plan(TakeOffRequest(height_m))
+        return self._plan(TakeOffRequest(height_m, force))
 
     def land(self) -> P:
         """Returns the plan of `Uav.land`."""
@@ -265,9 +265,9 @@ class DryRun(Generic[P]):
         """Returns the plan of `Uav.set_velocity`, which says only that it would be taken."""
         return self._plan(stamped_twist(velocity))
 
-    def recover_from_manual(self) -> P:
+    def recover_from_manual(self, *, force: bool = False) -> P:
         """Returns the plan of `Uav.recover_from_manual`, which says only that it would begin."""
-        return self._plan(RecoverFromManualRequest())
+        return self._plan(RecoverFromManualRequest(force))
 
 
 class TaskCommands(ABC, Generic[T]):
@@ -282,18 +282,24 @@ class TaskCommands(ABC, Generic[T]):
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> T:
         """Begins a task, and returns its handle: at once, or when it has ended."""
 
-    def take_off(self, height_m: float, *, blocking: bool = True, timeout_s: float | None = None) -> T:
+    def take_off(
+        self, height_m: float, *, force: bool = False, blocking: bool = True, timeout_s: float | None = None
+    ) -> T:
         """Climbs straight up. Allowed in LANDED_ARMED; ends in FLYING_AUTO.
+
+        After others have flown the UAV, it is refused until the UAV was disarmed once, or `Uav.recover_from_manual` was
+        called on the ground.
 
         Args:
             height_m: Metres above the ground that the UAV stands on, more than 0. It is reached within 5 % (at least
                 0.1 m) when the task ends.
+            force: Whether to take off although a failsafe of the autopilot is active (``Telemetry.health.failsafe``).
             blocking: Whether to wait for the end.
             timeout_s: How long to wait, in seconds. The take-off goes on when it passes: only the safety pilot can
                 abort it.
 
         Raises:
-            WrongStateError: The UAV is not armed on the ground.
+            WrongStateError: The UAV is not armed on the ground, others have flown it, or a failsafe is active.
             FrameLostError: It is not known any more where the geofence is.
             InvalidArgumentError: The height is not a positive number.
             GeofenceError: The height lies outside the geofence.
@@ -306,10 +312,13 @@ class TaskCommands(ABC, Generic[T]):
             <Task take_off-1f3a77c0 TAKE_OFF SUCCEEDED>
 
         """
-        return self._begin(TakeOffRequest(height_m), blocking, timeout_s)
+        return self._begin(TakeOffRequest(height_m, force), blocking, timeout_s)
 
     def land(self, *, blocking: bool = True, timeout_s: float | None = None) -> T:
         """Lands where the UAV is. Allowed in FLYING_AUTO; ends when the autopilot reports the ground.
+
+        Also allowed in FLYING_MANUAL where the autopilot flies by itself (its hold, a failsafe's return), never while
+        the safety pilot flies.
 
         Args:
             blocking: Whether to wait for the end.
@@ -751,13 +760,19 @@ class Uav(TaskCommands[Task]):
         """
 
     @abstractmethod
-    def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
         """Takes control back from the safety pilot, and holds the pose found. Allowed in FLYING_MANUAL.
 
-        Returns when the state is FLYING_AUTO.
+        Returns when the state is FLYING_AUTO. On the ground (LANDED_ARMED), after others have flown, it sends nothing,
+        and allows a take-off again.
+
+        Args:
+            force: Whether to take control although a failsafe of the autopilot is active, or flies: its return or
+                landing is then ended.
+            timeout_s: How long to wait, in seconds.
 
         Raises:
-            WrongStateError: The UAV is not flown by the safety pilot.
+            WrongStateError: The UAV is not flown by others, or a failsafe is active (the metadata `by` names it).
             RejectedByAutopilotError: The autopilot refused.
             UalTimeoutError: It did not change its mode within `timeout_s`.
 

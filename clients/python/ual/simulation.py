@@ -74,4 +74,24 @@ class AckLate:
     delay_s: float = 1.0
 
 
-Fault = LinkLost | PositionLost | EstimatorJumps | MotorsWeak | BatteryLow | CommandRefused | AckLost | AckLate
+@dataclass(frozen=True, slots=True)
+class FailsafeTriggered:
+    """A failsafe of the autopilot, in the words of `ual.types.Health.failsafe`, until the fault ends.
+
+    In the air the autopilot leaves the mode that takes references, and holds its position.
+    """
+
+    cause: str = "battery failsafe"
+
+
+Fault = (
+    LinkLost
+    | PositionLost
+    | EstimatorJumps
+    | MotorsWeak
+    | BatteryLow
+    | CommandRefused
+    | AckLost
+    | AckLate
+    | FailsafeTriggered
+)

@@ -114,9 +114,13 @@ Waypoints = Sequence[PoseStamped | Pose] | Sequence[GeoWaypoint]
 
 @dataclass(frozen=True, slots=True)
 class TakeOffRequest:
-    """Climb straight up to `height_m` (metres, more than 0) above the ground that the UAV stands on."""
+    """Climb straight up to `height_m` (metres, more than 0) above the ground that the UAV stands on.
+
+    `force`: although a failsafe is active.
+    """
 
     height_m: float
+    force: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +166,9 @@ class ReturnToLaunchRequest:
 
 @dataclass(frozen=True, slots=True)
 class RecoverFromManualRequest:
-    """Take control back from the safety pilot, and hold the pose found."""
+    """Take control back from the safety pilot, and hold the pose found; with `force` out of a failsafe, too."""
+
+    force: bool = False
 
 
 TaskRequest = (
@@ -197,6 +203,24 @@ class GpsInfo:
     satellites_count: int = 0
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """What the autopilot says of itself before and beside the flight.
+
+    `is_ready_to_arm` is whether its own checks would let it be armed (None: it does not say), and `failing_checks` are
+    those that fail, for people. `link_quality` is the part of its messages that arrived of late, 0 to 1 (None: not
+    measured). `failsafe` is the one that is active, in the words of the metadata `by` of errors (``battery failsafe``,
+    ``rc failsafe``, ``fence``, ...; empty: none), and `held_by` who or what holds the control in the present mode, in
+    the same words (empty: UAL, or not known).
+    """
+
+    is_ready_to_arm: bool | None = None
+    failing_checks: tuple[str, ...] = ()
+    link_quality: float | None = None
+    failsafe: str = ""
+    held_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +315,7 @@ class Telemetry(_LateFields):
     status_text: str = ""
     frame_lost: str = ""
     missed_count: int = 0
+    health: Health | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ual_daemon.flight.recover import Recover
 
 def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, ack: Future[None]) -> None:
     flying.control = Control.OTHER
-    recover = Recover(sent(ack, flying), Limits())
+    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
     ack.set_result(None)
     setpoint = flying.step(recover).setpoint
     assert isinstance(setpoint, PositionSetpoint)
@@ -28,7 +28,7 @@ def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, 
 
 def test_recovering_ends_when_the_uav_has_landed(flying: Autopilot, ack: Future[None]) -> None:
     flying.control = Control.OTHER
-    recover = Recover(sent(ack, flying), Limits())
+    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
     flying.landed = LandedState.ON_GROUND
     error = flying.step(recover).error
     assert isinstance(error, TaskAbortedError)

@@ -293,6 +293,26 @@ def test_flags_win_over_environment_over_file_over_defaults(tmp_path: Path) -> N
     assert printed("--config", "printed.yaml") == values
 
 
+def test_a_daemon_that_only_watches_says_so_and_cannot_arm(
+    start_daemon: StartDaemon, refusal: Callable[..., str]
+) -> None:
+    assert refusal("--watch-only", "--auto-arm") == (
+        "ual-daemon: --auto-arm: a daemon that only watches arms nothing: leave out watch_only or auto_arm"
+    )
+    assert refusal("--allow-arming", UAL_WATCH_ONLY="1").startswith("ual-daemon: --allow-arming: a daemon that only")
+    daemon = start_daemon("--watch-only")
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    stub = stub_of(daemon)
+    for attempt in (
+        lambda: stub.Arm(pb.ArmRequest(), timeout=LIMIT_S),
+        lambda: stub.TakeOff(pb.TakeOffRequest(height_m=2.0), timeout=LIMIT_S),
+    ):
+        with pytest.raises(grpc.RpcError, match="--watch-only") as caught:
+            attempt()
+        assert caught.value.code() is grpc.StatusCode.PERMISSION_DENIED
+    assert not stub.GetInfo(pb.GetInfoRequest(), timeout=LIMIT_S).is_arming_allowed
+
+
 # --- Ending -----------------------------------------------------------------------------------------------------------
 
 

@@ -14,15 +14,16 @@ from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.interface import Simulation
 from ual.simulation import Command
-from ual.types import Battery, Capability, GpsFix, GpsInfo, Limits
+from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
-from ual_daemon.backends.light.physics import FlightMode
+from ual_daemon.backends.light.physics import FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
 from ual_daemon.backends.light.world import Vehicles, World
 from ual_daemon.backends.values import (
+    Cause,
     Control,
     Estimator,
     Freshness,
@@ -43,7 +44,9 @@ _SEED_DISTANCE = 1 << 40
 """Larger than the number of steps in any world, so that no two vehicles use the same seed."""
 
 _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}
-_MODES = [Mode(mode.name, _CONTROLS.get(mode, Control.OTHER)) for mode in FlightMode]
+_MODES = [
+    Mode(mode.name, _CONTROLS.get(mode, Control.OTHER), is_autonomous=mode is FlightMode.HOLD) for mode in FlightMode
+]
 
 
 class _LightPilot(SafetyPilot):
@@ -83,6 +86,8 @@ class LightBackend(Backend):
         self._on_update: UpdateCallback | None = None
         self._info = _vehicle_info(settings)
         self._is_faulty = False
+        self._holds_by: Cause | None = None
+        """The failsafe by which it holds its position."""
         self._snapshot = Snapshot(0.0)
         with self.world.lock:
             self._update_snapshot()
@@ -195,7 +200,18 @@ class LightBackend(Backend):
 
     def pilot_switch(self, mode: FlightMode) -> None:
         """The safety pilot switches the mode."""
-        self.pilot(self._guide if mode is FlightMode.GUIDED else lambda fleet: self._switch(fleet, mode))
+        self.pilot(self._give_back if mode is FlightMode.GUIDED else lambda fleet: self._switch(fleet, mode))
+
+    def trigger_failsafe(self, cause: Cause) -> None:
+        """The autopilot leaves GUIDED by a failsafe, and holds its position."""
+
+        def hold(fleet: Vehicles) -> str | None:
+            if fleet.mode[self._index] == FlightMode.GUIDED and not fleet.is_landed[self._index]:
+                self._holds_by = cause
+                fleet.set_mode(self._index, FlightMode.HOLD)
+            return None
+
+        self.pilot(hold)
 
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
@@ -252,6 +268,13 @@ class LightBackend(Backend):
         fleet.setpoint_s[i] = self.world.now_s()
         return None
 
+    def _give_back(self, fleet: Vehicles) -> str | None:
+        """Changes to GUIDED, and hovers there until setpoints come: the daemon sends none before a command."""
+        refusal = self._guide(fleet)
+        if refusal is None:
+            fleet.setpoint_s[self._index] = math.inf
+        return refusal
+
     def _switch(self, fleet: Vehicles, mode: FlightMode) -> str | None:
         if mode is FlightMode.HOLD and not fleet.has_position[self._index]:
             return "Mode: no position estimate"
@@ -303,6 +326,8 @@ class LightBackend(Backend):
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
         percent = seen.battery_percent
+        if seen.mode != FlightMode.HOLD:
+            self._holds_by = None
         landed = LandedState.ON_GROUND if seen.is_landed else LandedState.IN_AIR
         if seen.mode == FlightMode.LAND and not seen.is_landed:
             landed = LandedState.LANDING
@@ -323,8 +348,20 @@ class LightBackend(Backend):
             gps=_FIX if seen.has_position else _NO_FIX,
             status_text=self._status_text,
             sequence=self.world.steps,
+            health=_health(seen),
+            failsafe=self._faults.failsafe,
+            held_by=Cause.SAFETY_PILOT if seen.mode == FlightMode.MANUAL else self._holds_by,
         )
         return self._snapshot
+
+
+_READY, _BLIND, _EMPTY = Health(True), Health(False, ("position",)), Health(False, ("battery",))
+
+
+def _health(seen: Report) -> Health:
+    if not seen.has_position:
+        return _BLIND
+    return _EMPTY if seen.battery_percent < _LOWEST_BATTERY_PERCENT else _READY
 
 
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)

@@ -16,6 +16,7 @@ from ual.simulation import (
     Command,
     CommandRefused,
     EstimatorJumps,
+    FailsafeTriggered,
     Fault,
     LinkLost,
     MotorsWeak,
@@ -24,6 +25,7 @@ from ual.simulation import (
 from ual_daemon import validation
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.light.world import Vehicles
+from ual_daemon.backends.values import Cause
 
 
 class Faults:
@@ -102,6 +104,14 @@ class Faults:
         """Whether the link carries no messages in either direction."""
         return any(isinstance(fault, LinkLost) for fault, _, _ in self._active.values())
 
+    @property
+    def failsafe(self) -> Cause | None:
+        """The failsafe that is active; None if none is."""
+        for fault, _, _ in self._active.values():
+            if isinstance(fault, FailsafeTriggered):
+                return Cause(fault.cause)
+        return None
+
     def refusal(self, command: Command) -> str | None:
         """Returns the text with which the autopilot refuses a command; None if it does not refuse."""
         for fault, _, _ in self._active.values():
@@ -139,6 +149,11 @@ def _check(fault: Fault) -> None:
             validation.not_negative(remaining_percent, "fault.battery_low.remaining_percent", at_most=100.0)
         case AckLate(_, delay_s):
             validation.positive(delay_s, "fault.ack_late.delay_s", at_most=1e9)
+        case FailsafeTriggered(cause):
+            known = [each.value for each in Cause if each.is_failsafe]
+            if cause not in known:
+                what = f"{cause[:100]!r} is no failsafe (known: {', '.join(known)})"
+                raise validation.refuse("fault.failsafe_triggered.cause", what)
         case LinkLost() | PositionLost() | CommandRefused() | AckLost():
             pass
         case _:

@@ -9,11 +9,12 @@ from typing_extensions import override
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.interface import Simulation
-from ual.simulation import Fault
+from ual.simulation import FailsafeTriggered, Fault
 from ual_daemon import validation
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.backends.light.world import Vehicles, World
+from ual_daemon.backends.values import Cause
 
 if TYPE_CHECKING:
     from ual_daemon.backends.light.backend import LightBackend
@@ -69,7 +70,10 @@ class LightSimulation(Simulation):
     def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         """Begins a fault, for a simulated duration or (0) until `end_fault`. Returns the fault's id."""
         self._backend.snapshot()  # while the link is lost, this remains the newest data
-        return self._faults.begin(fault, duration_s)
+        fault_id = self._faults.begin(fault, duration_s)
+        if isinstance(fault, FailsafeTriggered):
+            self._backend.trigger_failsafe(Cause(fault.cause))
+        return fault_id
 
     @override
     def end_fault(self, fault_id: str = "") -> None:

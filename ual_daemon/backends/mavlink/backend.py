@@ -90,7 +90,7 @@ class MavlinkBackend(Backend):
             return
         message = session.setpoint_encoder.encode(setpoint, now_s)
         if discovery.sender.send(message, is_perishable=True):
-            self._setpoints.on_sent(now_s)
+            self._setpoints.on_sent(now_s, getattr(setpoint, "position", None))
 
     @override
     def arm(self) -> Future[None]:
@@ -122,9 +122,7 @@ class MavlinkBackend(Backend):
 
     def _start(self, connection: Connection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""
-        discovery = self._discovery = Discovery(
-            self._settings, connection, self.url, self._setpoints.duration_s, self._signer
-        )
+        discovery = self._discovery = Discovery(self._settings, connection, self.url, self._setpoints, self._signer)
         loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
         self._thread = threading.Thread(target=loop.run, name=f"mavlink {self.options.ns}", daemon=True)
         self._thread.start()

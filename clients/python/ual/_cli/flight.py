@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
@@ -16,6 +18,8 @@ from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import AltitudeReference, Limits
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
 _GOES_ON = "goes on: only the safety pilot can abort it"
@@ -39,23 +43,28 @@ def disarm(session: Session) -> None:
     session.emit({"done": "disarm"}, "disarmed")
 
 
+def _force(help_text: str) -> Callable[[F], F]:
+    return click.option("--force", is_flag=True, help=help_text)
+
+
 @command("takeoff", "ual takeoff 3")
 @click.argument("height_m", type=float, metavar="HEIGHT")
+@_force("Although a failsafe is active.")
 @options.dry_run
 @pass_session
-def takeoff(session: Session, height_m: float, dry_run: bool) -> None:
+def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> None:
     """Take off to HEIGHT metres above the ground it stands on.
 
     HEIGHT must not be above the ceiling of the daemon's configuration (ceiling_m, 120 m).
     """
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.print_plan(session, uav.dry_run.take_off(height_m))
+            manoeuvre.print_plan(session, uav.dry_run.take_off(height_m, force=force))
             return
         manoeuvre.wait_for(
             session,
             uav,
-            lambda: uav.take_off(height_m, timeout_s=session.timeout_s),
+            lambda: uav.take_off(height_m, force=force, timeout_s=session.timeout_s),
             interrupted=f"the take-off {_GOES_ON}",
         )
 
@@ -260,15 +269,19 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
 
 
 @command("recover", "ual recover", section=Section.TASKS)
+@_force("Although a failsafe is active or flies: ends its return or landing.")
 @options.dry_run
 @pass_session
-def recover(session: Session, dry_run: bool) -> None:
-    """Take control back from the safety pilot and hold the present pose."""
+def recover(session: Session, force: bool, dry_run: bool) -> None:
+    """Take control back from the safety pilot and hold the present pose.
+
+    On the ground, after others have flown, it moves nothing and allows a take-off again.
+    """
     with session.connect() as uav:
         if dry_run:
-            manoeuvre.print_plan(session, uav.dry_run.recover_from_manual())
+            manoeuvre.print_plan(session, uav.dry_run.recover_from_manual(force=force))
             return
-        uav.recover_from_manual(timeout_s=session.timeout_s)
+        uav.recover_from_manual(force=force, timeout_s=session.timeout_s)
     session.emit({"done": "recover"}, "recovered")
 
 

@@ -21,6 +21,7 @@ from ual.simulation import (
     Command,
     CommandRefused,
     EstimatorJumps,
+    FailsafeTriggered,
     Fault,
     LinkLost,
     MotorsWeak,
@@ -202,6 +203,15 @@ def ack_lost(session: Session, command: str, duration_s: float) -> None:
 def ack_late(session: Session, command: str, delay_s: float, duration_s: float) -> None:
     """The acknowledgement of a command arrives late."""
     _begin(session, AckLate(Command[command.upper()], delay_s), duration_s)
+
+
+@begin.command("failsafe", cls=UalCommand, examples=("ual sim fault begin failsafe",))
+@click.option("--cause", default=FailsafeTriggered().cause, show_default=True, help="As `ual state` names it.")
+@_duration
+@pass_session
+def failsafe(session: Session, cause: str, duration_s: float) -> None:
+    """A failsafe of the autopilot: it holds its position, and follows no references."""
+    _begin(session, FailsafeTriggered(cause), duration_s)
 
 
 @fault.command("end", cls=UalCommand, examples=("ual sim fault end",))

@@ -13,7 +13,7 @@ from ual._cli.everyone import ask_all
 from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual._cli.watch import watch
-from ual.types import State, Telemetry
+from ual.types import Health, State, Telemetry
 
 _STATES = [state.name for state in State]
 
@@ -90,6 +90,7 @@ def state(session: Session) -> None:
             "reason": telemetry.state_reason,
             "flight_mode": telemetry.flight_mode,
             "frame_lost": telemetry.frame_lost,
+            **_health_fields(telemetry.health or Health()),
         },
         _state_text(telemetry),
     )
@@ -115,8 +116,25 @@ def _state_text(telemetry: Telemetry) -> str:
     # A pipe gets only the name, so that scripts can compare it.
     if not sys.stdout.isatty():
         return telemetry.state.name
-    lost = f"\nit is not known where home is: {telemetry.frame_lost}" if telemetry.frame_lost else ""
-    return f"{telemetry.state.name}: {telemetry.state_reason}{lost}"
+    health = telemetry.health or Health()
+    lines = [f"{telemetry.state.name}: {telemetry.state_reason}"]
+    if health.failsafe:
+        lines.append(f"failsafe: {health.failsafe}")
+    if health.failing_checks:
+        lines.append(f"fails: {', '.join(health.failing_checks)}")
+    if telemetry.frame_lost:
+        lines.append(f"it is not known where home is: {telemetry.frame_lost}")
+    return "\n".join(lines)
+
+
+def _health_fields(health: Health) -> dict[str, object]:
+    return {
+        "failsafe": health.failsafe,
+        "held_by": health.held_by,
+        "is_ready_to_arm": health.is_ready_to_arm,
+        "failing_checks": list(health.failing_checks),
+        "link_quality": health.link_quality,
+    }
 
 
 COMMANDS = (list_uavs, info, state, wait, watch)

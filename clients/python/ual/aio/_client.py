@@ -215,9 +215,9 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         """Sends a velocity as the reference, in FLYING_AUTO; see `ual.interface.Uav.set_velocity`."""
         await self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
 
-    async def recover_from_manual(self, *, timeout_s: float | None = None) -> None:
+    async def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
         """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
-        await self._command(_calls.recover_from_manual(), timeout_s)
+        await self._command(_calls.recover_from_manual(force), timeout_s)
 
     async def abort(self, freeze: bool = False) -> None:
         """Cancels the task or reference, and stops the UAV; see `ual.interface.Uav.abort`."""

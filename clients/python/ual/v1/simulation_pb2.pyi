@@ -193,6 +193,26 @@ class AckLate(google.protobuf.message.Message):
 Global___AckLate: typing_extensions.TypeAlias = AckLate
 
 @typing.final
+class FailsafeTriggered(google.protobuf.message.Message):
+    """A failsafe of the autopilot: in the air it leaves the mode that takes references and holds its position, and it stays
+    active until the fault ends.
+    """
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    CAUSE_FIELD_NUMBER: builtins.int
+    cause: builtins.str
+    """In the words of `Health.failsafe`: "battery failsafe", "rc failsafe", "fence", ..."""
+    def __init__(
+        self,
+        *,
+        cause: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["cause", b"cause"]) -> None: ...
+
+Global___FailsafeTriggered: typing_extensions.TypeAlias = FailsafeTriggered
+
+@typing.final
 class Fault(google.protobuf.message.Message):
     """Something that goes wrong below the interface."""
 
@@ -206,6 +226,7 @@ class Fault(google.protobuf.message.Message):
     COMMAND_REFUSED_FIELD_NUMBER: builtins.int
     ACK_LOST_FIELD_NUMBER: builtins.int
     ACK_LATE_FIELD_NUMBER: builtins.int
+    FAILSAFE_TRIGGERED_FIELD_NUMBER: builtins.int
     @property
     def link_lost(self) -> Global___LinkLost: ...
     @property
@@ -222,6 +243,8 @@ class Fault(google.protobuf.message.Message):
     def ack_lost(self) -> Global___AckLost: ...
     @property
     def ack_late(self) -> Global___AckLate: ...
+    @property
+    def failsafe_triggered(self) -> Global___FailsafeTriggered: ...
     def __init__(
         self,
         *,
@@ -233,10 +256,11 @@ class Fault(google.protobuf.message.Message):
         command_refused: Global___CommandRefused | None = ...,
         ack_lost: Global___AckLost | None = ...,
         ack_late: Global___AckLate | None = ...,
+        failsafe_triggered: Global___FailsafeTriggered | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["ack_late", b"ack_late", "ack_lost", b"ack_lost", "battery_low", b"battery_low", "command_refused", b"command_refused", "estimator_jumps", b"estimator_jumps", "kind", b"kind", "link_lost", b"link_lost", "motors_weak", b"motors_weak", "position_lost", b"position_lost"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["ack_late", b"ack_late", "ack_lost", b"ack_lost", "battery_low", b"battery_low", "command_refused", b"command_refused", "estimator_jumps", b"estimator_jumps", "kind", b"kind", "link_lost", b"link_lost", "motors_weak", b"motors_weak", "position_lost", b"position_lost"]) -> None: ...
-    def WhichOneof(self, oneof_group: typing.Literal["kind", b"kind"]) -> typing.Literal["link_lost", "position_lost", "estimator_jumps", "motors_weak", "battery_low", "command_refused", "ack_lost", "ack_late"] | None: ...
+    def HasField(self, field_name: typing.Literal["ack_late", b"ack_late", "ack_lost", b"ack_lost", "battery_low", b"battery_low", "command_refused", b"command_refused", "estimator_jumps", b"estimator_jumps", "failsafe_triggered", b"failsafe_triggered", "kind", b"kind", "link_lost", b"link_lost", "motors_weak", b"motors_weak", "position_lost", b"position_lost"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["ack_late", b"ack_late", "ack_lost", b"ack_lost", "battery_low", b"battery_low", "command_refused", b"command_refused", "estimator_jumps", b"estimator_jumps", "failsafe_triggered", b"failsafe_triggered", "kind", b"kind", "link_lost", b"link_lost", "motors_weak", b"motors_weak", "position_lost", b"position_lost"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["kind", b"kind"]) -> typing.Literal["link_lost", "position_lost", "estimator_jumps", "motors_weak", "battery_low", "command_refused", "ack_lost", "ack_late", "failsafe_triggered"] | None: ...
 
 Global___Fault: typing_extensions.TypeAlias = Fault
 

@@ -27,7 +27,7 @@ check of the request without it, and is refused with the same error; else its re
 happen.
 
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
-`state` and what was needed:
+`state` and what was needed (of TASK_ABORTED `by`: who or what ended it, a documented list):
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -636,6 +636,51 @@ class GpsInfo(google.protobuf.message.Message):
 Global___GpsInfo: typing_extensions.TypeAlias = GpsInfo
 
 @typing.final
+class Health(google.protobuf.message.Message):
+    """What the autopilot says of itself before and beside the flight."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    IS_READY_TO_ARM_FIELD_NUMBER: builtins.int
+    FAILING_CHECKS_FIELD_NUMBER: builtins.int
+    LINK_QUALITY_FIELD_NUMBER: builtins.int
+    FAILSAFE_FIELD_NUMBER: builtins.int
+    HELD_BY_FIELD_NUMBER: builtins.int
+    is_ready_to_arm: builtins.bool
+    """Whether its own checks would let it be armed; not set where it does not say."""
+    link_quality: builtins.float
+    """The part of its messages that arrived of late, 0 to 1; not set where that is not measured."""
+    failsafe: builtins.str
+    """The failsafe that is active, in the words of the metadata `by`: "battery failsafe", "rc failsafe", "fence", ...;
+    empty: none. Take-off and recovery are refused meanwhile, unless they are forced.
+    """
+    held_by: builtins.str
+    """Who or what holds the control in the present mode, where it is not this daemon, in the same words; empty where that
+    is not known.
+    """
+    @property
+    def failing_checks(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
+        """What fails of its checks and sensors, for people; empty where nothing does, or where it does not say."""
+
+    def __init__(
+        self,
+        *,
+        is_ready_to_arm: builtins.bool | None = ...,
+        failing_checks: collections.abc.Iterable[builtins.str] | None = ...,
+        link_quality: builtins.float | None = ...,
+        failsafe: builtins.str = ...,
+        held_by: builtins.str = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_is_ready_to_arm", b"_is_ready_to_arm", "_link_quality", b"_link_quality", "is_ready_to_arm", b"is_ready_to_arm", "link_quality", b"link_quality"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_is_ready_to_arm", b"_is_ready_to_arm", "_link_quality", b"_link_quality", "failing_checks", b"failing_checks", "failsafe", b"failsafe", "held_by", b"held_by", "is_ready_to_arm", b"is_ready_to_arm", "link_quality", b"link_quality"]) -> None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_is_ready_to_arm", b"_is_ready_to_arm"]) -> typing.Literal["is_ready_to_arm"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_link_quality", b"_link_quality"]) -> typing.Literal["link_quality"] | None: ...
+
+Global___Health: typing_extensions.TypeAlias = Health
+
+@typing.final
 class Telemetry(google.protobuf.message.Message):
     """One sample of everything known. What is not known is not set."""
 
@@ -658,6 +703,7 @@ class Telemetry(google.protobuf.message.Message):
     SEQUENCE_FIELD_NUMBER: builtins.int
     STATUS_TEXT_FIELD_NUMBER: builtins.int
     FRAME_LOST_FIELD_NUMBER: builtins.int
+    HEALTH_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
     flight_mode: builtins.str
     """The autopilot's own name of its mode, for people."""
@@ -704,6 +750,8 @@ class Telemetry(google.protobuf.message.Message):
     def task(self) -> Global___Task:
         """The running task."""
 
+    @property
+    def health(self) -> Global___Health: ...
     def __init__(
         self,
         *,
@@ -724,9 +772,10 @@ class Telemetry(google.protobuf.message.Message):
         sequence: builtins.int = ...,
         status_text: builtins.str = ...,
         frame_lost: builtins.str = ...,
+        health: Global___Health | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["battery", b"battery", "gps", b"gps", "header", b"header", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["armed", b"armed", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["battery", b"battery", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["armed", b"armed", "battery", b"battery", "flight_mode", b"flight_mode", "frame_lost", b"frame_lost", "gps", b"gps", "header", b"header", "health", b"health", "odometry", b"odometry", "pose", b"pose", "position_geo", b"position_geo", "reference_pose", b"reference_pose", "sequence", b"sequence", "state", b"state", "state_reason", b"state_reason", "status_text", b"status_text", "task", b"task", "transform", b"transform", "velocity", b"velocity"]) -> None: ...
 
 Global___Telemetry: typing_extensions.TypeAlias = Telemetry
 
@@ -1215,19 +1264,23 @@ class TakeOffRequest(google.protobuf.message.Message):
     HEIGHT_M_FIELD_NUMBER: builtins.int
     NON_BLOCKING_FIELD_NUMBER: builtins.int
     DRY_RUN_FIELD_NUMBER: builtins.int
+    FORCE_FIELD_NUMBER: builtins.int
     height_m: builtins.float
     """Above the ground it stands on; more than 0."""
     non_blocking: builtins.bool
     dry_run: builtins.bool
     """Only says what would happen."""
+    force: builtins.bool
+    """Although a failsafe is active."""
     def __init__(
         self,
         *,
         height_m: builtins.float = ...,
         non_blocking: builtins.bool = ...,
         dry_run: builtins.bool = ...,
+        force: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "height_m", b"height_m", "non_blocking", b"non_blocking"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "force", b"force", "height_m", b"height_m", "non_blocking", b"non_blocking"]) -> None: ...
 
 Global___TakeOffRequest: typing_extensions.TypeAlias = TakeOffRequest
 
@@ -1712,14 +1765,18 @@ class RecoverFromManualRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     DRY_RUN_FIELD_NUMBER: builtins.int
+    FORCE_FIELD_NUMBER: builtins.int
     dry_run: builtins.bool
     """Only says what would happen."""
+    force: builtins.bool
+    """Although a failsafe is active, or flies."""
     def __init__(
         self,
         *,
         dry_run: builtins.bool = ...,
+        force: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dry_run", b"dry_run", "force", b"force"]) -> None: ...
 
 Global___RecoverFromManualRequest: typing_extensions.TypeAlias = RecoverFromManualRequest
 

@@ -239,15 +239,18 @@ class UalServiceServicer(object):
 
     def TakeOff(self, request, context):
         """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it.
+        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
+        have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
+        active, unless forced.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Land(self, request, context):
-        """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-        can abort it.
+        """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+        failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+        pilot can abort it.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -312,7 +315,9 @@ class UalServiceServicer(object):
 
     def RecoverFromManual(self, request, context):
         """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
-        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO.
+        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
+        UAV: it then sends nothing to the autopilot, and allows TakeOff again. Refused with WRONG_STATE out of a failsafe, whose
+        name is in the metadata `by`, unless forced.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -27,7 +27,7 @@ check of the request without it, and is refused with the same error; else its re
 happen.
 
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of these reasons, and metadata with the
-`state` and what was needed:
+`state` and what was needed (of TASK_ABORTED `by`: who or what ended it, a documented list):
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -725,12 +725,15 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
 
     TakeOff: _UalServiceTakeOffType
     """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-    5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it.
+    5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
+    have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
+    active, unless forced.
     """
 
     Land: _UalServiceLandType
-    """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-    can abort it.
+    """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+    failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+    pilot can abort it.
     """
 
     GoToWaypoint: _UalServiceGoToWaypointType
@@ -770,7 +773,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
 
     RecoverFromManual: _UalServiceRecoverFromManualType
     """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
-    Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO.
+    Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
+    UAV: it then sends nothing to the autopilot, and allows TakeOff again. Refused with WRONG_STATE out of a failsafe, whose
+    name is in the metadata `by`, unless forced.
     """
 
     SetHome: _UalServiceSetHomeType
@@ -995,7 +1000,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.TakeOffResponse, collections.abc.Awaitable[ual.v1.ual_pb2.TakeOffResponse]]:
         """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it.
+        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
+        have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
+        active, unless forced.
         """
 
     @abc.abstractmethod
@@ -1004,8 +1011,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.LandRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.LandResponse, collections.abc.Awaitable[ual.v1.ual_pb2.LandResponse]]:
-        """TASK. Lands where it is. Allowed in FLYING_AUTO. Ends when the autopilot reports the ground. Only the safety pilot
-        can abort it.
+        """TASK. Lands where it is. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself (its hold, a
+        failsafe's return), never while the safety pilot flies. Ends when the autopilot reports the ground. Only the safety
+        pilot can abort it.
         """
 
     @abc.abstractmethod
@@ -1085,7 +1093,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.RecoverFromManualResponse, collections.abc.Awaitable[ual.v1.ual_pb2.RecoverFromManualResponse]]:
         """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
-        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO.
+        Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
+        UAV: it then sends nothing to the autopilot, and allows TakeOff again. Refused with WRONG_STATE out of a failsafe, whose
+        name is in the metadata `by`, unless forced.
         """
 
     @abc.abstractmethod

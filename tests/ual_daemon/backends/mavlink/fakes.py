@@ -9,6 +9,7 @@ from typing_extensions import override
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -89,6 +90,18 @@ class FakeLink(Transport):
         return [message for frame in frames if (message := codec.decode(frame)).get_type() == kind]
 
 
+class FakeSetpoints(SetpointMonitor):
+    """Setpoints that count as sent for as long as a test says."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sent_for_s = 0.0
+
+    @override
+    def duration_s(self, now_s: float) -> float:
+        return self.sent_for_s
+
+
 class Harness:
     """Discovery and session with a scripted PX4 of system 1, without sockets, on a clock that is moved by hand."""
 
@@ -96,9 +109,9 @@ class Harness:
         self, settings: MavlinkSettings | None = None, *, is_stream: bool = False, signer: Signer | None = None
     ) -> None:
         self.now_s = 0.0
-        self.setpoints_s = 0.0
+        self.setpoints = FakeSetpoints()
         self.link = FakeLink(is_stream=is_stream)
-        self.discovery = Discovery(settings or MavlinkSettings(), self.link, "test", lambda _: self.setpoints_s, signer)
+        self.discovery = Discovery(settings or MavlinkSettings(), self.link, "test", self.setpoints, signer)
         self.supervision = self.discovery.supervision
         self.pack = packer()
 

@@ -107,6 +107,24 @@ def test_a_daemon_that_is_killed_in_flight_and_started_anew_takes_control_back(
         wait_for_state(uav, State.LANDED_DISARMED)
 
 
+def test_a_daemon_that_was_not_commanded_ends_cleanly_in_another_flight(start_daemon: StartDaemon) -> None:
+    vehicle = vehicle_of("ardupilot")
+    with flying(vehicle.autopilot):
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        with ual.Uav(address=daemon.address) as uav:
+            take_off(uav, vehicle)
+            daemon.signal(signal.SIGKILL)
+            daemon.wait()
+        began_s, count = vehicle.autopilot.elapsed_s, len(vehicle.autopilot.setpoints_s)
+        daemon = start_daemon("--url", vehicle.url, backend="mavlink")
+        daemon.wait_for("state", new="FLYING_AUTO")
+        daemon.signal(signal.SIGTERM)
+        assert daemon.wait() == 0
+        daemon.wait_for("ended")
+        assert len(vehicle.autopilot.setpoints_s) == count
+        assert vehicle.commands_since(began_s) == set()
+
+
 def test_health_follows_the_link(vehicle: Vehicle, start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--url", vehicle.url, backend="mavlink")
     stub: Any = health_pb2_grpc.HealthStub(daemon.channel())

@@ -38,8 +38,8 @@ class Flight:
     home_file: Path | None = None
 
     def __init__(self, kind: str, seed: int = 0) -> None:
-        self._port = MemoryPort()
-        self.link = BadLink(self._port, seed)
+        self.port = MemoryPort()
+        self.link = BadLink(self.port, seed)
         self.autopilot: Autopilot = Px4(self.link) if kind == "px4" else ArduPilot(self.link)
         self.start()
 
@@ -47,9 +47,9 @@ class Flight:
         """Starts the class that flies it, as a new daemon would."""
         self.seen: list[tuple[float, Telemetry]] = []
         self.started_s = self.now_s
-        self._port.sent.clear()
-        self._port.arriving.clear()
-        self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self._port, SPEED)
+        self.port.sent.clear()
+        self.port.arriving.clear()
+        self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self.port, SPEED)
         self.uav = UAL(self.backend, settings=self.settings, home_file=self.home_file)
         self.uav.vehicle.subscribe(lambda telemetry: self.seen.append((self.now_s, telemetry)))
 

@@ -35,6 +35,7 @@ from ual_daemon.backends.mavlink.autopilots.position_target import encode_positi
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
     NO_FENCE,
+    Cause,
     Control,
     Estimator,
     Freshness,
@@ -114,6 +115,41 @@ LONGEST_LEAD_S = 0.5
 end, the UAV is faster by the acceleration times this."""
 
 
+_PILOTS_MODES = frozenset(
+    {
+        "STABILIZE",
+        "ACRO",
+        "ALT_HOLD",
+        "LOITER",
+        "DRIFT",
+        "SPORT",
+        "FLIP",
+        "AUTOTUNE",
+        "POSHOLD",
+        "THROW",
+        "FLOWHOLD",
+        "ZIGZAG",
+        "SYSTEMID",
+        "TURTLE",
+    }
+)
+_AUTONOMOUS = frozenset({"AUTO", "AUTO_RTL", "BRAKE", "CIRCLE", "FOLLOW", "RTL", "SMART_RTL"})
+_FAILSAFE_TEXTS = (
+    ("battery failsafe", Cause.BATTERY),
+    ("radio failsafe", Cause.RC),
+    ("fence breached", Cause.FENCE),
+    ("gcs failsafe", Cause.GROUND_STATION_LOST),
+    ("ekf failsafe", Cause.POSITION),
+    ("failsafe", Cause.FAILSAFE),
+)
+"""What its texts hold, lower case, the first that fits. "Battery 1 is low" comes without an action, too."""
+_SENSORS = (
+    (mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, Cause.BATTERY),
+    (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, Cause.RC),
+    (mavlink.MAV_SYS_STATUS_GEOFENCE, Cause.FENCE),
+)
+
+
 class ArduCopter(Dialect):
     """ArduPilot multirotors, 4.6."""
 
@@ -123,6 +159,8 @@ class ArduCopter(Dialect):
     unarmable_modes = _UNARMABLE
     # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
+    pilots_modes = _PILOTS_MODES
+    stays_without_setpoints = True  # in GUIDED it hovers for ever
     flies_takeoff_on_setpoints = False  # a setpoint on the way up cancels the take-off, silently
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
@@ -149,7 +187,20 @@ class ArduCopter(Dialect):
 
     @override
     def mode(self, custom_mode: int) -> Mode:
-        return Mode(_MODES.get(custom_mode, f"MODE{custom_mode}"), _CONTROL.get(custom_mode, Control.OTHER))
+        name = _MODES.get(custom_mode, f"MODE{custom_mode}")
+        return Mode(name, _CONTROL.get(custom_mode, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
+
+    @override
+    def cause_of_text(self, text: str) -> Cause | None:
+        lower = text.lower()
+        if "cleared" in lower or lower.startswith("prearm"):
+            return None
+        return next((cause for part, cause in _FAILSAFE_TEXTS if part in lower), None)
+
+    @override
+    def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
+        # It enables a sensor only where it is there: a fence that is set, a receiver that was heard.
+        return next((cause for bit, cause in _SENSORS if failing & bit), None)
 
     @override
     def estimator(self, flags: int) -> Estimator:
@@ -173,6 +224,8 @@ class ArduCopter(Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
             *pose_streams(pose_rate_hz),
             *slow_streams(),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
         ]
 
     @override

@@ -97,7 +97,7 @@ def slow_streams() -> list[CommandLong]:
     return [
         set_message_interval(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
         set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),
-        set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+        set_message_interval(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 5.0),
     ]
 
 

@@ -15,6 +15,7 @@ from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
     NO_FENCE,
+    Cause,
     Estimator,
     FenceLimit,
     Freshness,
@@ -64,14 +65,19 @@ class SimulationVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What an autopilot's event says: that it was armed or disarmed, or the reason of a refusal; perhaps neither.
+    """What an autopilot's event says: that it was armed or disarmed, the reason of a refusal, what triggers a failsafe;
+    perhaps nothing of these.
 
-    `boot_s` is when it happened, as time since the autopilot's boot.
+    `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
+    checks begins, in which each further event names a check that fails (`is_check`).
     """
 
     boot_s: float
     armed: bool | None = None
     text: str = ""
+    cause: Cause | None = None
+    begins_report: bool = False
+    is_check: bool = False
 
 
 class Dialect(ABC):
@@ -87,6 +93,12 @@ class Dialect(ABC):
     """See `ual_daemon.backends.values.VehicleInfo`."""
     takes_feed_forward = False
     """Whether it adds the accelerations of setpoints to those of its controllers, so that `FeedForward` helps it."""
+    pilots_modes: frozenset[str] = frozenset()
+    """Names of the modes that are flown by sticks."""
+    names_intended_mode = False
+    """Whether it reports which mode it was asked for beside the one that flies: another one is then a failsafe's."""
+    stays_without_setpoints = False
+    """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
     freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
     """Chosen for PX4's slowest rates without a request: heartbeat and estimator status 1 Hz, landed state 5 Hz,
     position 30 Hz. They are long enough that on a link that loses and damages 40 % every requested value comes in time,
@@ -98,6 +110,8 @@ class Dialect(ABC):
     """The message whose `flags` describe the estimator."""
     sparse_messages: frozenset[int] = frozenset()
     """Streamed messages that come far less often than requested while nothing changes."""
+    optional_messages: frozenset[int] = frozenset()
+    """Streamed messages that may never come: what they are about need not be there."""
     wanted_messages: tuple[int, ...] = ()
     """Messages that are needed once and sent only on request or on a change."""
     changing_messages: frozenset[int] = frozenset()
@@ -137,6 +151,16 @@ class Dialect(ABC):
     def event(self, frame: Frame, mode: str) -> Event | None:
         """Returns the content of a frame of PX4's event interface, in the mode of this name; None where this autopilot
         has no such interface.
+        """
+        return None
+
+    def cause_of_text(self, text: str) -> Cause | None:
+        """Returns the failsafe that a status text announces; None for any other text."""
+        return None
+
+    def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
+        """Returns the failsafe that its sensors show (bits of MAV_SYS_STATUS): those that fail now, and those that have
+        been healthy since it is heard.
         """
         return None
 

@@ -30,7 +30,7 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NO_FENCE, Control, Mode, OwnFence, Setpoint, Snapshot
+from ual_daemon.backends.values import NO_FENCE, Cause, Control, Mode, OwnFence, Setpoint, Snapshot
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -64,6 +64,7 @@ _CONTROL = {
     "AUTO.LAND": Control.LAND,
     "AUTO.PRECLAND": Control.LAND,
 }
+_AUTONOMOUS = frozenset({"AUTO.LOITER", "AUTO.MISSION", "AUTO.RTL", "AUTO.FOLLOW_TARGET", "POSCTL.ORBIT"})
 _AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
 _UNARMABLE = frozenset(
     {
@@ -99,8 +100,11 @@ class Px4(Dialect):
     sends_landed_state = True
     takes_feed_forward = True
     unarmable_modes = _UNARMABLE
+    pilots_modes = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "POSCTL.SLOW", "ALTITUDE_CRUISE"})
+    names_intended_mode = True
     # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.
     sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
+    optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_RC_CHANNELS})  # without a transmitter there are none
     wanted_messages = (
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
@@ -128,7 +132,7 @@ class Px4(Dialect):
         name = _MAIN.get(main_number, f"MODE{main_number}")
         if sub_number:
             name = f"{name}.{_SUB.get(name, {}).get(sub_number, sub_number)}"
-        return Mode(name, _CONTROL.get(name, Control.OTHER))
+        return Mode(name, _CONTROL.get(name, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
 
     @override
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
@@ -141,6 +145,7 @@ class Px4(Dialect):
             set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
             set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 10.0),
             *pose_streams(pose_rate_hz),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
         ]
 
     @override
@@ -168,6 +173,13 @@ class Px4(Dialect):
     @override
     def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
         return vtol_state == int(mavlink.MAV_VTOL_STATE_UNDEFINED)
+
+    @override
+    def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
+        # Its battery counts as unhealthy from the first warning on, and its fence never. A transmitter that was never
+        # heard is none that was lost: PX4 flies without one.
+        is_lost = failing & healthy_once & mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+        return Cause.RC if is_lost else None
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:

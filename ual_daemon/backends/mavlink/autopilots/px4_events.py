@@ -10,6 +10,7 @@ import struct
 
 from ual_daemon.backends.mavlink.autopilots.dialect import Event
 from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.values import Cause
 
 _LAYOUT = struct.Struct("<IIHBBB40s")
 """EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
@@ -88,6 +89,32 @@ _TEXTS = {
 }
 _CHECK_IDS = frozenset(map(event_id, _CHECK_NAMES))
 
+_REPORT_BEGINS = event_id("commander_arming_check_summary")
+"""The first event of each report of all checks."""
+_CAUSE_AT = {event_id("commander_failsafe_enter_hold"): 7, event_id("commander_failsafe_enter"): 5}
+"""Events with which a failsafe begins, and where the number of its cause is in their arguments. Those without a cause
+(``..._generic``, ``..._generic_hold``) follow the event of what triggered it."""
+_CAUSES = {
+    1: Cause.RC,
+    2: Cause.GROUND_STATION_LOST,
+    3: Cause.BATTERY,
+    4: Cause.BATTERY,
+    5: Cause.BATTERY,
+    6: Cause.BATTERY,
+}
+"""PX4's numbers: manual control lost, ground station lost, battery low, critical, emergency, low flight time."""
+_TRIGGERS = {
+    event_id("commander_rc_lost"): Cause.RC,
+    event_id("commander_gcs_lost"): Cause.GROUND_STATION_LOST,
+    event_id("check_battery_critical"): Cause.BATTERY,
+    event_id("check_battery_emergency"): Cause.BATTERY,
+    event_id("check_gf_violation_max_hor_dist"): Cause.FENCE,
+    event_id("check_gf_violation_max_alt"): Cause.FENCE,
+    event_id("check_gf_violation_custom_gf"): Cause.FENCE,
+    event_id("check_modes_local_pos"): Cause.POSITION,
+    event_id("check_modes_global_pos"): Cause.POSITION,
+}
+
 
 def read(frame: Frame, mode: str) -> Event:
     """Returns the content of the event in a frame (message 410). A failed check that does not concern the present mode,
@@ -98,10 +125,19 @@ def read(frame: Frame, mode: str) -> Event:
     boot_s = boot_ms / 1000.0
     if number in _ARMED:
         return Event(boot_s, armed=_ARMED[number])
+    if number == _REPORT_BEGINS:
+        return Event(boot_s, begins_report=True)
+    cause = _cause(number, arguments)
     text = _TEXTS.get(number, "")
     if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
-        return Event(boot_s)
-    return Event(boot_s, text=text)
+        return Event(boot_s, cause=cause)
+    return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS)
+
+
+def _cause(number: int, arguments: bytes) -> Cause | None:
+    """Returns what an event says of the cause of a failsafe; None if it says nothing."""
+    place = _CAUSE_AT.get(number)
+    return _TRIGGERS.get(number) if place is None else _CAUSES.get(arguments[place])
 
 
 def _concerns(number: int, arguments: bytes, mode: str) -> bool:

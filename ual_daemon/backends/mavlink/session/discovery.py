@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 from typing_extensions import override
@@ -14,6 +13,7 @@ from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.session import Session, Successor
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message
@@ -41,7 +41,7 @@ class Discovery(Selector):
         settings: MavlinkSettings,
         link: Transport,
         url: str,
-        setpoints_s: Callable[[float], float],
+        setpoints: SetpointMonitor,
         signer: Signer | None = None,
     ) -> None:
         codec = Codec(settings.component_id, signer)
@@ -52,7 +52,7 @@ class Discovery(Selector):
         self.session: Session | None = None
         self._settings = settings
         self._link = link
-        self._setpoints_s = setpoints_s
+        self._setpoints = setpoints
         self._next_heartbeat_s = -math.inf
         self._other_system_ids: set[int] = set()
         self._passed_over: set[int] = set()
@@ -115,9 +115,7 @@ class Discovery(Selector):
 
     def _open_session(self, system_id: int, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
         """Opens the session with an autopilot whose heartbeats are of this kind."""
-        self.session = Session(
-            system_id, kind, dialect, self._settings, self.sender, self.supervision, self._setpoints_s
-        )
+        self.session = Session(system_id, kind, dialect, self._settings, self.sender, self.supervision, self._setpoints)
         self.supervision.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
         _log.info("connected to %s, system %d%s", dialect.name, system_id, where)

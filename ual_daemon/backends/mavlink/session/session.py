@@ -16,9 +16,13 @@ from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVe
 from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
+from ual_daemon.backends.mavlink.session.cause_watch import CauseWatch
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
+from ual_daemon.backends.mavlink.session.health_report import HealthReport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
+from ual_daemon.backends.mavlink.session.sender_watch import TARGET_ID, SenderWatch
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -51,7 +55,7 @@ class Successor(NamedTuple):
 
 
 class Session:
-    """The session with the autopilot of a system. `setpoints_s` is as for `CommandSender`."""
+    """The session with the autopilot of a system. `setpoints` are those that were sent to it."""
 
     def __init__(
         self,
@@ -61,7 +65,7 @@ class Session:
         settings: MavlinkSettings,
         sender: Sender,
         supervision: Supervision,
-        setpoints_s: Callable[[float], float],
+        setpoints: SetpointMonitor,
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
@@ -78,12 +82,15 @@ class Session:
         self._pose_rate_hz = settings.pose_rate_hz
         self._sender = sender
         self._supervision = supervision
-        self._commands = CommandSender(dialect.name, self._send_command, setpoints_s, self.telemetry.snapshot)
+        self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
         self._reported_missing: tuple[str, ...] = ()
         self._setup = self._new_setup()
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
+        causes = self._causes = CauseWatch(dialect, setpoints)
+        self._health = HealthReport(dialect)
+        self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
         self._next_home_request_s = -math.inf
         self._unlearned_s: tuple[float, float] | None = None
@@ -91,9 +98,13 @@ class Session:
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_current_mode(message, now_s),
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sys_status(message, now_s),
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(message, now_s),
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            **({TARGET_ID: self._on_target} if dialect.stays_without_setpoints else {}),
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self.decoded_ids = self.telemetry.decoded_ids | self._handlers.keys()
@@ -148,6 +159,8 @@ class Session:
         self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
     ) -> Future[None]:
         """Sends a command; see `CommandSender.submit`."""
+        if command.group == "mode":
+            self._causes.on_own_command(now_s)
         future = self._commands.submit(command, now_s, is_withdrawn)
         future.add_done_callback(lambda _: self._heartbeats.want())  # runs on the thread that this belongs to
         return future
@@ -199,7 +212,18 @@ class Session:
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
-        return self.telemetry.snapshot(now_s)
+        snapshot = self.telemetry.snapshot(now_s)
+        armed, mode = snapshot.armed, snapshot.mode
+        is_armed = armed is not None and armed.value
+        held_by = None if mode is None else self._causes.held_by(mode.value, now_s, is_armed=is_armed)
+        return snapshot._replace(
+            other_sender=self._sender_watch.another(snapshot),
+            health=self._health.report(
+                now_s, self.telemetry, self._causes.failing_sensors, lambda: self._supervision.statistics(now_s).loss
+            ),
+            failsafe=self._causes.failsafe(is_armed=is_armed),
+            held_by=held_by,
+        )
 
     def judge_simulation(self) -> SimulationVerdict:
         """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
@@ -281,6 +305,8 @@ class Session:
         if event is not None and event.boot_s >= self._supervision.boot_s - OLD_EVENT_S:
             # PX4 reports arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.
             self._heartbeats.want()
+            self._causes.on_sign(event.cause, now_s)
+            self._health.on_event(event)
             if event.armed is not None:
                 self.telemetry.set_armed(event.armed, now_s)
             if event.text:
@@ -303,15 +329,22 @@ class Session:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
             self._commands.on_ack(message, now_s)
 
-    def _on_heartbeat(self, _message: Message, now_s: float, _: float) -> None:
+    def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)
+        self._causes.on_heartbeat(message, now_s)
 
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
             self._unlearned_s = (now_s, message.time_boot_ms / 1000.0)
 
-    def _on_text(self, _message: Message, _now_s: float, _: float) -> None:
-        self._commands.on_text(self.telemetry.status_text)
+    def _on_target(self, message: Message, now_s: float, _: float) -> None:
+        self._sender_watch.on_target(message, now_s)
+
+    def _on_text(self, _message: Message, now_s: float, _: float) -> None:
+        text = self.telemetry.status_text
+        self._commands.on_text(text)
+        self._causes.on_sign(self.dialect.cause_of_text(text), now_s)
+        self._health.on_text(text, now_s)
 
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer

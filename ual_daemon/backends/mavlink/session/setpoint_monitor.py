@@ -1,11 +1,15 @@
-"""For how long setpoints have been sent without a gap."""
+"""Which setpoints were sent lately, and for how long without a gap."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+
+from ual.geometry import Vector3
 
 GAP_S = 0.5
 """A longer pause between two setpoints is a gap."""
+_RECENT_COUNT = 150
 
 
 class SetpointMonitor:
@@ -13,9 +17,17 @@ class SetpointMonitor:
 
     def __init__(self) -> None:
         self._first_and_last_s = (-math.inf, -math.inf)  # replaced as a whole, so that it is read as a whole
+        self.recent: deque[tuple[float, Vector3 | None]] = deque(maxlen=_RECENT_COUNT)
+        """When the last ones were sent, and their positions; None for a velocity."""
 
-    def on_sent(self, now_s: float) -> None:
+    @property
+    def last_s(self) -> float:
+        """When the last one was sent."""
+        return self._first_and_last_s[1]
+
+    def on_sent(self, now_s: float, position: Vector3 | None = None) -> None:
         """Takes note of a setpoint that has left."""
+        self.recent.append((now_s, position))
         first_s, last_s = self._first_and_last_s
         self._first_and_last_s = (now_s if now_s - last_s > GAP_S else first_s, now_s)
 

@@ -91,8 +91,10 @@ class SetupRequests:
                 self._commands.submit(request, now_s)
 
     def _flows(self, command: CommandLong) -> bool:
-        """Whether the requested stream came in the last round."""
+        """Whether the requested stream came in the last round, or need not come."""
         message_id, interval_us = round(command.params[0]), command.params[1]
+        if message_id in self._dialect.optional_messages:
+            return True
         came_count = self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
         share = SPARSE_FLOWS_SHARE if message_id in self._dialect.sparse_messages else FLOWS_SHARE
         return came_count >= share * self._round_s / (interval_us * 1e-6)

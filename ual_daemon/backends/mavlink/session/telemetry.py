@@ -81,6 +81,8 @@ class Telemetry:
         were lost. The caller should request a heartbeat, and sets this back."""
         self.is_ready_to_arm = False
         """Whether its own checks before arming pass, by its last SYS_STATUS."""
+        self.reports_readiness = False
+        """Whether it says so: some autopilots do not have the bit."""
         self.parameters: dict[str, float] = {}
         """Those of `Dialect.parameters` that it has sent."""
         self.message_counts: Counter[int] = Counter()
@@ -307,6 +309,9 @@ class Telemetry:
                 self._geoid_separation_m = separation_m
 
     def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
+        is_known = bool(self._dialect.capabilities)  # PX4 has the bit only among the healthy ones
+        present = message.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        self.reports_readiness = is_known or bool(present)
         self.is_ready_to_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
         self._has_rangefinder = bool(
             message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION

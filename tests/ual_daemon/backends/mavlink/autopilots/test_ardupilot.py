@@ -316,9 +316,9 @@ def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_notice
 @pytest.mark.parametrize("mode", [LAND, BRAKE, RTL])
 def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_armed_and_not_before(mode: int) -> None:
     harness = met(GUIDED, armed=True)
-    harness.setpoints_s = 1.0
+    harness.setpoints.sent_for_s = 1.0
     harness.run(0.1)
-    harness.setpoints_s = 0.0
+    harness.setpoints.sent_for_s = 0.0
     harness.receive(beat(mode, armed=True), beat(mode))
     harness.run(5.0)
     assert harness.commands(SET_MODE) == []

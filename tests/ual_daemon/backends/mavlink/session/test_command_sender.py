@@ -63,7 +63,7 @@ def test_what_was_withdrawn_is_not_sent_by_an_acknowledgement_of_something_else(
     harness.session.submit(request_message(49), harness.now_s)
     harness.session.submit(command, harness.now_s, lambda: not wanted)
     assert harness.commands(needed) == []
-    harness.setpoints_s = 1.0
+    harness.setpoints.sent_for_s = 1.0
     wanted.clear()
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED), ack(mavlink.MAV_CMD_REQUEST_MESSAGE, ACCEPTED))
     assert harness.commands(needed) == []
@@ -72,7 +72,7 @@ def test_what_was_withdrawn_is_not_sent_by_an_acknowledgement_of_something_else(
 def test_an_acknowledgement_of_the_one_before_does_not_end_a_command_that_was_lost() -> None:
     harness = Harness()
     harness.submit(PX4.take_control())
-    harness.setpoints_s = 1.0
+    harness.setpoints.sent_for_s = 1.0
     harness.run(0.05)
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
     holding = harness.submit(PX4.hold())  # is lost on its way
@@ -273,7 +273,7 @@ def test_control_is_taken_only_once_setpoints_have_flowed() -> None:
     harness.submit(PX4.take_control())
     harness.run(0.2)
     assert harness.commands(SET_MODE) == []
-    harness.setpoints_s = 0.45
+    harness.setpoints.sent_for_s = 0.45
     harness.run(0.05)
     (sent,) = harness.commands(SET_MODE)
     assert (sent.param1, sent.param2, sent.param3) == (1.0, 6.0, 0.0)
@@ -292,7 +292,7 @@ def test_a_newer_mode_replaces_the_one_before_at_once() -> None:
     holding = harness.submit(PX4.hold())
     assert [(sent.param2, sent.param3) for sent in harness.commands(SET_MODE)] == [(4.0, 3.0)]
     landing = harness.submit(PX4.land())
-    harness.setpoints_s = 1.0
+    harness.setpoints.sent_for_s = 1.0
     harness.receive(ack(LAND, ACCEPTED))
     harness.run(5.0)
     assert harness.commands(SET_MODE) == []
@@ -330,9 +330,9 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() 
 def test_after_a_flight_of_ours_no_mode_is_changed_until_somebody_asks_to_arm(mode: int) -> None:
     harness = Harness()
     harness.receive(heartbeat(OFFBOARD, armed=True))
-    harness.setpoints_s = 1.0
+    harness.setpoints.sent_for_s = 1.0
     harness.run(1.0)
-    harness.setpoints_s = 0.0
+    harness.setpoints.sent_for_s = 0.0
     harness.receive(heartbeat(LANDING, armed=True), heartbeat(mode))
     harness.run(10.0)
     assert harness.commands(SET_MODE) == []

@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.links.base import Link
 from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Snapshot
@@ -98,7 +99,7 @@ def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage
     clock = Clock()
     flood = Flood(clock, garbage, moves=moves)
     connection = Connection(flood, "test")
-    discovery = Discovery(MavlinkSettings(), connection, "test", lambda _: 0.0)
+    discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
     updates: list[Snapshot] = []
     flood.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, updates.append)
     flood.loop.run()

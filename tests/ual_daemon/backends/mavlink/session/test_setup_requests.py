@@ -78,7 +78,7 @@ def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
 
 # --- In a session -----------------------------------------------------------------------------------------------------
 
-STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 100_000.0, 31: 20_000.0, 32: 20_000.0}
+STREAMS = {436: 50_000.0, 245: 50_000.0, 230: 100_000.0, 31: 20_000.0, 32: 20_000.0, 65: 200_000.0}
 
 
 def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:

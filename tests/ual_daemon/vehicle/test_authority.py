@@ -1,0 +1,192 @@
+"""Who may fly: a daemon that was not commanded in this flight sends nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from tests.ual_daemon.stepped import Stepped, at, stepped
+from ual.errors import PermissionDeniedError
+from ual.geometry import TwistStamped, Vector3
+from ual.simulation import LinkLost
+from ual.types import State
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import PositionSetpoint, Setpoint
+from ual_daemon.vehicle.vehicle import Vehicle
+
+
+class Sent:
+    """What a backend was given to send."""
+
+    def __init__(self, backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.setpoints: list[Setpoint] = []
+        self.holds_count = 0
+        send, hold = backend.send, backend.hold
+
+        def on_send(setpoint: Setpoint) -> None:
+            self.setpoints.append(setpoint)
+            send(setpoint)
+
+        def on_hold() -> object:
+            self.holds_count += 1
+            return hold()
+
+        monkeypatch.setattr(backend, "send", on_send)
+        monkeypatch.setattr(backend, "hold", on_hold)
+
+
+@pytest.fixture
+def uav() -> Iterator[Stepped]:
+    with stepped() as uav:
+        yield uav
+
+
+def restarted(uav: Stepped, *, watch_only: bool = False) -> Stepped:
+    """Returns the same UAV, in flight, with a new daemon."""
+    uav.vehicle.close()
+    vehicle = Vehicle(uav.vehicle.backend, watch_only=watch_only)
+    vehicle.open()
+    new = Stepped(vehicle)
+    new.run(0.1)
+    return new
+
+
+def other_program(backend: Backend, setpoint: Setpoint) -> Callable[[], None]:
+    """Sends a setpoint as another program does, not through UAL."""
+    send = backend.send
+    return lambda: send(setpoint)
+
+
+def test_a_daemon_started_in_a_flight_sends_nothing_until_it_is_commanded(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uav.fly()
+    new = restarted(uav)
+    sent = Sent(new.vehicle.backend, monkeypatch)
+    new.sim.pilot_give_back()  # its mode stays GUIDED, as ArduPilot's does
+    new.run(5.0)
+    assert new.state is State.FLYING_AUTO
+    assert sent.setpoints == []
+    assert "UAL has not been commanded in this flight and sends nothing" in new.vehicle.telemetry().state_reason
+    new.vehicle.commands.abort()
+    new.run(1.0)
+    assert len(sent.setpoints) >= 45
+    assert "sends nothing" not in new.vehicle.telemetry().state_reason
+
+
+def test_the_flight_of_another_program_goes_on_when_a_daemon_starts_and_ends(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uav.fly()
+    new = restarted(uav)
+    goal = new.pose.position + Vector3(10.0, 0.0, 0.0)
+    other = other_program(new.vehicle.backend, PositionSetpoint(goal, 0.0))
+    sent = Sent(new.vehicle.backend, monkeypatch)
+    for _ in range(200):
+        other()
+        new.run(0.1)
+    assert (new.pose.position - goal).norm() < 0.5
+    done = new.vehicle.prepare_shutdown()
+    assert done.done()
+    new.run(0.5)
+    assert sent.setpoints == []
+    assert sent.holds_count == 0
+    assert new.vehicle.telemetry().flight_mode == "GUIDED"
+
+
+def test_a_daemon_that_flies_hands_over_at_its_end(uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    uav.fly()
+    sent = Sent(uav.vehicle.backend, monkeypatch)
+    uav.end(uav.vehicle.prepare_shutdown())
+    assert sent.holds_count == 1
+    assert uav.state is State.FLYING_MANUAL
+
+
+def test_a_flight_begun_by_a_command_ends_when_it_is_disarmed(uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    uav.fly()
+    uav.end(uav.prepare.land().begin().future)
+    uav.until(lambda: uav.is_in(State.LANDED_DISARMED))
+    backend = uav.vehicle.backend
+    uav.arm()
+    sent = Sent(backend, monkeypatch)
+    uav.sim.pilot_give_back()  # the mode, by another program
+    up = uav.pose.position + Vector3(0.0, 0.0, 3.0)
+    for _ in range(80):
+        backend.world.fleet.set_setpoint(0, PositionSetpoint(up, 0.0), backend.clock.now_s())  # type: ignore[attr-defined]
+        uav.run(0.1)
+    assert uav.state is State.FLYING_AUTO
+    assert sent.setpoints == []
+
+
+def test_what_was_taken_and_given_back_waits_for_a_command(uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(1.0)
+    sent = Sent(uav.vehicle.backend, monkeypatch)
+    uav.sim.pilot_give_back()  # or a ground station that flies by itself now
+    uav.run(3.0)
+    assert uav.state is State.FLYING_AUTO
+    assert sent.setpoints == []
+    uav.end(uav.prepare.go_to_waypoint(at(2.0, 0.0, 3.0)).begin().future)
+
+
+def test_a_task_that_ended_with_a_lost_link_leaves_a_uav_that_is_stopped_when_the_link_is_back(uav: Stepped) -> None:
+    uav.fly()
+    task = uav.prepare.go_to_waypoint(at(40.0, 0.0, 3.0)).begin()
+    uav.run(4.0)
+    fault = uav.sim.begin_fault(LinkLost())
+    uav.run(0.8)
+    assert task.future.done()
+    uav.sim.end_fault(fault)
+    uav.run(3.0)
+    assert uav.vehicle.telemetry().reference_pose is not None
+    assert uav.speed < 0.1
+
+
+def test_an_autopilot_that_falls_without_setpoints_is_held_at_once(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uav.fly()
+    backend = uav.vehicle.backend
+    info = backend.info()
+    monkeypatch.setattr(backend, "info", lambda: replace(info, falls_without_setpoints=True))
+    uav.vehicle.close()
+    vehicle = Vehicle(backend)
+    vehicle.open()
+    new = Stepped(vehicle)
+    sent = Sent(backend, monkeypatch)
+    new.run(1.0)
+    assert len(sent.setpoints) >= 45
+    new.end(vehicle.prepare_shutdown())
+    assert sent.holds_count == 1
+
+
+def test_a_daemon_that_only_watches_refuses_every_command_and_sends_nothing(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uav.fly()
+    new = restarted(uav, watch_only=True)
+    sent = Sent(new.vehicle.backend, monkeypatch)
+    commands = new.vehicle.commands
+    attempts: list[Callable[[], object]] = [
+        commands.arm,
+        commands.disarm,
+        lambda: new.prepare.take_off(3.0),
+        new.prepare.land,
+        lambda: new.prepare.go_to_waypoint(at(1.0, 0.0, 3.0)),
+        lambda: new.prepare.follow_path([at(1.0, 0.0, 3.0)]),
+        lambda: commands.setpoints.set_pose(at(1.0, 0.0, 3.0)),
+        lambda: commands.setpoints.set_velocity(TwistStamped()),
+        commands.recover_from_manual,
+        commands.abort,
+    ]
+    for attempt in attempts:
+        with pytest.raises(PermissionDeniedError, match="--watch-only"):
+            attempt()
+    new.run(1.0)
+    assert new.vehicle.prepare_shutdown().done()
+    assert sent.setpoints == []
+    assert sent.holds_count == 0
+    assert new.vehicle.info().is_arming_allowed is False

@@ -1,0 +1,188 @@
+"""Finds out who or what took the control: the pilot, a ground station, or a failsafe and which. Pure logic."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import Cause, Control, Mode
+
+BEFORE_S = 1.5
+"""A sign may come so long before the mode that it explains: PX4's events come 10 to 20 ms before it, ArduPilot
+distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
+EPISODE_S = 3.0
+"""How long before a failsafe flies PX4 may have said what triggered it."""
+SETTLE_S = 0.4
+"""Until then the reason of a new mode may still come: ArduPilot's texts follow the heartbeat, its SYS_STATUS comes at
+5 Hz, and PX4 may report the mode in a heartbeat before it says whether it was intended."""
+OWN_COMMAND_S = 5.0
+"""A mode that comes this soon after a command of ours for a mode is ours."""
+STREAM_S = 0.5
+"""A failsafe that comes when no setpoint of ours came for so long may be for that reason alone."""
+_SUSPICIOUS = int(mavlink.MAV_SYS_STATUS_SENSOR_BATTERY | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
+_SWITCHES_FROM, _MOVED_US, _NO_SIGNAL = 5, 100, 65535
+"""The first channel that can be a switch, by how much a switch moves one, and the value of one that is not there."""
+_MOST_SIGNS = 8
+
+
+class CauseWatch:
+    """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives."""
+
+    def __init__(self, dialect: Dialect, sent: SetpointMonitor) -> None:
+        self._dialect = dialect
+        self._sent = sent
+        self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
+        self._mode_name = ""
+        self._since_s = -math.inf
+        self._was_found = True
+        """Whether the present mode was there before anything was known of it, or before the arming."""
+        self._settled: Cause | None = None
+        self._is_settled = False
+        self._intention = ("", False)
+        """The mode of the newest CURRENT_MODE, and whether it is another one than was asked for."""
+        self._episode: Cause | None = None
+        self._sensors: Cause | None = None
+        self._sensors_s = -math.inf
+        self._healthy_once = 0
+        self._is_critical = False
+        self._critical_s = -math.inf
+        self._switches: tuple[int, ...] = ()
+        self._switched_s = -math.inf
+        self._commanded_s = -math.inf
+        self.failing_sensors = 0
+        """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def on_sign(self, cause: Cause | None, now_s: float) -> None:
+        """Takes a sign: a text or an event that names the reason of what follows."""
+        if cause is not None:
+            self._signs.append((now_s, cause))
+
+    def on_own_command(self, now_s: float) -> None:
+        """Takes note of a command of ours that changes the mode."""
+        self._commanded_s = now_s
+
+    def on_heartbeat(self, message: Message, now_s: float) -> None:
+        """Takes a HEARTBEAT, for its system status."""
+        is_critical = message.system_status >= mavlink.MAV_STATE_CRITICAL
+        if is_critical and not self._is_critical:
+            self._critical_s = now_s
+        self._is_critical = is_critical
+
+    def on_current_mode(self, message: Message, now_s: float) -> None:
+        """Takes a CURRENT_MODE, for the mode that the autopilot was asked for."""
+        intended = message.intended_custom_mode
+        is_unintended = bool(intended) and intended != message.custom_mode
+        self._intention = (self._dialect.mode(message.custom_mode).name, is_unintended)
+        if not is_unintended:
+            self._episode = None
+        elif self._episode is None:
+            self._episode = self._sign_since(now_s - EPISODE_S)
+
+    def on_sys_status(self, message: Message, now_s: float) -> None:
+        """Takes a SYS_STATUS, for the sensors that fail."""
+        enabled, healthy = message.onboard_control_sensors_enabled, message.onboard_control_sensors_health
+        self.failing_sensors = enabled & ~healthy
+        self._healthy_once |= enabled & healthy
+        found = self._dialect.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
+        if found is not None and found is not self._sensors:
+            self._sensors_s = now_s
+        self._sensors = found
+
+    def on_rc_channels(self, message: Message, now_s: float) -> None:
+        """Takes an RC_CHANNELS, for the switches of the transmitter."""
+        numbers = range(_SWITCHES_FROM, min(message.chancount, 16) + 1)
+        switches = tuple(getattr(message, f"chan{number}_raw") for number in numbers)
+        pairs = zip(switches, self._switches, strict=False)
+        if any(abs(new - old) >= _MOVED_US and _NO_SIGNAL not in (new, old) for new, old in pairs):
+            self._switched_s = now_s
+        self._switches = switches
+
+    # --- What follows from it -----------------------------------------------------------------------------------------
+
+    def failsafe(self, *, is_armed: bool) -> Cause | None:
+        """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
+        if is_armed and self._is_unintended:
+            return self._episode
+        return self._sensors
+
+    def held_by(self, mode: Mode, now_s: float, *, is_armed: bool) -> Cause | None:
+        """Returns who or what holds the control in the present mode.
+
+        None in the mode that takes setpoints, before the arming, and where it is not known how the mode came.
+        """
+        self._see_mode(mode, now_s)
+        if not is_armed:
+            self._was_found, self._is_settled = True, False
+            return None
+        if mode.control is Control.REFERENCES:
+            return None
+        if not self._is_settled:
+            found = self._find(mode, now_s)
+            if found is Cause.OPEN or self._was_found:  # of a mode that was found, a failsafe may yet become known
+                return found
+            self._settled, self._is_settled = found, True
+        return self._settled
+
+    def _see_mode(self, mode: Mode, now_s: float) -> None:
+        if mode.name != self._mode_name:
+            self._was_found = not self._mode_name
+            self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
+
+    @property
+    def _is_unintended(self) -> bool | None:
+        """Whether a failsafe flies: the mode is not the intended one. None while that is not known of this mode."""
+        name, is_unintended = self._intention
+        return is_unintended if name == self._mode_name else None
+
+    def _find(self, mode: Mode, now_s: float) -> Cause | None:
+        """Returns the cause of the present mode; OPEN while what tells it may still come."""
+        is_over = now_s - self._since_s > SETTLE_S
+        if self._is_unintended is not False:
+            failsafe = self._failsafe_that_flies(is_over=is_over)
+            if failsafe is not None or self._is_unintended:
+                return failsafe or Cause.OPEN
+        if self._was_found:
+            return None
+        is_intention_open = self._dialect.names_intended_mode and self._is_unintended is None
+        if mode.name in self._dialect.pilots_modes and not is_intention_open:
+            return Cause.SAFETY_PILOT
+        if not is_over:
+            return Cause.OPEN
+        if mode.name in self._dialect.pilots_modes:
+            return Cause.SAFETY_PILOT
+        return self._other_than_failsafe()
+
+    def _other_than_failsafe(self) -> Cause | None:
+        begin_s = self._since_s - BEFORE_S
+        if self._since_s - self._commanded_s < OWN_COMMAND_S:
+            return None
+        return Cause.SAFETY_PILOT if self._switched_s >= begin_s else Cause.GROUND_STATION
+
+    def _failsafe_that_flies(self, *, is_over: bool) -> Cause | None:
+        """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""
+        begin_s = self._since_s - BEFORE_S
+        if self._is_unintended:
+            if self._episode is None and is_over:
+                self._episode = self._unnamed()
+            return self._episode
+        sign = self._sign_since(begin_s)
+        if sign is not None:
+            return sign
+        if self._sensors is not None and self._sensors_s >= begin_s:
+            return self._sensors
+        return Cause.FAILSAFE if is_over and self._is_critical and self._critical_s >= begin_s else None
+
+    def _unnamed(self) -> Cause:
+        """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
+        is_sending = self._since_s - self._sent.last_s <= STREAM_S
+        is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
+        return Cause.FAILSAFE if is_sending or is_ill else Cause.SETPOINTS
+
+    def _sign_since(self, begin_s: float) -> Cause | None:
+        """Returns the newest sign since a time."""
+        return next((cause for time_s, cause in reversed(self._signs) if time_s >= begin_s), None)

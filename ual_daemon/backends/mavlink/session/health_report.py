@@ -1,0 +1,79 @@
+"""What an autopilot says of its own health: ready to arm or not, what fails, and how good the link is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ual.types import Health
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, Event
+from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+LINK_PERIOD_S = 1.0
+"""How often the quality of the link is computed."""
+TEXTS_S = 40.0
+"""ArduPilot repeats what fails before arming every 30 s."""
+_MOST_TEXTS = 16
+_PREARM = "PreArm: "
+_PREFIXES = ("MAV_SYS_STATUS_SENSOR_", "MAV_SYS_STATUS_")
+
+
+class HealthReport:
+    """Composes the health of one autopilot. Belongs to the thread that receives."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+        self._texts: dict[str, float] = {}
+        self._checks: dict[str, None] = {}
+        self._link_quality: float | None = None
+        self._next_link_s = -math.inf
+        self._known: tuple[object, ...] = ()
+        self._health = Health()
+
+    def on_text(self, text: str, now_s: float) -> None:
+        """Takes a status text: ArduPilot names what fails before arming."""
+        what = text.removeprefix(_PREARM)
+        if what != text and (what in self._texts or len(self._texts) < _MOST_TEXTS):
+            self._texts[what] = now_s
+
+    def on_event(self, event: Event) -> None:
+        """Takes an event of PX4: each report of its checks names those that fail."""
+        if event.begins_report:
+            self._checks.clear()
+        elif event.is_check:
+            self._checks[event.text.removeprefix("check ")] = None
+
+    def report(self, now_s: float, telemetry: Telemetry, failing_sensors: int, loss: Callable[[], float]) -> Health:
+        """Returns the health; the same object while nothing has changed. `loss` is asked for once a second."""
+        if now_s >= self._next_link_s:
+            self._next_link_s = now_s + LINK_PERIOD_S
+            self._link_quality = round(1.0 - loss(), 3)
+        is_ready = telemetry.is_ready_to_arm if telemetry.reports_readiness else None
+        failing = (*_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
+        known = (is_ready, failing, self._link_quality)
+        if known != self._known:
+            self._known = known
+            self._health = Health(is_ready, failing, self._link_quality)
+        return self._health
+
+    def _fresh_texts(self, now_s: float, *, is_ready: bool | None) -> tuple[str, ...]:
+        if is_ready or not self._texts:
+            self._texts.clear()
+            return ()
+        self._texts = {text: time_s for text, time_s in self._texts.items() if now_s - time_s <= TEXTS_S}
+        return tuple(self._texts)
+
+
+def _names(sensors: int) -> list[str]:
+    """Returns the names of sensors by their bits, but not of the check before arming."""
+    sensors &= ~int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+    return [] if not sensors else [_name(1 << bit) for bit in range(32) if sensors >> bit & 1]
+
+
+def _name(bit: int) -> str:
+    entry = mavlink.enums["MAV_SYS_STATUS_SENSOR"].get(bit)
+    name = f"sensor {bit:#x}" if entry is None else str(entry.name)
+    for prefix in _PREFIXES:
+        name = name.removeprefix(prefix)
+    return name.replace("_", " ").lower()
