@@ -6,12 +6,14 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, WrongStateError
+from ual.errors import TaskAbortedError, UalError, WrongStateError
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step, failed, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.references import Reference
 
 _PATIENCE_S = 15.0
 """The automatic arming waits for 1 s of readiness; an autopilot that has just landed takes some seconds to disarm."""
@@ -32,6 +34,11 @@ class AwaitArming(Manoeuvre):
         super().__init__("take_off", task)
         self._take_off = take_off
         self._since_s = now_s
+
+    @override
+    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+        """Goes on waiting: it has no way yet."""
+        return None
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

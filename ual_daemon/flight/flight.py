@@ -346,6 +346,7 @@ class Flight:
         """
         x, y, z = jump
         logs.event(_log, logging.WARNING, "estimate_jumped", x=round(x, 2), y=round(y, 2), z=round(z, 2))
+        self.home.estimate_jumped(jump)
         if self.geofence is not None:
             self.geofence.estimate_jumped(jump)
         stop = brake(snapshot, self.limits.get())

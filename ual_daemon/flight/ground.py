@@ -52,6 +52,8 @@ class Ground:
         """Notes that the autopilot's estimate has jumped: the ground has not."""
         if self.z_m is not None:
             self.z_m += jump.z
+        if self.place is not None:
+            self.place += jump
 
     def _has_origin_moved(self, snapshot: Snapshot) -> bool:
         before_m, now_m = self._origin_m, _origin_m(snapshot)

@@ -30,6 +30,10 @@ class Home:
         """Notes where the UAV stands. Called by the update thread at each update."""
         self._ground.observe(snapshot, raw)
 
+    def estimate_jumped(self, jump: Vector3) -> None:
+        """Notes that the autopilot's estimate has jumped: the place of the take-off has not."""
+        self._ground.estimate_jumped(jump)
+
     def place(self, snapshot: Snapshot) -> HomePlace | None:
         """Returns home; None if none is known."""
         autopilots, seen = snapshot.home, self._ground.place
