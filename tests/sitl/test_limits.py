@@ -93,6 +93,7 @@ def fence(flight: Flight, simulator: Simulator) -> Iterator[str]:
     """The autopilot's own fence of 30 m around home; the name of its parameter."""
     names = {"ArduPilot": ("FENCE_RADIUS", "FENCE_ENABLE"), "PX4": ("GF_MAX_HOR_DIST", "")}
     radius, enable = names[simulator.autopilot]
+    set_home(flight, 0.0)  # else it may stand beyond the fence, and cannot be armed
     flight.pilot.set_parameter(radius, RADIUS_M)
     if enable:
         flight.pilot.set_parameter(enable, 1.0)
