@@ -41,6 +41,7 @@ def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
 
 def set_home(flight: Flight, above_m: float) -> None:
     """A ground station sets home so high above where the UAV is, and waits until the daemon knows it."""
+    flight.wait_for(lambda: flight.uav.telemetry().position_geo is not None, "its position on Earth")
     here = flight.uav.telemetry().position_geo
     assert here is not None
     assert here.altitude_amsl_m is not None
