@@ -41,6 +41,7 @@ def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
 
 def set_home(flight: Flight, above_m: float) -> None:
     """A ground station sets home so high above where the UAV is, and waits until the daemon knows it."""
+    flight.wait_for(lambda: flight.uav.telemetry().position_geo is not None, "its position on Earth")
     here = flight.uav.telemetry().position_geo
     assert here is not None
     assert here.altitude_amsl_m is not None
@@ -93,6 +94,7 @@ def fence(flight: Flight, simulator: Simulator) -> Iterator[str]:
     """The autopilot's own fence of 30 m around home; the name of its parameter."""
     names = {"ArduPilot": ("FENCE_RADIUS", "FENCE_ENABLE"), "PX4": ("GF_MAX_HOR_DIST", "")}
     radius, enable = names[simulator.autopilot]
+    set_home(flight, 0.0)  # else it may stand beyond the fence, and cannot be armed
     flight.pilot.set_parameter(radius, RADIUS_M)
     if enable:
         flight.pilot.set_parameter(enable, 1.0)

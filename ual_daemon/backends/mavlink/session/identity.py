@@ -112,4 +112,4 @@ class Identity:
         self._shown_s = now_s
         if not self.conflict:
             self.conflict = f"{why}: give each vehicle an id of its own; until then UAL flies none of them"
-            logs.event(_log, logging.ERROR, "vehicle_conflict", why=self.conflict)
+            logs.event(_log, logging.WARNING, "vehicle_conflict", why=self.conflict)

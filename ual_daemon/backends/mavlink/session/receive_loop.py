@@ -60,6 +60,7 @@ class ReceiveLoop:
         self._closing = threading.Event()
         self._session: Session | None = None
         """The session that `info` is about."""
+        self._freshness: Freshness | None = None
         self._own_pause = ("", -math.inf)
         """What the last pause of this thread was, for people, and when it ended."""
         self._pose: Sample[Pose] | None
@@ -135,6 +136,7 @@ class ReceiveLoop:
         session = self._discovery.session
         if session is not self._session and session is not None:
             self._session = session
+            self._freshness = session.freshness
             self._on_freshness(session.freshness)
             self.info = session.info()
         newest = None if session is None else session.telemetry.pose
@@ -175,7 +177,8 @@ class ReceiveLoop:
 
     def _refresh_info(self, session: Session | None) -> None:
         info = self.info if session is None else session.info()
-        if session is not None:
+        if session is not None and session.freshness is not self._freshness:
+            self._freshness = session.freshness
             self._on_freshness(session.freshness)
         if info != self.info:  # the same object while nothing is new, so that its users need not compare it
             self.info = info
