@@ -37,8 +37,8 @@ class Placed(Flight):
         has_satellites: bool = True,
         home_file: Path | None = None,
     ) -> None:
-        self._port = MemoryPort()
-        self.link = BadLink(self._port, 0)
+        self.port = MemoryPort()
+        self.link = BadLink(self.port, 0)
         autopilot: Autopilot
         is_px4 = kind == "px4"
         autopilot = Px4(self.link, start=start) if is_px4 else ArduPilot(self.link, start=start, settle_s=4.0)
