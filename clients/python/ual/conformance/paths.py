@@ -46,7 +46,7 @@ def points_along_a_path(flight: Flight) -> None:
     """The nose points along each leg, whatever the headings of the waypoints are."""
     start, corner, end = flight.start, flight.goal(_LEG_M, 0.0), flight.goal(_LEG_M, _LEG_M)
     with flight.recording() as recorded:
-        flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH)
+        flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH, max_speed_m_s=_SLOW_M_S)
         samples = recorded()
     for begin, goal in ((start, corner), (corner, end)):
         along_rad = _towards(begin.position, goal.position)
@@ -64,7 +64,10 @@ def points_at_a_point_of_interest(flight: Flight) -> None:
     flight.uav.go_to_waypoint(Pose.at(s.x, s.y, s.z, _towards(s, interest)))  # a turn may take longer than the leg
     with flight.recording() as recorded:
         flight.uav.follow_path(
-            [Pose.at(p.x, p.y, p.z)], heading=PathHeading.POINT_OF_INTEREST, point_of_interest=interest
+            [Pose.at(p.x, p.y, p.z)],
+            max_speed_m_s=_SLOW_M_S,
+            heading=PathHeading.POINT_OF_INTEREST,
+            point_of_interest=interest,
         )
         samples = recorded()
     _require_heading(flight, _between(samples, start, goal), lambda place: _towards(place, interest), "at the point")
