@@ -188,12 +188,16 @@ def test_a_lost_transmitter_is_named_and_its_return_is_ended_by_force_only(
 
 def test_a_breached_fence_is_named(flight: Flight, uav: UAL, copter: CopterPilot) -> None:
     flight.take_off()
-    for name, value in (("FENCE_TYPE", 2.0), ("FENCE_RADIUS", 30.0), ("FENCE_ACTION", 1.0), ("FENCE_ENABLE", 1.0)):
+    for name, value in (("FENCE_TYPE", 2.0), ("FENCE_RADIUS", 30.0), ("FENCE_ACTION", 1.0), ("AVOID_ENABLE", 0.0)):
         set_parameter(copter, name, value)
-    set_parameter(copter, "AVOID_ENABLE", 0.0)
+    # A fence that is enabled is read, and the goal refused: so it is enabled on the way, when the UAV is beyond it.
+    start = uav.pose().pose.position
+    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False)
+    flight.wait_for(lambda: (uav.pose().pose.position - start).norm() > 40.0, "being beyond the fence", 60.0)
+    set_parameter(copter, "FENCE_ENABLE", 1.0)
     try:
         with pytest.raises(TaskAbortedError, match="fence") as caught:
-            uav.go_to_waypoint(flight.beside(60.0))
+            task.wait(30.0)
         assert caught.value.metadata["by"] == "fence"
         with pytest.raises(WrongStateError, match="fence"):
             uav.recover_from_manual()
