@@ -65,6 +65,8 @@ class HoverBackend(Backend):
         super().__init__(options)
         settings = convert(options.settings, HoverSettings, self.name)
         self.clock = HoverClock(settings.speed)
+        if settings.speed > 1.0:  # a pause of this computer is longer in the autopilot's time
+            self.freshness = Freshness(*[settings.speed] * 5)
         self._packet_timeout_s = 0.1 / settings.speed
         self._epoch_s = time.time()
         self._autopilot = Autopilot(settings.speed)

@@ -193,8 +193,8 @@ BY = {"rc": "rc failsafe", "battery": "battery failsafe", "fence": "fence"}
 def test_a_failsafe_that_ends_a_go_to_is_named_and_is_left_only_by_force(flight: Flight, kind: str) -> None:
     uav, by = flight.uav, BY[kind]
     flight.take_off()
-    task = uav.go_to_waypoint(flight.goal(30.0, 0.0), blocking=False)
-    flight.let_pass(2.0)
+    task = uav.go_to_waypoint(flight.goal(90.0, 0.0), blocking=False)
+    flight.let_pass(12.0)  # so far that the way home takes longer than what follows, on a busy computer, too
     trigger(flight, kind)
     taken_s = flight.now_s
     with pytest.raises(TaskAbortedError, match=f"taken by the autopilot: {by}") as caught:
