@@ -23,7 +23,6 @@ from ual_daemon.backends.values import Cause, Control, Snapshot, Takes
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.home import Home
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
@@ -55,7 +54,7 @@ class Flight:
         self,
         backend: Backend,
         limits: CurrentLimits,
-        geofence: Geofence | None = None,
+        geofence: Geofence,
         *,
         watch_only: bool = False,
     ) -> None:
@@ -63,7 +62,6 @@ class Flight:
         self._backend = backend
         self.limits = limits
         self.geofence = geofence
-        self.home = Home()
         self.is_watch_only = watch_only
         self.authority = Authority()
         self._note = ""
@@ -328,9 +326,7 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
-        self.home.observe(snapshot, raw)
-        if self.geofence is not None:
-            self.geofence.observe(snapshot, raw)
+        self.geofence.observe(snapshot, raw)
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot)
@@ -346,9 +342,7 @@ class Flight:
         """
         x, y, z = jump
         logs.event(_log, logging.WARNING, "estimate_jumped", x=round(x, 2), y=round(y, 2), z=round(z, 2))
-        self.home.estimate_jumped(jump)
-        if self.geofence is not None:
-            self.geofence.estimate_jumped(jump)
+        self.geofence.estimate_jumped(jump)
         stop = brake(snapshot, self.limits.get())
         with self._lock:
             manoeuvre = self._manoeuvre
@@ -464,7 +458,7 @@ class Flight:
         if snapshot.time_s > velocity.expires_s:
             return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
         geofence, limits = self.geofence, self.limits.get()
-        if geofence is not None and not geofence.is_clear(velocity, limits, snapshot):
+        if not geofence.is_clear(velocity, limits, snapshot):
             try:
                 geofence.admit("velocity", velocity, limits, snapshot)
             except UalError as error:  # it would leave the geofence, or it is not known any more where that lies

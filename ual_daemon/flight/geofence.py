@@ -66,7 +66,8 @@ class Geofence:
     ) -> None:
         """`settings` None: only the floor and the ceiling. Raises `ConfigError` if the settings do not make a fence."""
         self._floor_m, self._ceiling_m = floor_m, ceiling_m
-        self._ground = Ground()
+        self.ground = Ground()
+        """The ground of the take-off, as seen by the updates."""
         self._is_configured = settings is not None
         self._settings = settings = settings or GeofenceSettings()
         self._resolver = resolver
@@ -167,14 +168,14 @@ class Geofence:
 
     def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Notes where the ground is. Called by the update thread at each update."""
-        self._ground.observe(snapshot, raw)
+        self.ground.observe(snapshot, raw)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
-        self._ground.estimate_jumped(jump)
+        self.ground.estimate_jumped(jump)
 
     def _datum(self, snapshot: Snapshot) -> Datum:
-        return self._ground.datum(snapshot, self._odom_z_m)
+        return self.ground.datum(snapshot, self._odom_z_m)
 
     def _odom_z_m(self) -> float:
         return self._resolver.odom_z_m
@@ -196,11 +197,10 @@ class Geofence:
         It is no more than an estimate that is quick and on the safe side: every setpoint and update calls it. It is
         False wherever a fence is configured, or the autopilot has its own.
         """
-        ground_m, pose = self._ground.z_m, snapshot.pose
+        ground, pose = self.ground.place, snapshot.pose
         if pose is None or self._is_configured or snapshot.own_fence is not None:
             return False
-        if ground_m is None:
-            ground_m = self._datum(snapshot).z_m
+        ground_m = self._datum(snapshot).z_m if ground is None else ground.z
         z = pose.value.position.z
         floor_m, ceiling_m = self._floor_m, self._ceiling_m
         lowest_m = -math.inf if floor_m is None else ground_m + floor_m

@@ -33,25 +33,25 @@ class Ground:
     """
 
     def __init__(self) -> None:
-        self.z_m: float | None = None
-        """Its z in the local frame; None if it is not known."""
         self.place: Vector3 | None = None
         """Where the UAV last stood on it, in the local frame; None if that is not known."""
         self._origin_m: float | None = None
+
+    @property
+    def z_m(self) -> float | None:
+        """Its z in the local frame; None if it is not known."""
+        return None if self.place is None else self.place.z
 
     def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Notes what an update says of the ground."""
         if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
             assert snapshot.pose is not None
             self.place, self._origin_m = snapshot.pose.value.position, _origin_m(snapshot)
-            self.z_m = self.place.z
-        elif self.z_m is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
-            self.z_m = self.place = None
+        elif self.place is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
+            self.place = None
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped: the ground has not."""
-        if self.z_m is not None:
-            self.z_m += jump.z
         if self.place is not None:
             self.place += jump
 
@@ -61,8 +61,8 @@ class Ground:
 
     def datum(self, snapshot: Snapshot, odom_z_m: Callable[[], float]) -> Datum:
         """Returns what heights are measured from. `odom_z_m` returns the z of the origin of ``<ns>/odom``."""
-        if self.z_m is not None:
-            return Datum(self.z_m, "the ground of the take-off", SEEN_NOISE_M)
+        if (z_m := self.z_m) is not None:
+            return Datum(z_m, "the ground of the take-off", SEEN_NOISE_M)
         if snapshot.home_altitude_amsl_m is not None and snapshot.projection is not None:
             home_z_m = snapshot.home_altitude_amsl_m - snapshot.projection.altitude_amsl_m
             return Datum(home_z_m, "the autopilot's home (UAL has not seen the take-off)", ASSUMED_NOISE_M)

@@ -41,7 +41,7 @@ def _motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion |
 class Stopping:
     """How one UAV comes to rest within its limits and its geofence."""
 
-    def __init__(self, limits: CurrentLimits, geofence: Geofence | None) -> None:
+    def __init__(self, limits: CurrentLimits, geofence: Geofence) -> None:
         self._limits = limits
         self._geofence = geofence
 
@@ -69,6 +69,6 @@ class Stopping:
     def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
         """Whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""
         try:
-            return self._geofence is not None and self._geofence.is_left_by(trajectory, self._limits.get(), snapshot)
+            return self._geofence.is_left_by(trajectory, self._limits.get(), snapshot)
         except WrongStateError:
             return False

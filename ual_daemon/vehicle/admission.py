@@ -32,8 +32,6 @@ def require_inside(flight: Flight, command: str, motion: Trajectory | Reference,
 
     """
     geofence = flight.geofence
-    if geofence is None:
-        return
     if isinstance(motion, MovingGoal):
         line = [measured_motion(snapshot).position, motion.goal(snapshot.time_s).position]
         geofence.require_inside(line, command, snapshot)

@@ -26,8 +26,7 @@ def moving_goal(
     start, geofence = flight.start(snapshot), flight.geofence
 
     def admit(polyline: Sequence[Vector3], now: Snapshot) -> None:
-        if geofence is not None:
-            geofence.require_inside(polyline, "the goal in the moving frame", now)
+        geofence.require_inside(polyline, "the goal in the moving frame", now)
 
     def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)

@@ -53,7 +53,7 @@ class Setpoints:
         try:
             reference, snapshot = make(setpoint)
             geofence = self._flight.geofence
-            if geofence is not None and not geofence.is_clear(reference, self._flight.limits.get(), snapshot):
+            if not geofence.is_clear(reference, self._flight.limits.get(), snapshot):
                 require_inside(self._flight, name, reference, snapshot)
             self._flight.begin_reference(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
         except UalError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from ual.errors import GeofenceError, WrongStateError
@@ -10,7 +9,7 @@ from ual.geometry import Vector3
 from ual.types import Limits, PathHeading, Plan
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.home import HomePlace
+from ual_daemon.flight.home import HomePlace, home_place
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Brake, Chain, Motion, Trajectory, Waypoint, path
 from ual_daemon.vehicle.admission import admit
@@ -45,7 +44,7 @@ def plan_way_home(
         GeofenceError: Home or the way there lies outside.
 
     """
-    home = flight.home.place(snapshot)
+    home = home_place(snapshot, flight.geofence.ground)
     if home is None:
         raise WrongStateError(
             f"{_NAME}: no home is known: the autopilot has not said where it is, and UAL has not seen the take-off; "
@@ -73,7 +72,7 @@ def _way_z_m(
     flight: Flight, settings: VehicleSettings, height_m: float | None, home: HomePlace, stop: Motion, snapshot: Snapshot
 ) -> float:
     """Returns the z at which it flies home: no lower than it is, unless that is above what the geofence allows."""
-    top_z_m = math.inf if flight.geofence is None else flight.geofence.top_z_m(snapshot)
+    top_z_m = flight.geofence.top_z_m(snapshot)
     if height_m is None:
         wanted_z_m = min(home.position.z + settings.rtl_height_m, top_z_m)
     else:

@@ -193,7 +193,6 @@ def test_the_autopilots_home_goes_before_the_place_of_the_take_off(
 
 def test_without_a_home_it_is_refused_with_words(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
     flying.sim.set_speed_factor(0.0)
-    home = flying.vehicle._flight.home
-    monkeypatch.setattr(home, "place", lambda _: None)
+    monkeypatch.setattr(flying.vehicle._flight.geofence.ground, "place", None)
     with pytest.raises(WrongStateError, match="no home is known"):
         flying.prepare.return_to_launch()
