@@ -10,9 +10,11 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from tests.sitl.flights import Flight
 from tests.sitl.simulators import ARDUPILOT, PX4, Simulator
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
+from ual_daemon import UAL
 
 
 @pytest.fixture(scope="session", params=[PX4, ARDUPILOT], ids=["px4", "ardupilot"])
@@ -75,3 +77,19 @@ def wiretap(url: str) -> Iterator[Wiretap]:
     wiretap = Wiretap(url)
     yield wiretap
     wiretap.close()
+
+
+@pytest.fixture
+def uav(wiretap: Wiretap) -> Iterator[UAL]:
+    uav = UAL("mavlink", "uav_1", url=wiretap.url, allow_arming=True)
+    yield uav
+    uav.close()
+
+
+@pytest.fixture
+def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
+    flight = Flight(uav, pilot)
+    flight.wait_for(uav.is_ready, "a state")
+    flight.end()  # what a test that failed has left in the air
+    yield flight
+    flight.end()

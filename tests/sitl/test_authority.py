@@ -23,22 +23,12 @@ POSITION_ONLY = 0b110111111000
 
 
 @pytest.fixture
-def uav(wiretap: Wiretap) -> Iterator[UAL]:
-    uav = UAL("mavlink", "uav_1", url=wiretap.url, allow_arming=True)
-    yield uav
-    uav.close()
-
-
-@pytest.fixture
-def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
-    flight = Flight(uav, pilot)
-    flight.wait_for(uav.is_ready, "a state")
-    flight.end()  # what a test that failed has left in the air
+def flight(flight: Flight, pilot: Transmitter) -> Iterator[Flight]:
+    """Whoever flies it at the end of a test, it lands."""
     yield flight
     pilot.sticks = Sticks()
     if flight.uav.state() is State.FLYING_MANUAL:
         flight.uav.recover_from_manual(force=True)
-    flight.end()
 
 
 @pytest.fixture

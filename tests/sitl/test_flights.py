@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
 
 import pytest
 
 from tests.simulators.faults import GOOD, Faults
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
 from tests.sitl.simulators import Simulator
-from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
@@ -26,22 +24,6 @@ LOST_S = 2.0
 """Within this a silence is a lost link, and a link that is back shows how the UAV is."""
 WATCHED_S = 2.0
 """That nothing is sent shows only in time. PX4 would go back into OFFBOARD by itself within the first second."""
-
-
-@pytest.fixture
-def uav(wiretap: Wiretap) -> Iterator[UAL]:
-    uav = UAL("mavlink", "uav_1", url=wiretap.url, allow_arming=True)
-    yield uav
-    uav.close()
-
-
-@pytest.fixture
-def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
-    flight = Flight(uav, pilot)
-    flight.wait_for(uav.is_ready, "a state")
-    flight.end()  # what a test that failed has left in the air
-    yield flight
-    flight.end()
 
 
 def test_a_whole_flight(flight: Flight, simulator: Simulator) -> None:

@@ -9,8 +9,6 @@ import pytest
 
 from tests.sitl.flights import Flight
 from tests.sitl.simulators import Simulator
-from tests.sitl.transmitter import Transmitter
-from tests.sitl.wiretap import Wiretap
 from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
@@ -21,22 +19,6 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
 HEIGHT_M = 5.0
 BELOW_M = 20.0
-
-
-@pytest.fixture
-def uav(wiretap: Wiretap) -> Iterator[UAL]:
-    uav = UAL("mavlink", "uav_1", url=wiretap.url, allow_arming=True)
-    yield uav
-    uav.close()
-
-
-@pytest.fixture
-def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
-    flight = Flight(uav, pilot)
-    flight.wait_for(uav.is_ready, "a state")
-    flight.end()  # what a test that failed has left in the air
-    yield flight
-    flight.end()
 
 
 def set_home(flight: Flight, above_m: float) -> None:

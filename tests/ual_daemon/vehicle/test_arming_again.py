@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
-from tests.ual_daemon.stepped import STEP_S, Stepped, stepped
+from tests.ual_daemon.stepped import STEP_S, Stepped
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State, TaskStatus
 from ual_daemon.vehicle.commands import Commands
-
-
-@pytest.fixture
-def uav() -> Iterator[Stepped]:
-    with stepped() as it:
-        yield it
 
 
 def land(uav: Stepped) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,18 +26,6 @@ from ual.types import AltitudeReference, Capability, GeoWaypoint, Limits, PathHe
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker import limits
 from ual_daemon.vehicle.prepared import Prepared
-
-
-@pytest.fixture
-def uav() -> Iterator[Stepped]:
-    with stepped() as it:
-        yield it
-
-
-@pytest.fixture
-def flying(uav: Stepped) -> Stepped:
-    uav.fly()
-    return uav
 
 
 def velocity(x: float, y: float = 0.0, frame_id: str = "") -> TwistStamped:

@@ -26,12 +26,6 @@ def uav() -> Iterator[Stepped]:
         yield it
 
 
-@pytest.fixture
-def flying(uav: Stepped) -> Stepped:
-    uav.fly()
-    return uav
-
-
 def velocity(x: float, y: float = 0.0, z: float = 0.0, frame_id: str = "") -> TwistStamped:
     return TwistStamped(Twist(Vector3(x, y, z), Vector3()), frame_id)
 

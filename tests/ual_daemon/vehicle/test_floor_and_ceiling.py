@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from hypothesis import assume, given, settings
@@ -27,18 +27,6 @@ from ual_daemon.vehicle.vehicle import Vehicle
 FAST = {"vertical_speed_m_s": 10.0, "vertical_acceleration_m_s2": 4.0}
 SPEEDS = st.floats(-12.0, 12.0)
 HIGH = VehicleSettings(ceiling_m=10.0)
-
-
-@pytest.fixture
-def uav() -> Iterator[Stepped]:
-    with stepped() as it:
-        yield it
-
-
-@pytest.fixture
-def flying(uav: Stepped) -> Stepped:
-    uav.fly()
-    return uav
 
 
 def velocity(z: float, x: float = 0.0) -> TwistStamped:

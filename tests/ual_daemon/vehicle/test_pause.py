@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 
@@ -17,18 +17,6 @@ from ual_daemon.settings import Tracker, VehicleSettings
 
 PAUSE_S = 100.0
 """Far longer than the time limit of any of these tasks."""
-
-
-@pytest.fixture
-def uav() -> Iterator[Stepped]:
-    with stepped() as it:
-        yield it
-
-
-@pytest.fixture
-def flying(uav: Stepped) -> Stepped:
-    uav.fly()
-    return uav
 
 
 def go_to(uav: Stepped) -> VehicleTask:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -42,18 +42,6 @@ from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import FrameSettings, LimitSettings, VehicleSettings
 from ual_daemon.tracker.references import Hold
 from ual_daemon.vehicle.vehicle import Vehicle
-
-
-@pytest.fixture
-def uav() -> Iterator[Stepped]:
-    with stepped() as it:
-        yield it
-
-
-@pytest.fixture
-def flying(uav: Stepped) -> Stepped:
-    uav.fly()
-    return uav
 
 
 def velocity(x: float, y: float = 0.0, z: float = 0.0, yaw_rate_rad_s: float = 0.0, frame_id: str = "") -> TwistStamped:

@@ -7,7 +7,6 @@ import fcntl
 import itertools
 import logging
 import os
-import select
 import socket
 import termios
 import threading
@@ -20,8 +19,9 @@ import pytest
 from typing_extensions import override
 
 from tests.conftest import open_terminal
+from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from ual_daemon.backends.mavlink.links import Connection, make_link
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.links.resolve import Host
@@ -519,41 +519,14 @@ def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
             assert max(map(len, pieces)) <= BATCH_BYTES
 
 
-class Endless(Link):
-    """A link on which there is always more."""
-
-    def __init__(self) -> None:
-        self.batches_count = 0
-        self._ours, self._theirs = socket.socketpair()
-        self._theirs.send(b"x")
-
-    @override
-    def open(self) -> None:
-        pass
-
-    @override
-    def close(self) -> None:
-        self._ours.close()
-        self._theirs.close()
-
-    @override
-    def descriptors(self) -> dict[int, int]:
-        return {self._ours.fileno(): select.POLLIN}
+class Endless(EndlessLink):
+    """Garbage without an end."""
 
     @override
     def receive(self, now_s: float) -> list[Chunk]:
         self.batches_count += 1
         assert self.batches_count < 10_000, "it never ends"
         return [(b"\xfd\xff\x00" * 1000, None)]
-
-    @override
-    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        return True
-
-    @property
-    @override
-    def peer(self) -> Address | None:
-        return None
 
 
 def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:

@@ -1,15 +1,13 @@
 """The thread that receives, on a clock moved by hand, under a flood that never ends."""
 
 import itertools
-import select
-import socket
 
 import pytest
 from typing_extensions import override
 
+from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, heartbeat, packer, position
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
-from ual_daemon.backends.mavlink.links.base import Link
 from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop
@@ -37,46 +35,25 @@ class Clock(MonotonicClock):
         return UTC_S + self.time_s
 
 
-class Flood(Link):
-    """A link on which there is always more: a batch of garbage, with few messages of the autopilot between."""
+class Flood(EndlessLink):
+    """A batch of garbage, with few messages of the autopilot between."""
 
     is_stream = False
     connections_count = 1
     peer = ADDRESS
 
     def __init__(self, clock: Clock, garbage: bytes, *, moves: bool) -> None:
-        self.batches_count = 0
+        super().__init__()
         self.loop: ReceiveLoop
         self.called_s: list[tuple[float, float]] = []
-        self.sent: list[bytes] = []
         self._clock = clock
         self._garbage = garbage
         self._moves = moves
         self._pack = packer()
-        self._ours, self._theirs = socket.socketpair()
-        self._theirs.send(b"x")  # never read: there is always more
-
-    @override
-    def open(self) -> None:
-        pass
-
-    @override
-    def close(self) -> None:
-        self._ours.close()
-        self._theirs.close()
-
-    @override
-    def descriptors(self) -> dict[int, int]:
-        return {self._ours.fileno(): select.POLLIN}
 
     @override
     def answer_to(self, address: Address | None) -> None:
         pass
-
-    @override
-    def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        self.sent.append(data)
-        return True
 
     @override
     def receive(self, now_s: float) -> list[Chunk]:
