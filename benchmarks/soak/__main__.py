@@ -24,6 +24,7 @@ from tests.simulators.process import autopilot_process
 _PERIOD_S = 5.0
 _LINE_S = 60.0
 _CALLERS_COUNT = 2
+_ENDURANCE_S = 10_000_000
 _DEFECT = re.compile(r"Traceback|\bdefect\b|failed unexpectedly|\bERROR\b")
 
 Readings = dict[str, list[Reading]]
@@ -68,8 +69,9 @@ def main() -> int:
 def _start(resources: ExitStack, *flags: str) -> dict[str, UalDaemon]:
     port = free_port(socket.SOCK_DGRAM)
     resources.enter_context(autopilot_process("px4", "--udp", str(port)))
+    endless = ("--set", f"light.battery_endurance_s={_ENDURANCE_S}")  # an empty battery would end the flights
     daemons = {
-        "light": resources.enter_context(UalDaemon(None, *flags)),
+        "light": resources.enter_context(UalDaemon(None, *flags, *endless)),
         "mavlink": resources.enter_context(UalDaemon(port, *flags)),
     }
     for daemon in daemons.values():

@@ -160,6 +160,9 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     configuration = resolve(sources, registry.NAMES)
     settings = configuration.daemon
     _choose_poller(configuration)  # gRPC reads it when it is imported
+    from ual_daemon.program import heap
+
+    heap.limit()  # before there are threads
     from ual_daemon.frames.home_file import HomeFile
     from ual_daemon.server import tls
     from ual_daemon.vehicle.vehicle import Vehicle
