@@ -44,9 +44,20 @@ class VehicleTask:
         self._ended_s: float | None = None
         self._progress = _NO_PROGRESS
         self._reported_progress: float | None = None
+        self._final: TaskInfo | None = None
+
+    @classmethod
+    def ended(cls, info: TaskInfo, clock: Clock) -> VehicleTask:
+        """Returns a task that has ended, as it was then."""
+        task = cls(info.kind, info.description, clock)
+        task.id, task._final = info.id, info
+        end_future(task.future, info.error)
+        return task
 
     def info(self) -> TaskInfo:
         """Returns its state now."""
+        if self._final is not None:
+            return self._final
         progress, distance_left_m, waypoint_index = self._progress()
         if progress is not None:  # the progress must not fall with a noisy estimate
             progress = self._reported_progress = max(progress, self._reported_progress or 0.0)
@@ -93,17 +104,23 @@ class VehicleTask:
 
 
 class Tasks:
-    """The tasks of one UAV: those that run, and the last ones that ended. Any thread may call."""
+    """The tasks of one UAV: those that run, and the last ones that ended. Any thread may call.
+
+    Of those that ended only what is told of them is kept: 0.9 kB each, a third of the task.
+    """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._lock = threading.Lock()
-        self._tasks: OrderedDict[str, VehicleTask] = OrderedDict()
+        self._tasks: OrderedDict[str, VehicleTask | TaskInfo] = OrderedDict()
 
     def new(self, kind: TaskKind, description: str) -> VehicleTask:
         """Makes a task, and forgets the oldest one if there are too many."""
         task = VehicleTask(kind, description, self._clock)
         with self._lock:
+            for each in self._tasks.values():
+                if isinstance(each, VehicleTask) and each.future.done():
+                    self._tasks[each.id] = _remembered(each)
             self._tasks[task.id] = task
             if len(self._tasks) > _REMEMBERED_COUNT:
                 self._tasks.popitem(last=False)
@@ -119,4 +136,14 @@ class Tasks:
         found = self._tasks.get(task_id)
         if found is None:
             raise InvalidArgumentError(f"task_id: there is no task {task_id[:100]!r}", {"field": "task_id"})
-        return found
+        return VehicleTask.ended(found, self._clock) if isinstance(found, TaskInfo) else found
+
+
+def _remembered(task: VehicleTask) -> TaskInfo:
+    """Returns what is kept of a task that has ended. Its error keeps the frames that it was raised through no longer:
+    they hold the request, and the trajectory.
+    """
+    info = task.info()
+    if info.error is not None:
+        info.error.__traceback__ = info.error.__context__ = info.error.__cause__ = None
+    return info

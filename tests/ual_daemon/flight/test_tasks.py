@@ -119,3 +119,40 @@ def test_a_callback_of_its_future_sees_it_ended(task: VehicleTask) -> None:
     task.future.add_done_callback(lambda _: seen.append(task.info().status))
     task.end(None)
     assert seen == [TaskStatus.SUCCEEDED]
+
+
+def test_a_task_that_ended_is_told_as_it_was_whatever_comes_after(clock: HandClock) -> None:
+    tasks = Tasks(clock)
+    ended, running = tasks.new(TaskKind.LAND, "land"), tasks.new(TaskKind.FOLLOW_PATH, "a path")
+    ended.report(lambda: Progress(0.5, 2.0))
+    ended.end(TaskAbortedError("land: taken", {"by": "safety pilot"}))
+    before = ended.info()
+    clock.time_s += 10.0
+    tasks.new(TaskKind.LAND, "another")
+    remembered = tasks.get(ended.id)
+    assert remembered.info() == before
+    assert remembered.future.exception() is before.error
+    assert tasks.get(running.id) is running
+
+
+def test_the_error_of_a_task_that_ended_keeps_nothing_of_those_that_waited_for_it(clock: HandClock) -> None:
+    class Request:
+        pass
+
+    def wait() -> weakref.ref[Request]:
+        request = Request()
+        try:
+            task.future.result()
+        except TaskAbortedError:
+            return weakref.ref(request)
+        raise AssertionError
+
+    tasks = Tasks(clock)
+    task = tasks.new(TaskKind.FOLLOW_PATH, "")
+    task.end(TaskAbortedError("follow_path: cancelled"))
+    request = wait()
+    gc.collect()
+    assert request() is not None  # the error's traceback has the frame in which it was raised
+    tasks.new(TaskKind.LAND, "")
+    gc.collect()
+    assert request() is None
