@@ -48,13 +48,16 @@ run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simula
 	@echo 'In another terminal: . $(BIN)/activate; ual takeoff 3; ual goto 4 2 3; ual land'
 	$(BIN)/ual-daemon --backend light --ns uav_1 --auto-arm
 
+# Three workers for each processor: most tests wait for a flight. Each conformance flight keeps to one of them.
+IN_PARALLEL = -n $$((3 * $$(nproc))) --dist loadgroup
+
 test: $(DEV)  ## The tests, but those that need a real autopilot
-	$(BIN)/python -m pytest -n $$((2 * $$(nproc)))  # two for each processor: most of them wait for a flight
+	$(BIN)/python -m pytest $(IN_PARALLEL)
 
 # Another grpcio is laid over that of the virtual environment, which is quicker than an environment of its own.
 GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
 INSTALL_OVER = rm -rf $(1) && $(PIP_INSTALL) --quiet --no-deps --target $(1)
-TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest -n $$((2 * $$(nproc))) \
+TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest $(IN_PARALLEL) \
 	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not over_unix'
 
 test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed

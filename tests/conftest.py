@@ -26,9 +26,18 @@ LIMIT_S = 60.0
 TIME_TO_BEGIN_S = 3.0
 """A caller's time limit that is to pass once his command has begun, on a busy machine, too."""
 
+# The tests start some hundred processes. Where Python may not keep what it has compiled, each would compile UAL anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # The same examples each time, however busy the machine.
 hypothesis.settings.register_profile("deterministic", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("deterministic")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Runs the slow tests first: at the end, one of them would be waited for while other workers have nothing to do."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 class DaemonProcess:

@@ -1,16 +1,37 @@
-"""``ual-daemon`` with two more backends: ``python -m tests.simulators.daemon --backend lockstep_px4``."""
+"""``ual-daemon`` with three more backends: ``python -m tests.simulators.daemon --backend lockstep_px4``."""
 
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
 
 from ual_daemon.backends import registry
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.mavlink import MavlinkBackend
+from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.session import receive_loop
+from ual_daemon.backends.values import Freshness
 from ual_daemon.program.main import main
 
+PATIENCE_S = 60.0
+"""How old what an autopilot said may become for `PatientBackend`."""
 _BACKENDS = (
     EntryPoint("lockstep_px4", "tests.simulators.lockstep:LockstepPx4", registry.GROUP),
     EntryPoint("lockstep_ardupilot", "tests.simulators.lockstep:LockstepArduPilot", registry.GROUP),
+    EntryPoint("patient_mavlink", "tests.simulators.daemon:PatientBackend", registry.GROUP),
 )
+
+
+class PatientBackend(MavlinkBackend):
+    """Flies a simulated autopilot over a real link, in real time: what it said last is good for so long that neither
+    it nor the daemon is missed while a busy computer gives it no processor.
+    """
+
+    def __init__(self, options: BackendOptions) -> None:
+        super().__init__(options)
+        for dialect in (Dialect, ArduCopter):
+            dialect.freshness = Freshness(*[PATIENCE_S] * 5)
+        receive_loop.PAUSE_S = PATIENCE_S
 
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess, daemon_environment
+from tests.patient_checks import PatientFlight, run_check
 from ual import conformance
-from ual.conformance import Check, Flight, Tolerances
+from ual.conformance import Check, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
@@ -45,19 +46,23 @@ def started(stack: ExitStack, directory: Path, listen: str, transport: str) -> s
     return daemon.address
 
 
-WAYS = (over_class, over_tcp, over_tcp_by_grpc_aio, over_unix_socket)
+WAYS = [
+    # All checks of a way run on one worker: one daemon, and one flight from check to check.
+    pytest.param(way, id=way.__name__, marks=pytest.mark.xdist_group(f"conformance {way.__name__}"))
+    for way in (over_class, over_tcp, over_tcp_by_grpc_aio, over_unix_socket)
+]
 
 
-@pytest.fixture(scope="module", params=WAYS, ids=lambda make: make.__name__)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+@pytest.fixture(scope="module", params=WAYS)
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
         uav: Uav = request.param(stack, tmp_path_factory.mktemp("ual"))
-        yield Flight(uav, Tolerances.of_simulation())
+        yield PatientFlight(uav, Tolerances.of_simulation())
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: Flight, check: Check) -> None:
+def test_conformance(flight: PatientFlight, check: Check) -> None:
     try:
-        conformance.run_check(flight, check)
+        run_check(flight, check)
     except CannotRunError as error:
         pytest.skip(str(error))

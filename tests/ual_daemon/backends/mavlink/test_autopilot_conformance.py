@@ -8,12 +8,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess
+from tests.patient_checks import PatientFlight, run_check
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import _discovery, conformance
-from ual.conformance import Check, Flight, Tolerances
+from ual.conformance import Check, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
@@ -53,32 +55,37 @@ def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
 Make = Callable[[ExitStack, str, Path], Uav]
 
 
-@pytest.fixture(scope="module", params=[over_class, over_grpc], ids=lambda make: make.__name__)
+def grouped(value: object, name: str) -> ParameterSet:
+    """A parameter whose tests all run on one worker: one daemon, and one flight from check to check."""
+    return pytest.param(value, id=name, marks=pytest.mark.xdist_group(name))
+
+
+@pytest.fixture(scope="module", params=[grouped(make, make.__name__) for make in (over_class, over_grpc)])
 def make(request: pytest.FixtureRequest) -> Make:
     made: Make = request.param
     return made
 
 
-@pytest.fixture(scope="module", params=["px4", "ardupilot"])
+@pytest.fixture(scope="module", params=[grouped(kind, kind) for kind in BACKENDS])
 def kind(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
 @pytest.fixture(scope="module")
-def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
         uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
         deadline_s = time.monotonic() + LIMIT_S
         while not uav.is_ready() or not uav.info().autopilot_version or uav.info().limits.climb_speed_m_s < 2.0:
             assert time.monotonic() < deadline_s, uav.telemetry()
             time.sleep(0.02)
-        yield Flight(uav, TOLERANCES)
+        yield PatientFlight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: Flight, check: Check, kind: str) -> None:
+def test_conformance(flight: PatientFlight, check: Check, kind: str) -> None:
     try:
-        conformance.run_check(flight, check)
+        run_check(flight, check)
     except CannotRunError:
         assert check.name in NOT_HERE[kind]
         pytest.skip("not with this autopilot: see NOT_HERE")
