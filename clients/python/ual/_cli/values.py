@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,44 @@ from ual.routes import Route, RouteError
 from ual.types import PathHeading
 
 
+class Plain(click.ParamType):
+    """A number, written without a unit. The daemon says which ones it takes."""
+
+    name = "float"
+
+    @override
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        return _parsed(self, value, param, ctx)
+
+
 class Number(click.FloatRange):
     """A number within a range. Refuses "nan", which click accepts for any range."""
 
     @override
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(value, param, ctx)
+        number: float = super().convert(_parsed(self, value, param, ctx), param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a number.", param, ctx)
         return number
+
+
+PLAIN = Plain()
+
+
+def _parsed(
+    kind: click.ParamType[float], value: str | float, param: click.Parameter | None, ctx: click.Context | None
+) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        kind.fail(f"{value!r} is not a number{_how_to_write(str(value))}.", param, ctx)
+
+
+def _how_to_write(word: str) -> str:
+    """Returns what may have been meant: a number with its unit, or several numbers."""
+    if re.fullmatch(r"[-+]?[\d.]+ ?[^\W\d][\w/²]*", word):
+        return ": write it without a unit"
+    return ": write spaces between numbers" if "," in word else ""
 
 
 def angle(text: str) -> float:
