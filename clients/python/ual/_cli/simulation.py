@@ -53,10 +53,10 @@ _pilot("give-back", "The safety pilot switches back to the daemon.", "given back
 
 
 @sim.command("sticks", cls=UalCommand, examples=("ual sim sticks --forward 0.5",))
-@click.option("--forward", type=values.PLAIN, default=0.0)
-@click.option("--left", type=values.PLAIN, default=0.0)
-@click.option("--up", type=values.PLAIN, default=0.0)
-@click.option("--turn", type=values.PLAIN, default=0.0, help="To the left.")
+@click.option("--forward", type=values.number, default=0.0)
+@click.option("--left", type=values.number, default=0.0)
+@click.option("--up", type=values.number, default=0.0)
+@click.option("--turn", type=values.number, default=0.0, help="To the left.")
 @pass_session
 def sticks(session: Session, forward: float, left: float, up: float, turn: float) -> None:
     """The safety pilot holds the sticks.
@@ -69,7 +69,7 @@ def sticks(session: Session, forward: float, left: float, up: float, turn: float
 
 
 @sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",))
-@click.argument("factor", type=values.PLAIN)
+@click.argument("factor", type=values.number)
 @pass_session
 def speed(session: Session, factor: float) -> None:
     """Let time run FACTOR times as fast as the clock.
@@ -82,7 +82,7 @@ def speed(session: Session, factor: float) -> None:
 
 
 @sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",))
-@click.argument("duration_s", type=values.PLAIN, metavar="SECONDS")
+@click.argument("duration_s", type=values.number, metavar="SECONDS")
 @pass_session
 def step(session: Session, duration_s: float) -> None:
     """Advance time that stands still by SECONDS."""
@@ -92,8 +92,8 @@ def step(session: Session, duration_s: float) -> None:
 
 
 @sim.command("noise", cls=UalCommand, examples=("ual sim noise 0.05 0.02",))
-@click.argument("position_m", type=values.PLAIN, metavar="POSITION")
-@click.argument("velocity_m_s", type=values.PLAIN, metavar="VELOCITY")
+@click.argument("position_m", type=values.number, metavar="POSITION")
+@click.argument("velocity_m_s", type=values.number, metavar="VELOCITY")
 @pass_session
 def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
     """Set the noise of the estimates.
@@ -106,9 +106,9 @@ def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
 
 
 @sim.command("wind", cls=UalCommand, examples=("ual sim wind 2 0",))
-@click.argument("x", type=values.PLAIN)
-@click.argument("y", type=values.PLAIN)
-@click.argument("z", type=values.PLAIN, default=0.0)
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number, default=0.0)
 @pass_session
 def wind(session: Session, x: float, y: float, z: float) -> None:
     """Set a steady wind. X Y Z is the velocity of the air (m/s, map axes)."""
@@ -128,7 +128,7 @@ def begin() -> None:
 
 
 _duration = click.option(
-    "--for", "duration_s", type=values.PLAIN, default=0.0, help="End by itself after this many (simulated) seconds."
+    "--for", "duration_s", type=values.number, default=0.0, help="End by itself after this many (simulated) seconds."
 )
 _command = click.option(
     "--command",
@@ -162,7 +162,7 @@ _simple("position-lost", "The autopilot loses its position.", PositionLost)
     "estimator-jumps", cls=UalCommand, examples=("ual sim fault begin estimator-jumps --offset 0,0,-1 --period 2",)
 )
 @click.option("--offset", type=values.vector, default="1,0,0", show_default=True, help="By how much (m).")
-@click.option("--period", "period_s", type=values.PLAIN, default=5.0, show_default=True, help="Between two jumps.")
+@click.option("--period", "period_s", type=values.number, default=5.0, show_default=True, help="Between two jumps.")
 @_duration
 @pass_session
 def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration_s: float) -> None:
@@ -171,7 +171,7 @@ def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration
 
 
 @begin.command("motors-weak", cls=UalCommand, examples=("ual sim fault begin motors-weak --power 0.4",))
-@click.option("--power", "power_ratio", type=values.PLAIN, default=0.5, show_default=True, help="0 to 1.")
+@click.option("--power", "power_ratio", type=values.number, default=0.5, show_default=True, help="0 to 1.")
 @_duration
 @pass_session
 def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None:
@@ -180,7 +180,7 @@ def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None
 
 
 @begin.command("battery-low", cls=UalCommand, examples=("ual sim fault begin battery-low --percent 5",))
-@click.option("--percent", type=values.PLAIN, default=10.0, show_default=True, help="0 to 100.")
+@click.option("--percent", type=values.number, default=10.0, show_default=True, help="0 to 100.")
 @_duration
 @pass_session
 def battery_low(session: Session, percent: float, duration_s: float) -> None:
@@ -209,7 +209,7 @@ def ack_lost(session: Session, command: str, duration_s: float) -> None:
 
 @begin.command("ack-late", cls=UalCommand, examples=("ual sim fault begin ack-late --delay 2",))
 @_command
-@click.option("--delay", "delay_s", type=values.PLAIN, default=1.0, show_default=True, help="Seconds.")
+@click.option("--delay", "delay_s", type=values.number, default=1.0, show_default=True, help="Seconds.")
 @_duration
 @pass_session
 def ack_late(session: Session, command: str, delay_s: float, duration_s: float) -> None:

@@ -15,7 +15,7 @@ _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only t
 @click.option(
     "--height",
     "height_m",
-    type=values.PLAIN,
+    type=values.number,
     metavar="M",
     help="Fly home at least so high above the ground of the take-off; the daemon's rtl_height_m (15 m) when not given.",
 )

@@ -18,37 +18,23 @@ from ual.routes import Route, RouteError
 from ual.types import PathHeading
 
 
-class Plain(click.ParamType):
-    """A number, written without a unit. The daemon says which ones it takes."""
-
-    name = "float"
-
-    @override
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        return _parsed(self, value, param, ctx)
-
-
 class Number(click.FloatRange):
     """A number within a range. Refuses "nan", which click accepts for any range."""
 
     @override
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(_parsed(self, value, param, ctx), param, ctx)
-        if math.isnan(number):
+        converted: float = super().convert(number(value), param, ctx)
+        if math.isnan(converted):
             self.fail(f"{value!r} is not a number.", param, ctx)
-        return number
+        return converted
 
 
-PLAIN = Plain()
-
-
-def _parsed(
-    kind: click.ParamType[float], value: str | float, param: click.Parameter | None, ctx: click.Context | None
-) -> float:
+def number(text: str) -> float:
+    """Parses a number without a unit. The daemon says which ones it takes."""
     try:
-        return float(value)
+        return float(text)
     except ValueError:
-        kind.fail(f"{value!r} is not a number{_how_to_write(str(value))}.", param, ctx)
+        raise click.BadParameter(f"{text!r} is not a number{_how_to_write(text)}.") from None
 
 
 def _how_to_write(word: str) -> str:
