@@ -171,6 +171,14 @@ def missing_targets(page: Page) -> list[str]:
     return sorted({target for code in page.code for target in _MAKE.findall(code)} - known - _FOREIGN)
 
 
+_RELATIVE = re.compile(r"\bPATH=(?:[^\s`]*:)?(\.[^\s:`]*)")
+
+
+def relative_search_paths(page: Page) -> list[str]:
+    """Relative folders that are put on PATH: Go refuses the programs in them, and they change with each `cd`."""
+    return [folder for code in page.code for folder in _RELATIVE.findall(code)]
+
+
 # --- Commands ---------------------------------------------------------------------------------------------------------
 
 
@@ -181,6 +189,17 @@ def commands(page: Page) -> Iterator[tuple[str, bool]]:
             for part in re.split(r"(?:^|\s)#\s.*|(?:;|\||&|\s>)(?=\s|$)", line):
                 if found := re.match(r"\s*(?:\$ )?(?:UAL_\w+=\S+ )*(?:/opt/ual/bin/)?(ual(?:-daemon)?(?: .*)?)$", part):
                     yield found[1].strip(), is_block
+
+
+def shown_answers(page: Page) -> list[tuple[str, str]]:
+    """The calls of our programs whose answer the page shows beneath; without those that another program reads."""
+    found = []
+    for block in page.blocks:
+        for part in re.split(r"^ *\$ ", block, flags=re.MULTILINE)[1:]:
+            call, _, answer = part.partition("\n")
+            if re.match(r"ual(-daemon)? ", call) and "|" not in call:
+                found.append((call, "\n".join(line.strip() for line in answer.splitlines())))
+    return found
 
 
 def wrong_commands(page: Page) -> list[str]:

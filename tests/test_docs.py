@@ -15,9 +15,10 @@ from pathlib import Path
 import click
 import msgspec
 import pytest
+from click.testing import CliRunner, Result
 
 import ual
-from tests.conftest import DaemonProcess
+from tests.conftest import DaemonProcess, StartDaemon
 from tests.pages import (
     ROOT,
     Page,
@@ -28,6 +29,8 @@ from tests.pages import (
     missing_targets,
     pages,
     read,
+    relative_search_paths,
+    shown_answers,
     why_wrong,
     wrong_commands,
 )
@@ -45,6 +48,7 @@ CHECKS: tuple[Callable[[Page], list[str]], ...] = (
     missing_paths,
     missing_names,
     missing_targets,
+    relative_search_paths,
     wrong_commands,
 )
 
@@ -74,6 +78,8 @@ PLANTED = [
     (missing_names, "the module `ual_daemon.backends.no_such_backend`", "ual_daemon.backends.no_such_backend"),
     (missing_names, "the member `ual.Uav.no_such_member`", "ual.Uav.no_such_member"),
     (missing_names, "    grpcurl 127.0.0.1:50051 ual.v1.UalService/NoSuchMethod\n", "ual.v1.UalService/NoSuchMethod"),
+    (relative_search_paths, "set `PATH=$PATH:../../tools/bin`", "../../tools/bin"),
+    (relative_search_paths, "    PATH=.venv/bin:$PATH ual list\n", ".venv/bin"),
     (missing_targets, "run `make no-such-target`", "no-such-target"),
     (wrong_commands, "    ual no-such-command\n", "ual no-such-command: no command no-such-command"),
     (wrong_commands, "    ual goto 1 2 3 --no-such-flag\n", "ual goto 1 2 3 --no-such-flag: no flag --no-such-flag"),
@@ -133,6 +139,35 @@ def test_the_table_of_faults_is_complete() -> None:
     listed = [code for code in first_cells(read(DOCS / "backends" / "light.md")) if code.split()[0] in group.commands]
     assert {code.split()[0] for code in listed} == set(group.commands)
     assert [why for code in listed if (why := why_wrong(f"ual sim fault begin {code}"))] == []
+
+
+def typed(call: str) -> Result:
+    return CliRunner().invoke(cli, shlex.split(call, comments=True)[1:])
+
+
+def test_the_commands_of_the_light_backends_page_are_done_from_top_to_bottom(start_daemon: StartDaemon) -> None:
+    page = read(DOCS / "backends" / "light.md")
+    calls = [call for call, is_block in commands(page) if is_block and call.startswith("ual ")]
+    assert len(calls) >= 20
+    start_daemon("--set", "light.speed_factor=10").wait_for("state", new="LANDED_DISARMED")
+    for call in calls:
+        result = typed(call)
+        assert result.exit_code == 0, f"{call}\n{result.output}"
+
+
+def test_the_answers_that_the_page_of_the_command_shows_are_what_comes(daemon: DaemonProcess) -> None:
+    answers = shown_answers(read(DOCS / "cli.md"))
+    assert len(answers) >= 4
+    daemon.wait_for("state", new="LANDED_ARMED")
+    assert typed("ual takeoff 3").exit_code == 0
+    for call, shown in answers:
+        output = typed(call).output
+        assert without_times(output) == without_times(shown), f"{call}\nanswers\n{output}"
+
+
+def without_times(answer: str) -> str:
+    """An answer of `ual check` without the times that its checks took."""
+    return re.sub(r"[\t\d.]+$", "", answer.strip(), flags=re.MULTILINE)
 
 
 PRINT_CONFIGURATIONS = """

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,37 @@ def test_the_help_lists_commands_in_sections_and_each_once() -> None:
     assert headings == ["Options", *(section.value for section in Section), "Examples"]
     for name in cli.commands:
         assert len(re.findall(rf"^  {name}  ", text, re.MULTILINE)) == 1
+
+
+def groups(group: click.Group, *words: str) -> Iterator[tuple[str, ...]]:
+    """The words of each group of commands, that of `ual` itself first."""
+    yield words
+    for name, each in group.commands.items():
+        if isinstance(each, click.Group):
+            yield from groups(each, *words, name)
+
+
+@pytest.mark.parametrize("words", list(groups(cli)), ids=" ".join)
+def test_a_terminal_of_80_columns_shows_what_each_command_does_to_the_end(words: tuple[str, ...]) -> None:
+    shown = CliRunner().invoke(cli, [*words, "--help"], terminal_width=80).output
+    assert "Options:" in shown
+    assert [line for line in shown.splitlines() if re.fullmatch("  .*[.]{3}", line)] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["takeoff", "3m"], "'3m' is not a number: write it without a unit"),
+        (["velocity", "1", "0", "0", "--for", "1s"], "'1s' is not a number: write it without a unit"),
+        (["goto", "4,2,3"], "'4,2,3' is not a number: write spaces between numbers"),
+        (["goto", "1", "2", "high"], "'high' is not a number."),
+        (["velocity", "1", "0", "0", "--for", "-1"], "-1.0 is not in the range"),
+    ],
+)
+def test_a_word_that_is_no_number_is_answered_with_how_to_write_it(words: list[str], why: str) -> None:
+    result = run(*words)
+    assert result.exit_code == 2
+    assert why in " ".join(result.stderr.split())
 
 
 def test_only_the_help_of_ual_describes_the_shared_options() -> None:

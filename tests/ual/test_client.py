@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -353,6 +354,17 @@ def test_a_waiting_call_ends_with_its_program(daemon: DaemonProcess, ending: str
                 flying.go_to_waypoint(Pose.at(1000.0, 0.0, 3.0))
             ender.join()
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
+
+
+def test_the_traceback_of_a_refusal_names_the_program_and_the_reason_and_nothing_of_grpc(daemon: DaemonProcess) -> None:
+    del daemon
+    with ual.Uav("uav_1") as uav, ual.Uav("uav_3") as nobody:
+        for refused, reason in ((uav.land, "needs the state FLYING_AUTO"), (nobody.land, "no UAL daemon of uav_3")):
+            with pytest.raises(errors.UalError) as caught:
+                refused()
+            shown = "".join(traceback.format_exception(caught.value))
+            assert reason in shown
+            assert "grpc." not in shown
 
 
 # --- Setpoints --------------------------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ class Connection:
         try:
             response = self._use(lambda stubs: self._invoke(stubs, call, limit_s))
         except grpc.RpcError as error:
-            raise _calls.in_time(self.error(error), call, limit_s) from error
+            raise _calls.in_time(self.error(error), call, limit_s) from None
         except grpc.FutureCancelledError as error:
             raise _calls.closed() from error
         self._was_reached = True
@@ -188,9 +188,9 @@ class Connection:
             )
         except grpc.RpcError as error:
             if error.code() not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
-                raise self.error(error) from error
+                raise self.error(error) from None
             if self.target.address() == address:
-                raise unreachable from error
+                raise unreachable from None
 
 
 class TelemetryStream:
@@ -214,7 +214,7 @@ class TelemetryStream:
         except grpc.RpcError as error:
             if self._is_closed:
                 raise _calls.closed() from error
-            raise _rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from error
+            raise _rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from None
         finally:
             self.close()
             with suppress(grpc.RpcError):  # gRPC frees what the call holds only once its end has been read

@@ -102,6 +102,6 @@ class Task(KnownTask[Connection], interface.Task):
         except grpc.RpcError as error:
             if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                 raise not_ended(self.kind, timeout_s) from error
-            raise self._connection.error(error) from error
+            raise self._connection.error(error) from None
         finally:
             call.cancel()

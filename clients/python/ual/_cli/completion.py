@@ -19,7 +19,10 @@ from ual._cli.help import Section
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @click.pass_context
 def completion(context: click.Context, shell: str) -> None:
-    """Print the script that completes commands, options, UAVs and frames in a shell."""
+    """Print the script that completes commands in a shell.
+
+    It also completes options, and the names of UAVs and frames.
+    """
     kind = get_completion_class(shell)
     assert kind is not None
     click.echo(kind(context.find_root().command, {}, "ual", "_UAL_COMPLETE").source())

@@ -48,7 +48,7 @@ def _force(help_text: str) -> Callable[[F], F]:
 
 
 @command("takeoff", "ual takeoff 3")
-@click.argument("height_m", type=float, metavar="HEIGHT")
+@click.argument("height_m", type=values.number, metavar="HEIGHT")
 @_force("Although a failsafe is active.")
 @options.dry_run
 @pass_session
@@ -84,9 +84,9 @@ def land(session: Session, dry_run: bool) -> None:
 
 
 @command("goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5")
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float)
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number)
 @options.yaw
 @options.frame
 @options.max_speed
@@ -124,9 +124,9 @@ def goto(
 
 
 @command("goto-geo", "ual goto-geo 37.4122 -5.9984 20", "ual goto-geo 37.4122 -5.9984 120 --reference amsl")
-@click.argument("latitude_deg", type=float, metavar="LAT")
-@click.argument("longitude_deg", type=float, metavar="LON")
-@click.argument("altitude_m", type=float, metavar="ALT")
+@click.argument("latitude_deg", type=values.number, metavar="LAT")
+@click.argument("longitude_deg", type=values.number, metavar="LON")
+@click.argument("altitude_m", type=values.number, metavar="ALT")
 @click.option(
     "--reference",
     type=click.Choice([reference.name.lower() for reference in AltitudeReference]),
@@ -168,9 +168,9 @@ def goto_geo(
 
 
 @command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3")
-@click.argument("vx", type=float)
-@click.argument("vy", type=float)
-@click.argument("vz", type=float)
+@click.argument("vx", type=values.number)
+@click.argument("vy", type=values.number)
+@click.argument("vz", type=values.number)
 @click.option(
     "--yaw-rate",
     "yaw_rate",
@@ -247,17 +247,17 @@ def _stop(uav: Uav) -> None:
 
 
 @command("pose", "ual pose 1 1 3")
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float)
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number)
 @options.yaw
 @options.frame
 @options.dry_run
 @pass_session
 def pose(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str, dry_run: bool) -> None:
-    """Give the autopilot X Y Z (metres) as its reference, without a trajectory; returns at once.
+    """Send X Y Z (metres) as the reference, without a trajectory.
 
-    X, Y and Z are those of `ual goto`: in <ns>/odom east, north and up from its origin.
+    Returns at once. X, Y and Z are those of `ual goto`: in <ns>/odom east, north and up from its origin.
     """
     wanted = PoseStamped(Pose.at(x, y, z, yaw), frame_id)
     with session.connect() as uav:
@@ -273,7 +273,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
 @options.dry_run
 @pass_session
 def recover(session: Session, force: bool, dry_run: bool) -> None:
-    """Take control back from the safety pilot and hold the present pose.
+    """Take control back from the safety pilot and hold the pose.
 
     On the ground, after others have flown, it moves nothing and allows a take-off again.
     """

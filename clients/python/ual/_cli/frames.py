@@ -46,9 +46,9 @@ def list_frames(session: Session) -> None:
 
 @frames.command("add", cls=UalCommand, examples=("ual frames add pad 1 -2 0.5 --yaw 90deg",))
 @click.argument("name")
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float)
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number)
 @click.option(
     "--yaw", type=values.angle, default="0", help="Its rotation about z, counter-clockwise: 90deg, 1.57rad or 1.57."
 )

@@ -23,14 +23,14 @@ frame = click.option(
 max_speed = click.option(
     "--max-speed",
     "max_speed_m_s",
-    type=float,
+    type=values.number,
     metavar="M_S",
     help="The highest speed in any direction (m/s); the UAV's limits when not given.",
 )
 corner_radius = click.option(
     "--corner-radius",
     "corner_radius_m",
-    type=float,
+    type=values.number,
     default=0.0,
     show_default=True,
     help="Round each corner within this distance (m); 0 stops at each.",
@@ -38,7 +38,7 @@ corner_radius = click.option(
 altitude = click.option(
     "--altitude",
     "altitude_m",
-    type=float,
+    type=values.number,
     metavar="M",
     help="The altitude above home at which to fly a .kml line that lies on the ground.",
 )

@@ -104,7 +104,9 @@ def path(
     dry_run: bool,
     plot: Path | None,
 ) -> None:
-    """Fly through waypoints, each X,Y,Z or X,Y,Z,YAW, or those of a file. Ctrl-C cancels: the UAV holds.
+    """Fly through waypoints, X,Y,Z or X,Y,Z,YAW, or those of a file.
+
+    Ctrl-C cancels: the UAV holds its position.
 
     X, Y and Z are metres, in <ns>/odom east, north and up from its origin. YAW is the heading there, counter-clockwise
     from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57.

@@ -31,7 +31,10 @@ from ual.simulation import (
 
 @click.group("sim", cls=UalGroup, section=Section.SIMULATION, examples=("ual sim arm", "ual sim speed 10"))
 def sim() -> None:
-    """Control the world around a simulated UAV: its safety pilot, faults, time, noise and wind."""
+    """Control the world around a simulated UAV.
+
+    That is its safety pilot, faults, time, noise and wind.
+    """
 
 
 def _pilot(name: str, help_text: str, done: str, act: str) -> None:
@@ -50,30 +53,36 @@ _pilot("give-back", "The safety pilot switches back to the daemon.", "given back
 
 
 @sim.command("sticks", cls=UalCommand, examples=("ual sim sticks --forward 0.5",))
-@click.option("--forward", type=float, default=0.0)
-@click.option("--left", type=float, default=0.0)
-@click.option("--up", type=float, default=0.0)
-@click.option("--turn", type=float, default=0.0, help="To the left.")
+@click.option("--forward", type=values.number, default=0.0)
+@click.option("--left", type=values.number, default=0.0)
+@click.option("--up", type=values.number, default=0.0)
+@click.option("--turn", type=values.number, default=0.0, help="To the left.")
 @pass_session
 def sticks(session: Session, forward: float, left: float, up: float, turn: float) -> None:
-    """The safety pilot holds the sticks, each from -1 to 1; 0 releases it."""
+    """The safety pilot holds the sticks.
+
+    Each is from -1 to 1; 0 releases it.
+    """
     with session.connect() as uav:
         uav.simulation.pilot_move_sticks(forward=forward, left=left, up=up, turn=turn)
     session.emit({"done": "sim sticks"}, "sticks moved")
 
 
 @sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",))
-@click.argument("factor", type=float)
+@click.argument("factor", type=values.number)
 @pass_session
 def speed(session: Session, factor: float) -> None:
-    """Let time run FACTOR times as fast: 1 is real time, 0 stands still, inf is as fast as possible."""
+    """Let time run FACTOR times as fast as the clock.
+
+    1 is real time; at 0 it stands still; inf is as fast as possible.
+    """
     with session.connect() as uav:
         uav.simulation.set_speed_factor(factor)
     session.emit({"done": "sim speed", "speed_factor": factor if math.isfinite(factor) else "inf"}, "speed set")
 
 
 @sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",))
-@click.argument("duration_s", type=float, metavar="SECONDS")
+@click.argument("duration_s", type=values.number, metavar="SECONDS")
 @pass_session
 def step(session: Session, duration_s: float) -> None:
     """Advance time that stands still by SECONDS."""
@@ -83,20 +92,23 @@ def step(session: Session, duration_s: float) -> None:
 
 
 @sim.command("noise", cls=UalCommand, examples=("ual sim noise 0.05 0.02",))
-@click.argument("position_m", type=float, metavar="POSITION")
-@click.argument("velocity_m_s", type=float, metavar="VELOCITY")
+@click.argument("position_m", type=values.number, metavar="POSITION")
+@click.argument("velocity_m_s", type=values.number, metavar="VELOCITY")
 @pass_session
 def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
-    """Set the noise of the estimates: the standard deviations of POSITION (m) and VELOCITY (m/s)."""
+    """Set the noise of the estimates.
+
+    POSITION (m) and VELOCITY (m/s) are its standard deviations.
+    """
     with session.connect() as uav:
         uav.simulation.set_noise(position_m=position_m, velocity_m_s=velocity_m_s)
     session.emit({"done": "sim noise"}, "noise set")
 
 
 @sim.command("wind", cls=UalCommand, examples=("ual sim wind 2 0",))
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float, default=0.0)
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number, default=0.0)
 @pass_session
 def wind(session: Session, x: float, y: float, z: float) -> None:
     """Set a steady wind. X Y Z is the velocity of the air (m/s, map axes)."""
@@ -116,7 +128,7 @@ def begin() -> None:
 
 
 _duration = click.option(
-    "--for", "duration_s", type=float, default=0.0, help="End by itself after this many (simulated) seconds."
+    "--for", "duration_s", type=values.number, default=0.0, help="End by itself after this many (simulated) seconds."
 )
 _command = click.option(
     "--command",
@@ -142,7 +154,7 @@ def _simple(name: str, help_text: str, make: Callable[[], Fault]) -> None:
     )
 
 
-_simple("link-lost", "The link to the autopilot carries nothing in either direction.", LinkLost)
+_simple("link-lost", "The link to the autopilot carries nothing either way.", LinkLost)
 _simple("position-lost", "The autopilot loses its position.", PositionLost)
 
 
@@ -150,7 +162,7 @@ _simple("position-lost", "The autopilot loses its position.", PositionLost)
     "estimator-jumps", cls=UalCommand, examples=("ual sim fault begin estimator-jumps --offset 0,0,-1 --period 2",)
 )
 @click.option("--offset", type=values.vector, default="1,0,0", show_default=True, help="By how much (m).")
-@click.option("--period", "period_s", type=float, default=5.0, show_default=True, help="Between two jumps.")
+@click.option("--period", "period_s", type=values.number, default=5.0, show_default=True, help="Between two jumps.")
 @_duration
 @pass_session
 def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration_s: float) -> None:
@@ -159,7 +171,7 @@ def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration
 
 
 @begin.command("motors-weak", cls=UalCommand, examples=("ual sim fault begin motors-weak --power 0.4",))
-@click.option("--power", "power_ratio", type=float, default=0.5, show_default=True, help="0 to 1.")
+@click.option("--power", "power_ratio", type=values.number, default=0.5, show_default=True, help="0 to 1.")
 @_duration
 @pass_session
 def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None:
@@ -168,7 +180,7 @@ def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None
 
 
 @begin.command("battery-low", cls=UalCommand, examples=("ual sim fault begin battery-low --percent 5",))
-@click.option("--percent", type=float, default=10.0, show_default=True, help="0 to 100.")
+@click.option("--percent", type=values.number, default=10.0, show_default=True, help="0 to 100.")
 @_duration
 @pass_session
 def battery_low(session: Session, percent: float, duration_s: float) -> None:
@@ -191,13 +203,13 @@ def command_refused(session: Session, command: str, text: str, duration_s: float
 @_duration
 @pass_session
 def ack_lost(session: Session, command: str, duration_s: float) -> None:
-    """The autopilot does what a command says, but its acknowledgement is lost."""
+    """The autopilot obeys a command; the acknowledgement is lost."""
     _begin(session, AckLost(Command[command.upper()]), duration_s)
 
 
 @begin.command("ack-late", cls=UalCommand, examples=("ual sim fault begin ack-late --delay 2",))
 @_command
-@click.option("--delay", "delay_s", type=float, default=1.0, show_default=True, help="Seconds.")
+@click.option("--delay", "delay_s", type=values.number, default=1.0, show_default=True, help="Seconds.")
 @_duration
 @pass_session
 def ack_late(session: Session, command: str, delay_s: float, duration_s: float) -> None:
@@ -210,7 +222,10 @@ def ack_late(session: Session, command: str, delay_s: float, duration_s: float) 
 @_duration
 @pass_session
 def failsafe(session: Session, cause: str, duration_s: float) -> None:
-    """A failsafe of the autopilot: it holds its position, and follows no references."""
+    """A failsafe of the autopilot.
+
+    It holds its position, and follows no references.
+    """
     _begin(session, FailsafeTriggered(cause), duration_s)
 
 

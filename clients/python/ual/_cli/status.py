@@ -102,7 +102,7 @@ def state(session: Session) -> None:
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:
-    """Wait until the UAV is in a state, or in one of several, and print which.
+    """Wait for a state, or for one of several, and print which.
 
     With --timeout it fails (exit status 1) if none of them comes in time: `ual wait landed_armed --timeout 60`.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ual._cli import manoeuvre, options
+from ual._cli import manoeuvre, options, values
 from ual._cli.app import Session, command, pass_session
 from ual._cli.help import Section
 
@@ -15,7 +15,7 @@ _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only t
 @click.option(
     "--height",
     "height_m",
-    type=float,
+    type=values.number,
     metavar="M",
     help="Fly home at least so high above the ground of the take-off; the daemon's rtl_height_m (15 m) when not given.",
 )
@@ -42,7 +42,10 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
 @command("pause", "ual pause", section=Section.TASKS)
 @pass_session
 def pause(session: Session) -> None:
-    """Stop the running task on its way and hold; `ual resume` goes on."""
+    """Stop the running task on its way and hold.
+
+    `ual resume` goes on.
+    """
     with session.connect() as uav:
         uav.pause()
     session.emit({"done": "pause"}, "paused: ual resume goes on")

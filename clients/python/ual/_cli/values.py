@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,25 @@ class Number(click.FloatRange):
 
     @override
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number: float = super().convert(value, param, ctx)
-        if math.isnan(number):
+        converted: float = super().convert(number(value), param, ctx)
+        if math.isnan(converted):
             self.fail(f"{value!r} is not a number.", param, ctx)
-        return number
+        return converted
+
+
+def number(text: str) -> float:
+    """Parses a number without a unit. The daemon says which ones it takes."""
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not a number{_how_to_write(text)}.") from None
+
+
+def _how_to_write(word: str) -> str:
+    """Returns what may have been meant: a number with its unit, or several numbers."""
+    if re.fullmatch(r"[-+]?[\d.]+ ?[^\W\d][\w/²]*", word):
+        return ": write it without a unit"
+    return ": write spaces between numbers" if "," in word else ""
 
 
 def angle(text: str) -> float:

@@ -70,7 +70,10 @@ def fly(
     dry_run: bool,
     plot: Path | None,
 ) -> None:
-    """Fly through the waypoints of FILE (as saved, a .plan of QGroundControl, or .kml). Ctrl-C cancels."""
+    """Fly through the waypoints of FILE.
+
+    FILE is as saved, a .plan of QGroundControl, or a .kml. Ctrl-C cancels: the UAV holds its position.
+    """
     how = PathOptions(corner_radius_m, max_speed_m_s, dry_run=dry_run, plot=plot)
     fly_path(session, values.read_route(file, altitude_m=altitude_m), how)
 

@@ -69,7 +69,7 @@ class Connection:
                     self._was_reached = True
                     yield response
             except grpc.aio.AioRpcError as error:
-                raise self.error(error) from error
+                raise self.error(error) from None
             finally:
                 call.cancel()
 
@@ -137,7 +137,7 @@ class Connection:
             try:
                 response = await route.stubs.method(call)(call.request, timeout=limit_s, metadata=self.target.metadata)
             except grpc.aio.AioRpcError as error:
-                raise _calls.in_time(self.error(error), call, limit_s) from error
+                raise _calls.in_time(self.error(error), call, limit_s) from None
         self._was_reached = True
         return call.read(response)
 
@@ -150,6 +150,6 @@ class Connection:
                 )
             except grpc.aio.AioRpcError as error:
                 if error.code() not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE):
-                    raise self.error(error) from error
+                    raise self.error(error) from None
                 if self.target.address() == route.address:
-                    raise unreachable from error
+                    raise unreachable from None

@@ -83,6 +83,6 @@ class Task(KnownTask[Connection]):
             except grpc.aio.AioRpcError as error:
                 if timeout_s is not None and error.code() is grpc.StatusCode.DEADLINE_EXCEEDED:
                     raise not_ended(self.kind, timeout_s) from error
-                raise self._connection.error(error) from error
+                raise self._connection.error(error) from None
             finally:
                 call.cancel()
