@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 import time
 from collections import Counter
@@ -31,6 +32,7 @@ _LINKS = {
 def main() -> int:
     """Returns the exit status."""
     arguments = _parser().parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     options = _options(arguments)
     options.folder.mkdir(parents=True, exist_ok=True)
     rig = Rig(options)

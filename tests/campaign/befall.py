@@ -9,6 +9,8 @@ import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 
+from typing_extensions import Self
+
 from tests.campaign.plan import Fault
 from tests.campaign.rig import Rig
 
@@ -28,7 +30,7 @@ class Befalling:
         self._lock = threading.Lock()
         self.failed: list[str] = []
 
-    def __enter__(self) -> Befalling:
+    def __enter__(self) -> Self:
         for thread in self._threads:
             thread.start()
         return self
@@ -91,7 +93,7 @@ def _silence(rig: Rig, fault: Fault, wait: Wait) -> None:
     rig.set_line(is_silent=False)
 
 
-def _reboot(rig: Rig, fault: Fault, wait: Wait) -> None:
+def _reboot(_rig: Rig, _fault: Fault, _wait: Wait) -> None:
     """Done before the mission begins: see `flight.fly`."""
 
 
@@ -101,7 +103,7 @@ def _kill_daemon(rig: Rig, fault: Fault, wait: Wait) -> None:
     rig.start_daemon()
 
 
-def _kill_client(rig: Rig, fault: Fault, wait: Wait) -> None:
+def _kill_client(rig: Rig, _fault: Fault, _wait: Wait) -> None:
     rig.kill_client()
 
 
@@ -152,7 +154,7 @@ def _freeze(rig: Rig, fault: Fault, wait: Wait) -> None:
     rig.daemon.signal(signal.SIGCONT)
 
 
-def _busy(rig: Rig, fault: Fault, wait: Wait) -> None:
+def _busy(_rig: Rig, fault: Fault, wait: Wait) -> None:
     with ExitStack() as stack:
         for _ in range(2):
             spinner = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))

@@ -50,7 +50,7 @@ def _pilot_arms(rig: Rig) -> None:
     try:
         rig.pilot.arm()
         rig.wait_for(lambda: rig.state() == "LANDED_ARMED" or not rig.pilot.is_armed, "LANDED_ARMED", 5.0)
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         raise AssertionError(f"the pilot could not arm: {error}") from error
 
 

@@ -1,7 +1,7 @@
 """Judges a flight by its record: by the bytes on the wire and the simulator's truth, not by what UAL says of itself.
 
-Each rule is a function from a record to its breaches. The judge knows nothing of the daemon: what may be sent, and which
-state is true, is decided anew here from what the autopilot has told the daemon.
+Each rule is a function from a case to its breaches. The judge knows nothing of the daemon: what may be sent, and
+which state is true, is decided anew here from what the autopilot has told the daemon.
 """
 
 from __future__ import annotations
@@ -54,10 +54,29 @@ REFUSED = frozenset(
     }
 )
 """So ended, a call has begun nothing. (LINK_LOST and UNAVAILABLE may come in the middle: see `_begins`.)"""
+_PAUSE_S = 0.8
+_FLOWN_S = 0.5
+"""So long after its last setpoint a vehicle is flown by it."""
 _STARVING = ("freeze", "busy")
 _DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
 _DISTURBED_S = 6.0
 ON_GROUND, IN_AIR, TAKEOFF, LANDING = 1, 2, 3, 4
+
+
+class Case:
+    """A record, and what follows from it for several rules."""
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self.modes = BY_AUTOPILOT[record.autopilot]
+        self.changes = known(record.told)
+        """What the autopilot has told."""
+        self.taken_s = _take_overs(record, self.changes, self.modes)
+        """When something else took the vehicle."""
+        self.disarmed_s = [
+            after.time_s for before, after in pairwise(self.changes) if before.armed and after.armed is False
+        ]
+        self.setpoints_s = [sent.time_s for sent in record.sent if sent.what == "setpoint"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +90,8 @@ class Breach:
 
 def judge(record: Record) -> list[Breach]:
     """Returns all breaches, in the order of time; the first of each rule and kind speaks for those that follow it."""
-    found = [breach for rule in RULES for breach in _first_ones(rule(record))]
+    case = Case(record)
+    found = [breach for rule in RULES for breach in _first_ones(rule(case))]
     return sorted(found, key=lambda breach: breach.time_s)
 
 
@@ -163,11 +183,10 @@ def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
     return found
 
 
-def take_overs(record: Record) -> list[float]:
+def _take_overs(record: Record, changes: Sequence[Known], modes: Modes) -> list[float]:
     """When the daemon was told that something else has taken the armed vehicle out of the mode of references."""
-    modes = BY_AUTOPILOT[record.autopilot]
     found = []
-    for before, after in pairwise(known(record.told)):
+    for before, after in pairwise(changes):
         if not after.armed or after.mode is None or before.mode in (None, after.mode):
             continue
         if after.mode != modes.references and after.mode not in _own_modes(record, modes, after.time_s):
@@ -175,50 +194,47 @@ def take_overs(record: Record) -> list[float]:
     return found
 
 
-def _allowed_from_s(record: Record, sent: Sent) -> float:
+def _allowed_from_s(case: Case, sent: Sent) -> float:
     """The last time at which whatever allowed the daemon to fly ended: its start, a take-over, the disarming."""
+    record = case.record
     ends = [life.time_s for life in record.lives if life.what == DAEMON_STARTED]
-    ends += [time_s for time_s in take_overs(record) if time_s < _since_s(record, sent.time_s, NOTICED_S)]
-    ends += [
-        after.time_s
-        for before, after in pairwise(known(record.told))
-        if before.armed and after.armed is False and after.time_s < _since_s(record, sent.time_s, STATE_S)
-    ]
+    noticed_s, shown_s = _since_s(record, sent.time_s, NOTICED_S), _since_s(record, sent.time_s, STATE_S)
+    ends += [time_s for time_s in case.taken_s if time_s < noticed_s]
+    ends += [time_s for time_s in case.disarmed_s if time_s < shown_s]
     return max((time_s for time_s in ends if time_s <= sent.time_s), default=-math.inf)
 
 
 # --- The rules --------------------------------------------------------------------------------------------------------
 
 
-def nothing_after_a_take_over(record: Record) -> Iterator[Breach]:
+def nothing_after_a_take_over(case: Case) -> Iterator[Breach]:
     """No setpoint while the autopilot flies in a mode that is not ours, unless a command leads out of it."""
-    modes = BY_AUTOPILOT[record.autopilot]
-    changes = known(record.told)
+    record, modes = case.record, case.modes
     for sent in record.sent:
         if sent.what != "setpoint":
             continue
         since_s = _since_s(record, sent.time_s, NOTICED_S)
-        recent = list(_between(changes, since_s, sent.time_s))
+        recent = list(_between(case.changes, since_s, sent.time_s))
         if not recent or any(each.mode in (modes.references, None) or not each.armed for each in recent):
             continue
         entering = any(
             call.name in ENTERS and _begins(call) and call.began_s <= sent.time_s <= call.ended_s + OWN_S
             for call in record.called
         )
-        taken = [time_s for time_s in take_overs(record) if time_s <= since_s]
+        taken = [time_s for time_s in case.taken_s if time_s <= since_s]
         if taken and not any(
-            call.name in ENTERS and _begins(call) and taken[-1] <= call.began_s <= sent.time_s
-            for call in record.called
+            call.name in ENTERS and _begins(call) and taken[-1] <= call.began_s <= sent.time_s for call in record.called
         ):
             entering = False
         if not entering:
             yield Breach("take-over", sent.time_s, f"setpoint in mode {recent[-1].mode:#x}, known since {since_s:.2f}")
 
 
-def nothing_unasked(record: Record) -> Iterator[Breach]:
+def nothing_unasked(case: Case) -> Iterator[Breach]:
     """Nothing that flies without a command of ours since the daemon's start, the last take-over, the last disarming."""
+    record = case.record
     for sent in record.sent:
-        since_s = _allowed_from_s(record, sent)
+        since_s = _allowed_from_s(case, sent)
         asked = any(
             call.name in FLIES and _begins(call) and since_s <= call.began_s <= sent.time_s for call in record.called
         )
@@ -227,17 +243,16 @@ def nothing_unasked(record: Record) -> Iterator[Breach]:
             yield Breach("unasked", sent.time_s, f"{sent.what}{mode} was not asked for since {since_s:.2f}")
 
 
-def the_state_is_true(record: Record) -> Iterator[Breach]:
+def the_state_is_true(case: Case) -> Iterator[Breach]:
     """The state that is told was true at some time within the last 0.5 s."""
-    modes = BY_AUTOPILOT[record.autopilot]
-    changes = known(record.told)
+    record, changes, modes = case.record, case.changes, case.modes
     times = [each.time_s for each in record.told]
     for said in record.said:
         since_s = _since_s(record, said.time_s, STATE_S)
         true = {state for each in _between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
         true |= _doing(record, since_s, said.time_s)
         if said.state == "UNINITIALIZED":
-            if not _is_disturbed(record, said.time_s):
+            if not _is_disturbed(record, said.time_s) and not _was_silent(times, said.time_s):
                 yield _untrue(said, true, "although nothing disturbs it")
         elif _silence_s(times, said.time_s) > SILENT_S and not _was_starved(record, said.time_s):
             yield _untrue(said, {"UNINITIALIZED"}, "although the autopilot is silent")
@@ -252,7 +267,15 @@ def _untrue(said: Said, true: set[str], why: str) -> Breach:
 def _states(each: Known, modes: Modes) -> set[str]:
     """The states that may be told where this is known of the autopilot, whatever was commanded."""
     if each.armed is None or each.mode is None or each.landed is None:
-        return {"UNINITIALIZED", "LANDED_DISARMED", "LANDED_ARMED", "FLYING_AUTO", "FLYING_MANUAL", "TAKING_OFF", "LANDING"}
+        return {
+            "UNINITIALIZED",
+            "LANDED_DISARMED",
+            "LANDED_ARMED",
+            "FLYING_AUTO",
+            "FLYING_MANUAL",
+            "TAKING_OFF",
+            "LANDING",
+        }
     if not each.armed:
         return {"LANDED_DISARMED"}
     found = set()
@@ -293,13 +316,21 @@ def _was_starved(record: Record, time_s: float) -> bool:
     return _since_s(record, time_s, STATE_S) < time_s - STATE_S
 
 
+def _was_silent(times: Sequence[float], time_s: float) -> bool:
+    """Whether the autopilot itself paused within the last seconds."""
+    begin, end = bisect.bisect_left(times, time_s - _DISTURBED_S), bisect.bisect_right(times, time_s)
+    recent = [*times[max(0, begin - 1) : end], time_s]
+    return any(after - before > _PAUSE_S for before, after in pairwise(recent))
+
+
 def _silence_s(times: Sequence[float], time_s: float) -> float:
     index = bisect.bisect_right(times, time_s)
     return time_s - times[index - 1] if index else 0.0
 
 
-def goals_are_reached(record: Record) -> Iterator[Breach]:
+def goals_are_reached(case: Case) -> Iterator[Breach]:
     """Where a goal was reported as reached the vehicle was there, by the simulator's truth."""
+    record = case.record
     for call in record.called:
         if call.outcome or call.goal is None:
             continue
@@ -315,12 +346,15 @@ def goals_are_reached(record: Record) -> Iterator[Breach]:
         )
         allowed_m = REACHED_M + error_m + estimate_error_m(record, call.ended_s)
         if missed_m is not None and missed_m > allowed_m:
-            text = f"{call.name} to {_text(goal)} was reported as done {missed_m:.2f} m from it (allowed {allowed_m:.2f})"
+            text = (
+                f"{call.name} to {_text(goal)} was reported as done {missed_m:.2f} m from it (allowed {allowed_m:.2f})"
+            )
             yield Breach("goal", call.ended_s, text)
 
 
-def the_ground_is_reached(record: Record) -> Iterator[Breach]:
+def the_ground_is_reached(case: Case) -> Iterator[Breach]:
     """Where a landing was reported as done the vehicle stood on the ground."""
+    record = case.record
     ground_m = min((each.place[2] for each in record.truth), default=0.0)
     for call in record.called:
         if call.outcome or call.name not in ("land", "rtl"):
@@ -330,14 +364,15 @@ def the_ground_is_reached(record: Record) -> Iterator[Breach]:
             yield Breach("goal", call.ended_s, f"{call.name} was reported as done {min(heights) - ground_m:.2f} m up")
 
 
-def inside_the_fence(record: Record) -> Iterator[Breach]:
+def inside_the_fence(case: Case) -> Iterator[Breach]:
     """While the daemon's setpoints fly it, the vehicle stays inside the fence."""
+    record, times = case.record, case.setpoints_s
     if record.fence_m is None:
         return
     side_m, height_m = record.fence_m
-    times = [sent.time_s for sent in record.sent if sent.what == "setpoint"]
     for each in record.truth:
-        if not 0.0 < _silence_s(times, each.time_s) < 0.5 or not times or times[0] > each.time_s:
+        index = bisect.bisect_right(times, each.time_s)
+        if not index or each.time_s - times[index - 1] > _FLOWN_S:
             continue
         east, north, up = each.place
         beyond_m = max(abs(east) - side_m, abs(north) - side_m, up - height_m)
@@ -363,7 +398,7 @@ def _text(place: Place) -> str:
     return "(" + ", ".join(f"{value:.1f}" for value in place) + ")"
 
 
-RULES: tuple[Callable[[Record], Iterator[Breach]], ...] = (
+RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     nothing_after_a_take_over,
     nothing_unasked,
     the_state_is_true,

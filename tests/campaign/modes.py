@@ -16,8 +16,8 @@ def _ardupilot(main: int, _: int = 0) -> int:
 
 @dataclass(frozen=True)
 class Modes:
-    """`references` is where setpoints are followed; `takes_off` and `lands` are the autopilot's own modes for that, `hold`
-    where it goes by itself after its own take-off.
+    """`references` is where setpoints are followed; `takes_off` and `lands` are the autopilot's own modes for that,
+    `hold` is where it goes by itself after its own take-off.
     """
 
     references: int

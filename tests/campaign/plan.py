@@ -108,6 +108,4 @@ def _fault(dice: random.Random, steps_count: int) -> Fault:
     kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
     step = 0 if kind in _GROUND_ONLY else dice.randrange(0 if kind != "pilot" else 1, steps_count)
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
-    return Fault(
-        kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (2.0, 6.0))), dice.random()
-    )
+    return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (2.0, 6.0))), dice.random())

@@ -1,4 +1,4 @@
-"""What is known of one flight afterwards: bytes on the wire, what the daemon said, calls, faults, the simulator's truth.
+"""What is known of a flight afterwards: bytes on the wire, what the daemon said, calls, faults, the truth.
 
 All times are seconds of the computer's monotonic clock; places are metres east, north and up of the simulator's start.
 """
@@ -26,7 +26,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Sent:
-    """What the daemon has sent that may move or change the vehicle: a ``setpoint``, ``mode``, ``arm``, ``take_off``, …"""
+    """What the daemon has sent that may move or change the vehicle: ``setpoint``, ``mode``, ``arm``, ``take_off``, …"""
 
     time_s: float
     what: str
@@ -44,8 +44,8 @@ class Said:
 
 @dataclass(frozen=True)
 class Called:
-    """A call of a client. `outcome` is empty where it was done, else the reason of the error. `goal` is a place on Earth
-    where `is_on_earth`, else in ``<ns>/odom``.
+    """A call of a client. `outcome` is empty where it was done, else the reason of the error. `goal` is a place on
+    Earth where `is_on_earth`, else in ``<ns>/odom``.
     """
 
     name: str

@@ -22,6 +22,7 @@ from tests.campaign.places import Origin
 from tests.campaign.plan import FENCE_HEIGHT_M, FENCE_SIDE_M
 from tests.campaign.processes import ClientProcess, DaemonProcess, NotFlownError, SimulatorProcess
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Place, Record, Said, Trouble
+from tests.campaign.starvation import StarvationWatch
 from tests.campaign.truth import TruthLink
 from tests.simulators.faults import GOOD
 from tests.sitl.simulators import ARDUPILOT, PX4
@@ -85,9 +86,11 @@ class Rig:
         self.anchor: Place | None = None
         self.anchor_error_m = 0.0
         self.start_daemon()
+        self._starvation = StarvationWatch(self._daemon_pid, self._note_starvation)
 
     def close(self) -> None:
         for close in (
+            self._starvation.close,
             self._end_client,
             self._end_observer,
             self.daemon.close,
@@ -169,6 +172,12 @@ class Rig:
 
     def _note_state(self, sample: Telemetry) -> None:
         self.record.said.append(Said(time.monotonic(), sample.state.name, sample.state_reason))
+
+    def _daemon_pid(self) -> int | None:
+        return self.daemon.pid if self.daemon.is_running else None
+
+    def _note_starvation(self, began_s: float, ended_s: float) -> None:
+        self.record.troubles.append(Trouble("busy", began_s, ended_s))
 
     def _end_client(self) -> None:
         if self._client is not None:

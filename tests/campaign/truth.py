@@ -1,4 +1,4 @@
-"""A link of its own to the simulator: where the vehicle really is, and a ground station that sends targets beside us."""
+"""A link of its own to the simulator: where the vehicle really is, and a ground station that sends beside us."""
 
 from __future__ import annotations
 
