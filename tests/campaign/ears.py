@@ -20,10 +20,13 @@ _AUTOPILOT = frozenset(
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
         _CURRENT_MODE,
         _EVENT,
     }
 )
+_PLACED = mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_ABS
 _HARMLESS = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
@@ -101,6 +104,9 @@ class Ears:
             self.record.told.append(Told(now_s, armed, message.custom_mode))
         elif isinstance(message, mavlink.MAVLink_extended_sys_state_message):
             self.record.told.append(Told(now_s, landed=message.landed_state))
+        elif hasattr(message, "flags"):
+            is_placed = message.flags & _PLACED == _PLACED
+            self.record.told.append(Told(now_s, is_placed=is_placed))
         elif message.lat or message.lon:
             place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))

@@ -7,6 +7,7 @@ which state is true, is decided anew here from what the autopilot has told the d
 from __future__ import annotations
 
 import bisect
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -54,6 +55,8 @@ REFUSED = frozenset(
     }
 )
 """So ended, a call has begun nothing. (LINK_LOST and UNAVAILABLE may come in the middle: see `_begins`.)"""
+_UNPLACED_S = 2.5
+"""The autopilot tells once a second whether it is sure of its position."""
 _PAUSE_S = 0.8
 _FLOWN_S = 0.5
 """So long after its last setpoint a vehicle is flown by it."""
@@ -121,6 +124,7 @@ class Known:
     armed: bool | None
     mode: int | None
     landed: int | None
+    is_placed: bool | None = None
 
 
 def known(told: Sequence[Told]) -> list[Known]:
@@ -128,12 +132,15 @@ def known(told: Sequence[Told]) -> list[Known]:
     found: list[Known] = []
     armed: bool | None = None
     mode = landed = None
+    is_placed: bool | None = None
     for each in told:
         armed = each.armed if each.armed is not None else armed
         mode = each.mode if each.mode is not None else mode
         landed = each.landed if each.landed is not None else landed
-        if not found or (armed, mode, landed) != (found[-1].armed, found[-1].mode, found[-1].landed):
-            found.append(Known(each.time_s, armed, mode, landed))
+        is_placed = each.is_placed if each.is_placed is not None else is_placed
+        now = Known(each.time_s, armed, mode, landed, is_placed)
+        if not found or dataclasses.replace(now, time_s=found[-1].time_s) != found[-1]:
+            found.append(now)
     return found
 
 
@@ -252,7 +259,8 @@ def the_state_is_true(case: Case) -> Iterator[Breach]:
         true = {state for each in _between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
         true |= _doing(record, since_s, said.time_s)
         if said.state == "UNINITIALIZED":
-            if not _is_disturbed(record, said.time_s) and not _was_silent(times, said.time_s):
+            lost = any(each.is_placed is False for each in _between(changes, said.time_s - _UNPLACED_S, said.time_s))
+            if not (lost or _is_disturbed(record, said.time_s) or _was_silent(times, said.time_s)):
                 yield _untrue(said, true, "although nothing disturbs it")
         elif _silence_s(times, said.time_s) > SILENT_S and not _was_starved(record, said.time_s):
             yield _untrue(said, {"UNINITIALIZED"}, "although the autopilot is silent")

@@ -22,6 +22,8 @@ class Told:
     armed: bool | None = None
     mode: int | None = None
     landed: int | None = None
+    is_placed: bool | None = None
+    """Whether the autopilot's estimator is sure of its position."""
 
 
 @dataclass(frozen=True)

@@ -195,6 +195,17 @@ def test_a_daemon_that_was_stopped_may_send_and_tell_what_it_had_until_it_runs_a
     assert rules(record) == set()
 
 
+def test_without_a_position_the_state_is_not_known() -> None:
+    record = clean()
+    record.said = [
+        dataclasses.replace(said, state="UNINITIALIZED") if 10.0 < said.time_s < 12.0 else said for said in record.said
+    ]
+    assert rules(record) == {"state"}
+    record.told += [Told(9.9, is_placed=False), Told(11.9, is_placed=True)]
+    record.told.sort(key=lambda each: each.time_s)
+    assert rules(record) == set()
+
+
 def test_a_goal_that_was_not_reached_is_found_by_the_truth() -> None:
     record = clean()
     record.truth = [Located(each.time_s, (each.place[0] * 0.5, 0.0, each.place[2])) for each in record.truth]
