@@ -1,19 +1,22 @@
 """Flies a campaign: ``python -m tests.campaign --autopilot px4 --url udpin://127.0.0.1:14540 --flights 100 --seed 1``.
 
-Writes a line of JSON for each flight to ``flights.jsonl`` in ``--out``, and the record of each flight that broke a rule
-beside it. Exit status 1 where a rule was broken.
+Writes a line of JSON for each flight to ``flights.jsonl`` in ``--out``, and its record beside it, which ``--judge``
+judges again. Exit status 1 where a rule was broken.
 """
 
 from __future__ import annotations
 
 import argparse
+import gzip
 import json
 import signal
 import sys
 import time
 from collections import Counter
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from tests.campaign.flight import fly
 from tests.campaign.judge import Breach, judge
@@ -22,7 +25,9 @@ from tests.campaign.plan import Plan, plan
 from tests.campaign.processes import ROOT, NotFlownError
 from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
+from tests.sitl.simulators import ARDUPILOT, PX4
 
+_SIMULATORS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _LINKS = {
     "px4": ("udpin://127.0.0.1:14540", "udp://127.0.0.1:18570", "udpin://127.0.0.1:14030"),
     "ardupilot": ("tcp://127.0.0.1:5760", "tcp://127.0.0.1:5762", "tcp://127.0.0.1:5763"),
@@ -33,6 +38,8 @@ def main() -> int:
     """Returns the exit status."""
     arguments = _parser().parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    if arguments.judge:
+        return _judge_again(arguments.judge)
     options = _options(arguments)
     options.folder.mkdir(parents=True, exist_ok=True)
     rig = Rig(options)
@@ -92,8 +99,18 @@ def _write(rig: Rig, flight: Plan, record: Record, values: dict[str, object], br
     }
     with (rig.options.folder / "flights.jsonl").open("a") as file:
         file.write(json.dumps(line) + "\n")
-    if breaches or values["verdict"] == "not flown":
-        (rig.options.folder / f"record-{flight.seed}.json").write_text(record.to_json())
+    with gzip.open(rig.options.folder / f"{flight.seed}.json.gz", "wt") as file:
+        file.write(record.to_json())
+
+
+def _judge_again(files: list[Path]) -> int:
+    count = 0
+    for path in files:
+        text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
+        breaches = judge(Record.from_json(text))
+        count += bool(breaches)
+        print(path.name, "breach" if breaches else "clean", *map(_line, breaches), sep="\n    ")
+    return int(bool(count))
 
 
 def _begin_anew(rig: Rig) -> None:
@@ -127,10 +144,13 @@ def _seeds(arguments: argparse.Namespace) -> list[int]:
 
 def _options(arguments: argparse.Namespace) -> Options:
     url, pilot_url, truth_url = _LINKS[arguments.autopilot]
+    pilot = urlsplit(arguments.pilot_url or pilot_url)
+    assert pilot.hostname is not None
+    assert pilot.port is not None
     return Options(
         arguments.autopilot,
         arguments.url or url,
-        arguments.pilot_url or pilot_url,
+        partial(_SIMULATORS[arguments.autopilot].make_pilot, pilot.hostname, pilot.port),
         arguments.truth_url or truth_url,
         arguments.start,
         arguments.out.resolve() / arguments.autopilot,
@@ -141,7 +161,7 @@ def _options(arguments: argparse.Namespace) -> Options:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
-    parser.add_argument("--autopilot", choices=tuple(_LINKS), required=True)
+    parser.add_argument("--autopilot", choices=tuple(_LINKS), default="ardupilot")
     parser.add_argument("--url", help="the link for the daemon (default: the simulator's first)")
     parser.add_argument("--pilot-url", help="the link for the safety pilot")
     parser.add_argument("--truth-url", help="a third link: the simulator's truth")
@@ -149,6 +169,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--origin", default="47.397742,8.545594,489.4", help="where it starts: degrees, degrees, m")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--flights", type=int, default=100)
+    parser.add_argument("--judge", nargs="+", type=Path, metavar="RECORD", help="judges records of flights again")
     parser.add_argument("--only-seed", type=int, help="flies one flight again, by the seed in its line")
     parser.add_argument("--minutes", type=float, help="flies for so long, however many flights that is")
     parser.add_argument("--no-faults", action="store_true", help="the same missions without faults")

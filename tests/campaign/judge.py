@@ -191,12 +191,16 @@ def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
 
 
 def _take_overs(record: Record, changes: Sequence[Known], modes: Modes) -> list[float]:
-    """When the daemon was told that something else has taken the armed vehicle out of the mode of references."""
+    """When the daemon was told that something else has taken the armed vehicle out of a mode of ours.
+
+    From one mode of others to another nothing is taken: a failsafe first holds, then returns.
+    """
     found = []
     for before, after in pairwise(changes):
         if not after.armed or after.mode is None or before.mode in (None, after.mode):
             continue
-        if after.mode != modes.references and after.mode not in _own_modes(record, modes, after.time_s):
+        own = _own_modes(record, modes, after.time_s) | {modes.references}
+        if before.mode in own and after.mode not in own:
             found.append(after.time_s)
     return found
 

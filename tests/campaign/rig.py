@@ -11,8 +11,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from urllib.parse import urlsplit
 
 import ual
 from tests.campaign.ears import Ears
@@ -25,13 +23,11 @@ from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, P
 from tests.campaign.starvation import StarvationWatch
 from tests.campaign.truth import TruthLink
 from tests.simulators.faults import GOOD
-from tests.sitl.simulators import ARDUPILOT, PX4
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
 from ual.types import Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
-SIMULATORS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _PARAMETERS = {
     "ardupilot": {
         "RTL_ALT": 400.0,
@@ -58,7 +54,7 @@ class Options:
 
     autopilot: str
     url: str
-    pilot_url: str
+    make_pilot: Callable[[], Transmitter]
     truth_url: str
     start: str
     folder: Path
@@ -294,11 +290,10 @@ class Rig:
         return end
 
     def _make_pilot(self) -> Transmitter:
-        parts: Any = urlsplit(self.options.pilot_url)
         until_s = time.monotonic() + _BOOT_S
         while True:
             try:
-                pilot = SIMULATORS[self.options.autopilot].make_pilot(parts.hostname, parts.port)
+                pilot = self.options.make_pilot()
                 break
             except OSError:
                 if time.monotonic() > until_s:

@@ -250,6 +250,17 @@ def test_px4_goes_through_modes_of_its_own_after_its_take_off() -> None:
     assert Case(record).taken_s == [9.0]
 
 
+def test_a_failsafe_that_goes_on_while_it_is_recovered_takes_nothing_again() -> None:
+    """Seed 300006 on PX4: its RTL followed its hold 0.1 s after `recover` with force had begun."""
+    record = Record("px4")
+    record.told += [Told(0.0, True, PX4.references, IN_AIR), Told(5.0, mode=PX4.hold), Told(10.1, mode=PX4.returns)]
+    record.told += [Told(10.6, mode=PX4.references)]
+    record.called += [Called("go_to", 0.5, 5.1, "TASK_ABORTED"), Called("recover", 10.0, 11.0)]
+    record.sent += [Sent(10.02, "setpoint"), Sent(10.3, "setpoint"), Sent(10.5, "mode", PX4.references)]
+    assert Case(record).taken_s == [5.0]
+    assert rules(record) == set()
+
+
 def test_a_plan_follows_from_its_seed() -> None:
     assert plan(7) == plan(7)
     assert plan(7) != plan(8)
