@@ -27,6 +27,7 @@ from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
 from tests.sitl.simulators import ARDUPILOT, PX4
 
+_FLOWN_M = 0.5
 _SIMULATORS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _LINKS = {
     "px4": ("udpin://127.0.0.1:14540", "udp://127.0.0.1:18570", "udpin://127.0.0.1:14030"),
@@ -60,7 +61,8 @@ def _campaign(rig: Rig, arguments: argparse.Namespace) -> int:
         flight = plan(seed, has_faults=not arguments.no_faults)
         verdict, breaches = _fly_and_judge(rig, flight)
         verdicts[verdict] += 1
-        rules.update({breach.rule for breach in breaches})
+        if verdict == "breach":
+            rules.update({breach.rule for breach in breaches})
         print(f"{number + 1}: seed {seed} {verdict} {_told(flight)}", *map(_line, breaches), sep="\n    ", flush=True)
         if verdict == "not flown":
             _begin_anew(rig)
@@ -80,9 +82,14 @@ def _fly_and_judge(rig: Rig, flight: Plan) -> tuple[str, list[Breach]]:
         breaches = judge(record)
     else:
         breaches = judge(record)
-        verdict = "breach" if breaches else "clean"
+        verdict = "breach" if breaches else "clean" if _has_flown(record) else "idle"
     _write(rig, flight, record, {"verdict": verdict, "why": why, "began_s": began_s}, breaches)
     return verdict, breaches
+
+
+def _has_flown(record: Record) -> bool:
+    heights = [each.place[2] for each in record.truth]
+    return bool(heights) and max(heights) - min(heights) > _FLOWN_M
 
 
 def _write(rig: Rig, flight: Plan, record: Record, values: dict[str, object], breaches: list[Breach]) -> None:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from ual_daemon.backends.base import Setpoint
 from ual_daemon.backends.mavlink import MavlinkBackend
+from ual_daemon.backends.values import Setpoint
 from ual_daemon.program.main import main
 
 _PERIOD_S = 0.05
@@ -39,5 +39,5 @@ if __name__ == "__main__":
     def send(backend: MavlinkBackend, setpoint: Setpoint) -> None:
         stubborn.send(backend, setpoint)
 
-    MavlinkBackend.send = send  # type: ignore[method-assign]
+    MavlinkBackend.send = send  # type: ignore[method-assign, assignment]
     main()

@@ -108,11 +108,10 @@ def _kill_client(rig: Rig, _fault: Fault, _wait: Wait) -> None:
 
 
 def _second_sender(rig: Rig, fault: Fault, wait: Wait) -> None:
-    ground = rig.anchor or (0.0, 0.0, 0.0)
-    here = rig.truth.place or ground
-    there = (here[0] * 0.5, 4.0 * fault.strength - 2.0, ground[2] + 3.0)
+    here = rig.truth.place or (0.0, 0.0, 0.0)
+    there = (here[0] * 0.5, 4.0 * fault.strength - 2.0, 3.0)
     for _ in range(int(fault.duration_s * 5.0)):
-        rig.truth.send_target(there, ground)
+        rig.truth.send_target(there)
         if wait(0.2):
             return
 

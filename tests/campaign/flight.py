@@ -24,7 +24,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
         NotFlownError: Something other than UAL failed.
 
     """
-    if any(fault.kind == "reboot" for fault in plan.faults):
+    if any(fault.kind == "reboot" for fault in plan.faults) or rig.is_astray():
         rig.reboot()
     rig.prepare()
     record = rig.begin_record()
@@ -57,10 +57,10 @@ def _pilot_arms(rig: Rig) -> None:
 def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
     """Does a step; where something stands in the way, once more when it is over. Returns whether to go on."""
     for _ in range(_ATTEMPTS):
-        call = rig.call(step.name, step.values, _goal(step))
+        call = rig.call(step.name, *_values(rig, step))
         if not call.outcome or call.outcome == "GEOFENCE":
             return True
-        _wait_until_calm(faults)
+        _wait_until_calm(rig, faults)
         state = rig.state()
         if state in ("LANDED_DISARMED", "LANDED_ARMED") and step.name not in ("arm", "take_off"):
             return False
@@ -73,16 +73,22 @@ def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
     return False
 
 
-def _goal(step: Step) -> Place | None:
-    if step.name in ("go_to", "go_to_geo", "path"):
-        east, north, up = step.values[-3:]
-        return (east, north, up)
-    return None
+def _values(rig: Rig, step: Step) -> tuple[tuple[float, ...], Place | None]:
+    """The numbers of a step as the client needs them, and its goal. Plans have places from the simulator's start."""
+    if step.name == "go_to_geo":
+        east, north, up = step.values
+        return (), (east, north, up)
+    if step.name not in ("go_to", "path", "pose"):
+        return step.values, None
+    home = rig.anchor or (0.0, 0.0, 0.0)
+    values = tuple(value - (0.0 if number % 3 == 2 else home[number % 3]) for number, value in enumerate(step.values))
+    return values, None if step.name == "pose" else (values[-3], values[-2], values[-1])
 
 
-def _wait_until_calm(faults: Befalling) -> None:
+def _wait_until_calm(rig: Rig, faults: Befalling) -> None:
+    """Until no fault is under way, and the autopilot does not climb by itself."""
     until_s = time.monotonic() + _CALM_S
-    while not faults.is_calm and time.monotonic() < until_s:
+    while not (faults.is_calm and rig.state() != "TAKING_OFF") and time.monotonic() < until_s:
         time.sleep(0.05)
     time.sleep(0.3)
 
@@ -95,12 +101,11 @@ def _foreign(rig: Rig, plan: Plan, faults: Befalling) -> None:
         take_mode(rig, 4.0, 2.0)
     else:
         rig.pilot.order(mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 6 + (3.0,))
-    ground = rig.anchor or (0.0, 0.0, 0.0)
     for number in range(len(plan.steps)):
         faults.reach(number)
-        _pause(rig, 4.0)
+        _pause(rig, 3.0)
         if not is_px4:
-            rig.truth.send_target((2.0 * number - 4.0, 2.0, ground[2] + 3.0), ground)
+            rig.truth.send_target((2.0 * number - 4.0, 2.0, 3.0))
     take_mode(rig, 4.0, 6.0) if is_px4 else take_mode(rig, 9.0)
     until_s = time.monotonic() + _DOWN_S
     while rig.pilot.is_armed and time.monotonic() < until_s:

@@ -7,7 +7,7 @@ import random
 from dataclasses import dataclass
 
 OURS, FOREIGN = "ours", "foreign"
-AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 6.0, 12.0, 15.0
+AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
 HEIGHT_M = 3.0
 _LOWEST_M, _HIGHEST_M = 2.5, 5.0
 _MOTIONS = ("go_to", "go_to", "go_to_geo", "path", "velocity", "pose", "outside", "push", "abort")
@@ -31,7 +31,7 @@ _GROUND_ONLY = frozenset({"reboot"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
-_BY_RTL = 0.2
+_BY_RTL = 0.1
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
     mission = FOREIGN if dice.random() < _FOREIGN else OURS
     armed_by = "client" if dice.random() < _ARMED_BY_CLIENT else "pilot"
     steps = [Step("arm"), Step("take_off", (HEIGHT_M,))]
-    steps += [_motion(dice) for _ in range(dice.choice((2, 2, 3)))]
+    steps += [_motion(dice) for _ in range(dice.choice((1, 2, 2)))]
     steps.append(Step("rtl", (4.0,)) if dice.random() < _BY_RTL else Step("land"))
     count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
     faults = tuple(_fault(dice, len(steps)) for _ in range(count))
@@ -80,7 +80,7 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
 def _motion(dice: random.Random) -> Step:
     name = dice.choice(_MOTIONS)
     if name == "path":
-        return Step(name, tuple(value for _ in range(3) for value in _place(dice)))
+        return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
     if name == "velocity":
         direction_rad = dice.uniform(-math.pi, math.pi)
         speed_m_s = dice.uniform(0.3, 1.5)
@@ -108,4 +108,4 @@ def _fault(dice: random.Random, steps_count: int) -> Fault:
     kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
     step = 0 if kind in _GROUND_ONLY else dice.randrange(0 if kind != "pilot" else 1, steps_count)
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
-    return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (2.0, 6.0))), dice.random())
+    return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())

@@ -17,7 +17,7 @@ from tests.campaign.ears import Ears
 from tests.campaign.judge import estimate_error_m
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
-from tests.campaign.plan import FENCE_HEIGHT_M, FENCE_SIDE_M
+from tests.campaign.plan import AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M
 from tests.campaign.processes import ClientProcess, DaemonProcess, NotFlownError, SimulatorProcess
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Place, Record, Said, Trouble
 from tests.campaign.starvation import StarvationWatch
@@ -44,6 +44,7 @@ _PARAMETERS = {
 _STATES_HZ = 20.0
 _BOOT_S = 150.0
 _DOWN_S = 60.0
+_ASTRAY_M = 3.0
 _NO_RESET = 42651
 """MAV_CMD_BATTERY_RESET."""
 
@@ -222,6 +223,11 @@ class Rig:
             raise NotFlownError(str(error)) from None
         self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
         self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
+
+    def is_astray(self) -> bool:
+        """Whether it stands where a flight cannot begin: somebody else has flown it there."""
+        place = self.truth.place or (0.0, 0.0, 0.0)
+        return max(abs(place[0]), abs(place[1])) > AREA_M + _ASTRAY_M
 
     def set_parameters(self) -> None:
         """Sets the parameters that faults may have changed."""

@@ -55,9 +55,9 @@ class TruthLink:
         self._is_closing = True
         self._thread.join()
 
-    def send_target(self, place: Place, ground: Place) -> None:
-        """Sends the vehicle somewhere, as a ground station's "fly to here" does, from where its local frame began."""
-        north, east, down = place[1] - ground[1], place[0] - ground[0], ground[2] - place[2]
+    def send_target(self, place: Place) -> None:
+        """Sends it somewhere, as a ground station's "fly to here" does. Its local frame began at the origin."""
+        north, east, down = place[1], place[0], -place[2]
         frame = mavlink.MAV_FRAME_LOCAL_NED
         zeros = (0.0,) * 8
         self._tell(
