@@ -25,6 +25,7 @@ from tests.campaign.plan import Plan, plan
 from tests.campaign.processes import ROOT, NotFlownError
 from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
+from tests.campaign.soak import SoakWatch
 from tests.sitl.simulators import ARDUPILOT, PX4
 
 _FLOWN_M = 0.5
@@ -46,9 +47,15 @@ def main() -> int:
     rig = Rig(options)
     try:
         rig.set_parameters()
-        return _campaign(rig, arguments)
+        soak = SoakWatch(rig.daemon, options.folder / "soak.csv") if arguments.no_faults else None
+        status = _campaign(rig, arguments)
+        if soak is not None:
+            verdict = soak.close()
+            print(verdict.text)
+            status = status or int(not verdict.is_flat)
     finally:
         rig.close()
+    return status
 
 
 def _campaign(rig: Rig, arguments: argparse.Namespace) -> int:
@@ -179,7 +186,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--judge", nargs="+", type=Path, metavar="RECORD", help="judges records of flights again")
     parser.add_argument("--only-seed", type=int, help="flies one flight again, by the seed in its line")
     parser.add_argument("--minutes", type=float, help="flies for so long, however many flights that is")
-    parser.add_argument("--no-faults", action="store_true", help="the same missions without faults")
+    parser.add_argument(
+        "--no-faults", action="store_true", help="no faults; judges the daemon's memory, threads, descriptors"
+    )
     parser.add_argument("--module", default="ual_daemon", help="the daemon's module (to try the judge with a bad one)")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "campaign", metavar="FOLDER")
     return parser

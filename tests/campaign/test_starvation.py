@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
+import time
+from pathlib import Path
 
+from tests.campaign.soak import SoakWatch
 from tests.campaign.starvation import StarvationWatch, waits_s
 
 
@@ -33,3 +36,16 @@ def test_a_starved_process_is_noted() -> None:
     finally:
         watch.close()
     assert found[0][0] < found[0][1]
+
+
+def test_a_soak_reads_a_process_and_judges_it(tmp_path: Path) -> None:
+    class This:
+        pid = os.getpid()
+
+        def processor_s(self) -> float:
+            return time.process_time()
+
+    verdict = SoakWatch(This(), tmp_path / "soak.csv").close()
+    assert verdict.is_flat
+    assert "threads" in verdict.text
+    assert len((tmp_path / "soak.csv").read_text().splitlines()) >= 2
