@@ -26,6 +26,7 @@ from tests.campaign.processes import ROOT, NotFlownError
 from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
 from tests.campaign.soak import SoakWatch
+from tests.campaign.tally import tally
 from tests.sitl.simulators import ARDUPILOT, PX4
 
 _FLOWN_M = 0.5
@@ -118,12 +119,15 @@ def _write(rig: Rig, flight: Plan, record: Record, values: dict[str, object], br
 
 
 def _judge_again(files: list[Path]) -> int:
-    count = 0
+    count, records = 0, []
     for path in files:
         text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
-        breaches = judge(Record.from_json(text))
+        records.append(Record.from_json(text))
+        breaches = judge(records[-1])
         count += bool(breaches)
-        print(path.name, "breach" if breaches else "clean", *map(_line, breaches), sep="\n    ")
+        if breaches:
+            print(path, *map(_line, breaches), sep="\n    ")
+    print(f"{count} of {len(records)} broke a rule: {tally(records)}")
     return int(bool(count))
 
 

@@ -14,6 +14,7 @@ from typing_extensions import Self
 from tests.campaign.plan import Fault
 from tests.campaign.rig import Rig
 
+_CLIMB_TIMES = 60
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""
 
@@ -108,6 +109,10 @@ def _kill_client(rig: Rig, _fault: Fault, _wait: Wait) -> None:
 
 
 def _second_sender(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """Not before it is up: a target that ends ArduCopter's own take-off is an internal error of it, until it boots."""
+    for _ in range(_CLIMB_TIMES):
+        if rig.is_up() or wait(0.2):
+            break
     here = rig.truth.place or (0.0, 0.0, 0.0)
     there = (here[0] * 0.5, 4.0 * fault.strength - 2.0, 3.0)
     for _ in range(int(fault.duration_s * 5.0)):

@@ -104,7 +104,7 @@ def _foreign(rig: Rig, plan: Plan, faults: Befalling) -> None:
     for number in range(len(plan.steps)):
         faults.reach(number)
         _pause(rig, 3.0)
-        if not is_px4:
+        if not is_px4 and rig.is_up():
             rig.truth.send_target((2.0 * number - 4.0, 2.0, 3.0))
     take_mode(rig, 4.0, 6.0) if is_px4 else take_mode(rig, 9.0)
     until_s = time.monotonic() + _DOWN_S

@@ -60,6 +60,10 @@ _UNPLACED_S = 2.5
 _PAUSE_S = 0.8
 _FLOWN_S = 0.5
 """So long after its last setpoint a vehicle is flown by it."""
+ENDED_S = 1.0
+"""By then a task has ended whose vehicle was taken."""
+_TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "path"})
+_TAKERS = {"pilot": "safety pilot", "rc_loss": "rc failsafe", "battery": "battery failsafe"}
 _STARVING = ("freeze", "busy")
 _DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
 _DISTURBED_S = 6.0
@@ -340,28 +344,57 @@ def _silence_s(times: Sequence[float], time_s: float) -> float:
     return time_s - times[index - 1] if index else 0.0
 
 
+def who_took_it_is_told(case: Case) -> Iterator[Breach]:
+    """A task ends within a second of the take-over, and names who took the vehicle where only one can have done it."""
+    record = case.record
+    for taken_s in case.taken_s:
+        if _since_s(record, taken_s + ENDED_S, 0.0) < taken_s + ENDED_S:
+            continue  # starved
+        names = _takers(record, taken_s)
+        for call in record.called:
+            if call.name not in _TASKS or not call.began_s < taken_s - NOTICED_S < taken_s < call.ended_s:
+                continue
+            if call.ended_s > taken_s + ENDED_S:
+                yield Breach("task", taken_s, f"{call.name} went on for {call.ended_s - taken_s:.2f} s")
+            elif call.outcome == "TASK_ABORTED" and names and call.by not in names:
+                yield Breach("task", call.ended_s, f"{call.name} was ended by {call.by!r}, not by {sorted(names)}")
+
+
+def _takers(record: Record, time_s: float) -> set[str]:
+    """Who or what can have taken the vehicle, in the words of UAL; empty where the link may have lost the reason."""
+    active = {each.kind for each in record.troubles if each.began_s <= time_s <= each.ended_s + _DISTURBED_S}
+    return set() if active & set(_DISTURBING) else {_TAKERS[kind] for kind in active & set(_TAKERS)}
+
+
 def goals_are_reached(case: Case) -> Iterator[Breach]:
     """Where a goal was reported as reached the vehicle was there, by the simulator's truth."""
-    record = case.record
+    for call, missed_m, allowed_m in misses_m(case.record):
+        if missed_m > allowed_m:
+            text = f"{call.name} to {_text(call.goal)} was reported as done {missed_m:.2f} m from it"
+            yield Breach("goal", call.ended_s, f"{text} (allowed {allowed_m:.2f})")
+
+
+def misses_m(record: Record) -> Iterator[tuple[Called, float, float]]:
+    """How far from its goal the vehicle was, by the truth, when it was reported as reached; and how far it may be."""
     for call in record.called:
-        if call.outcome or call.goal is None:
+        goal = _goal_on_earth(record, call)
+        if call.outcome or goal is None:
             continue
-        goal, error_m = call.goal, 0.0
-        if not call.is_on_earth:
-            if record.anchor is None:
-                continue
-            goal = (goal[0] + record.anchor[0], goal[1] + record.anchor[1], goal[2] + record.anchor[2])
-            error_m = record.anchor_error_m
-        missed_m = min(
-            (distance_m(each.place, goal) for each in record.truth if abs(each.time_s - call.ended_s) < 0.5),
-            default=None,
-        )
-        allowed_m = REACHED_M + error_m + estimate_error_m(record, call.ended_s)
-        if missed_m is not None and missed_m > allowed_m:
-            text = (
-                f"{call.name} to {_text(goal)} was reported as done {missed_m:.2f} m from it (allowed {allowed_m:.2f})"
-            )
-            yield Breach("goal", call.ended_s, text)
+        near = [each.place for each in record.truth if abs(each.time_s - call.ended_s) < 0.5]
+        if near:
+            error_m = 0.0 if call.is_on_earth else record.anchor_error_m
+            allowed_m = REACHED_M + error_m + estimate_error_m(record, call.ended_s)
+            yield call, min(distance_m(each, goal) for each in near), allowed_m
+
+
+def _goal_on_earth(record: Record, call: Called) -> Place | None:
+    """The goal, from the simulator's start; None where there is none, or where home is not known."""
+    if call.goal is None or call.is_on_earth:
+        return call.goal
+    if record.anchor is None:
+        return None
+    (east, north, up), (home_east, home_north, home_up) = call.goal, record.anchor
+    return (east + home_east, north + home_north, up + home_up)
 
 
 def the_ground_is_reached(case: Case) -> Iterator[Breach]:
@@ -406,14 +439,15 @@ def _nearest(found: Sequence[Located], time_s: float) -> Place | None:
     return min(near, key=lambda each: abs(each.time_s - time_s)).place if near else None
 
 
-def _text(place: Place) -> str:
-    return "(" + ", ".join(f"{value:.1f}" for value in place) + ")"
+def _text(place: Place | None) -> str:
+    return "nowhere" if place is None else "(" + ", ".join(f"{value:.1f}" for value in place) + ")"
 
 
 RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     nothing_after_a_take_over,
     nothing_unasked,
     the_state_is_true,
+    who_took_it_is_told,
     goals_are_reached,
     the_ground_is_reached,
     inside_the_fence,

@@ -45,6 +45,7 @@ _STATES_HZ = 20.0
 _BOOT_S = 150.0
 _DOWN_S = 60.0
 _ASTRAY_M = 3.0
+_UP_M = 2.8
 _NO_RESET = 42651
 """MAV_CMD_BATTERY_RESET."""
 
@@ -223,6 +224,10 @@ class Rig:
             raise NotFlownError(str(error)) from None
         self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
         self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
+
+    def is_up(self) -> bool:
+        """Whether it is high enough to have ended its take-off."""
+        return self.truth.place is not None and self.truth.place[2] > _UP_M
 
     def is_astray(self) -> bool:
         """Whether it stands where a flight cannot begin: somebody else has flown it there."""

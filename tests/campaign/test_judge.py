@@ -261,6 +261,22 @@ def test_a_failsafe_that_goes_on_while_it_is_recovered_takes_nothing_again() -> 
     assert rules(record) == set()
 
 
+def test_a_task_that_goes_on_after_the_take_over_is_found() -> None:
+    record = clean()
+    record.called[2] = dataclasses.replace(record.called[2], ended_s=TAKEN_S + 1.2)
+    assert rules(record) == {"task"}
+
+
+def test_who_took_it_must_be_told_truly() -> None:
+    record = clean()
+    record.troubles.append(Trouble("pilot", TAKEN_S - 0.1, GIVEN_BACK_S))
+    assert rules(record) == set()
+    record.called[2] = dataclasses.replace(record.called[2], by="battery failsafe")
+    assert rules(record) == {"task"}
+    record.troubles.append(Trouble("loss", 10.0, 13.0))
+    assert rules(record) == set()
+
+
 def test_a_plan_follows_from_its_seed() -> None:
     assert plan(7) == plan(7)
     assert plan(7) != plan(8)

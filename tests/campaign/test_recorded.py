@@ -10,6 +10,7 @@ import pytest
 
 from tests.campaign.judge import Case, judge
 from tests.campaign.record import DAEMON_STARTED, Located, Record, Sent
+from tests.campaign.tally import tally
 
 FOLDER = Path(__file__).parent / "data"
 FILES = sorted(FOLDER.glob("*.json.gz"))
@@ -37,6 +38,13 @@ def test_a_recorded_flight_is_clean(path: Path) -> None:
     assert judge(record) == []
     assert len(record.truth) > 100
     assert any(sent.what == "setpoint" for sent in record.sent)
+
+
+def test_what_was_judged_is_counted() -> None:
+    text = tally([read(path) for path in TAKE_OVERS])
+    assert text.startswith("2 flights, ")
+    assert " 2 take-overs, " in text
+    assert text.endswith("pilot 2")
 
 
 def test_there_are_flights_of_both_autopilots() -> None:
