@@ -6,9 +6,9 @@ import re
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from benchmarks.children import ChildError, Process
+from benchmarks.children import ChildError
 
 WARM_S = 900.0
 """Memory is judged after the first quarter of an hour."""
@@ -17,6 +17,17 @@ _WINDOW_S = 60.0
 """Memory is judged by the medians of a minute: a call that is under way when it is read is no growth."""
 _SPREAD_COUNT = 12
 """So many threads or descriptors may come and go with calls."""
+
+
+class Measured(Protocol):
+    """A process."""
+
+    @property
+    def pid(self) -> int:
+        """Its id."""
+
+    def processor_s(self) -> float:
+        """Returns its processor time so far."""
 
 
 class Reading(NamedTuple):
@@ -37,7 +48,7 @@ class Verdict(NamedTuple):
     text: str
 
 
-def read(process: Process, at_s: float) -> Reading:
+def read(process: Measured, at_s: float) -> Reading:
     """Returns a reading now.
 
     Raises:

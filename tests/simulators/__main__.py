@@ -38,7 +38,8 @@ def main(arguments: list[str] | None = None) -> None:
     common = {"system_id": options.system_id, "seed": options.seed, "wander_m": options.wander}
     if options.kind == "px4":
         ground = None if options.ground is None else UdpPort((HOST, options.ground))
-        autopilot = Px4(link, ground, **common)
+        other = None if options.other is None else UdpPort((HOST, 0), (HOST, options.other))
+        autopilot = Px4(link, ground, other=other, **common)
         if ground is not None:
             places["ground"] = ground.address[1]
     else:
@@ -47,6 +48,10 @@ def main(arguments: list[str] | None = None) -> None:
             ground_link, radio = TcpPort((HOST, options.ground)), UdpPort((HOST, options.radio))
             links.append(ground_link)
             places |= {"ground": ground_link.address[1], "radio": radio.address[1]}
+        if options.other is not None:
+            other_link = TcpPort((HOST, options.other))
+            links.append(other_link)
+            places["other"] = other_link.address[1]
         autopilot = ArduPilot(links, radio, **common)
     for assignment in options.parameter:
         name, _, value = assignment.partition("=")
@@ -67,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--ground", type=int, metavar="PORT", help="a link for a ground station: PX4 UDP, ArduPilot TCP"
     )
+    parser.add_argument("--other", type=int, metavar="PORT", help="a third link: PX4 sends there, ArduPilot serves TCP")
     parser.add_argument("--radio", type=int, default=0, metavar="PORT", help="ArduPilot: the transmitter's UDP port")
     parser.add_argument("--system-id", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)

@@ -549,6 +549,7 @@ class ArduPilot(Autopilot):
         return {
             **super()._builders(),
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status_report,
+            mavlink.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
         }

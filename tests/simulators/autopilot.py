@@ -524,6 +524,20 @@ class Autopilot(ABC):
             self.time_ms, latitude, longitude, altitude, round(above_home * 1e3), vx, vy, vz, heading
         )
 
+    def _sim_state(self) -> Message:
+        """Returns where it really is, as ArduPilot's simulator tells."""
+        latitude, longitude, altitude = self.geo(self.body.position)
+        zeros, speeds = (0.0,) * 13, self.body.velocity
+        degrees = (latitude / 1e7, longitude / 1e7, altitude / 1e3, 0.0, 0.0)
+        return mavlink.MAVLink_sim_state_message(*zeros, *degrees, *speeds, latitude, longitude)
+
+    def _hil_state(self) -> Message:
+        """Returns where it really is, as PX4's simulator tells."""
+        latitude, longitude, altitude = self.geo(self.body.position)
+        return mavlink.MAVLink_hil_state_quaternion_message(
+            0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, latitude, longitude, altitude, *(0,) * 8
+        )
+
     def _gps_raw(self) -> Message:
         latitude, longitude, altitude = self.geo(self.body.position)
         if not (self.is_gps_good and self.has_satellites):

@@ -139,6 +139,7 @@ _RATES_HZ: dict[int, float] = {
     380: 0.5,
     411: 0.33,
 }
+_OTHER_RATES_HZ = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
 _GROUND_STATION_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
@@ -172,6 +173,7 @@ class Px4(Autopilot):
         onboard: Port,
         ground: Port | None = None,
         *,
+        other: Port | None = None,
         system_id: int = 1,
         start: Vector = (0.03, -0.15, -0.37),
         boot_s: float = 4.0,
@@ -181,6 +183,8 @@ class Px4(Autopilot):
         channels = [Channel(onboard, _RATES_HZ)]
         if ground is not None:
             channels.append(Channel(ground, _GROUND_STATION_RATES_HZ, forwards=True))
+        if other is not None:
+            channels.append(Channel(other, _OTHER_RATES_HZ))
         super().__init__(
             channels,
             SphereProjection(47.3977428, 8.5455967, 489.052),
@@ -587,6 +591,7 @@ class Px4(Autopilot):
         return {
             **others,
             **super()._builders(),
+            mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self._hil_state,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._current_mode,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._odometry,

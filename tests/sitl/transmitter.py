@@ -44,6 +44,8 @@ class Transmitter(ABC):
         self._changed = threading.Condition()
         self._system_id = 0
         self.sticks = Sticks()
+        self.holds_sticks = True
+        """Whether the transmitter is on."""
         self.is_ready = False
         self.is_armed = False
         self.mode = -1
@@ -138,7 +140,8 @@ class Transmitter(ABC):
         while not self._is_closing:
             if time.monotonic() >= next_s:
                 next_s += self.sticks_s
-                self._hold_sticks(count)
+                if self.holds_sticks:
+                    self._hold_sticks(count)
                 count += 1
             try:
                 data = self._link.recv(4096)

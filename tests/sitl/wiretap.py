@@ -10,6 +10,7 @@ import socket
 import threading
 import time
 from dataclasses import dataclass
+from typing import Protocol
 from urllib.parse import urlsplit
 
 from tests.simulators.faults import GOOD, Way
@@ -39,14 +40,28 @@ class Heard:
     message: Message
 
 
+class Ears(Protocol):
+    """Hears what passes."""
+
+    def hear_daemon(self, data: bytes) -> None:
+        """Takes what the daemon has sent, as it left it."""
+
+    def hear_autopilot(self, data: bytes) -> None:
+        """Takes what reaches the daemon, as it reaches it."""
+
+    def renew(self) -> None:
+        """Both ends have connected anew."""
+
+
 class Wiretap:
     """Passes everything on, both ways, and keeps what the daemon sent. A daemon that ends may be followed by another.
 
     `url` is where the autopilot would be found without it (``udpin://`` or ``tcp://``); `self.url` is for the daemon.
     `faults` are those of the line, each way; on TCP pieces of the stream are lost or damaged, as by a modem between.
+    `ears` hear instead of this, and both ways.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, ears: Ears | None = None) -> None:
         parts = urlsplit(url)
         assert parts.hostname is not None
         assert parts.port is not None
@@ -56,6 +71,7 @@ class Wiretap:
         self._lock = threading.Lock()
         self._sent: list[Heard] = []
         self._is_closing = False
+        self._ears = ears
         self.faults = GOOD
         is_udp = parts.scheme == "udpin"
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if is_udp else socket.SOCK_STREAM)
@@ -87,11 +103,18 @@ class Wiretap:
         ]
 
     def _note(self, data: bytes) -> None:
+        if self._ears is not None:
+            self._ears.hear_daemon(data)
+            return
         time_s = time.monotonic()
         for frame in self._reader.feed(data):
             heard = Heard(time_s, self._codec.decode(frame))
             with self._lock:
                 self._sent.append(heard)
+
+    def _note_told(self, data: bytes) -> None:
+        if self._ears is not None:
+            self._ears.hear_autopilot(data)
 
     def _pass_datagrams(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far, selectors.DefaultSelector() as selector:
@@ -112,6 +135,7 @@ class Wiretap:
                         up.put(data, time.monotonic(), self.faults)
                 for data in down.take(time.monotonic()):
                     if daemon is not None:
+                        self._note_told(data)
                         self._near.sendto(data, daemon)
                 for data in up.take(time.monotonic()):
                     if autopilot is not None:
@@ -126,7 +150,9 @@ class Wiretap:
             except TimeoutError:
                 continue
             self._reader = FrameReader()
-            with daemon, socket.create_connection(self._autopilot) as far, contextlib.suppress(ConnectionError):
+            if self._ears is not None:
+                self._ears.renew()
+            with daemon, contextlib.suppress(ConnectionError), socket.create_connection(self._autopilot) as far:
                 self._pass_stream(daemon, far)
 
     def _pass_stream(self, daemon: socket.socket, far: socket.socket) -> None:
@@ -144,6 +170,7 @@ class Wiretap:
                         self._note(data)
                     (up if key.fileobj is daemon else down).put(data, time.monotonic(), self.faults)
                 for data in down.take(time.monotonic()):
+                    self._note_told(data)
                     daemon.sendall(data)
                 for data in up.take(time.monotonic()):
                     far.sendall(data)

@@ -152,7 +152,9 @@ class Snapshot(NamedTuple):
     """The newest values from the autopilot; None for a value that it has not sent (yet).
 
     `time_s` is when the snapshot was taken and `heard_s` when the last message came from the autopilot, both on the
-    backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970. `velocity` is linear along the
+    backend's clock; `stamp_s` is the autopilot's time of the pose as UTC since 1970, and `measured_s` the same on the
+    autopilot's own clock (0: it does not say), of which only differences count: UTC is estimated, and is corrected when
+    the delay of the link changes. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
     autopilot says so (its altitude is the former). `own_fence` is the autopilot's own fence; None if it has no limit.
@@ -199,6 +201,7 @@ class Snapshot(NamedTuple):
     health: Health | None = None
     failsafe: Cause | None = None
     held_by: Cause | None = None
+    measured_s: float = 0.0
 
     @property
     def home(self) -> Vector3 | None:

@@ -29,12 +29,15 @@ _SUSPECTED_S = 0.2
 
 
 class _Seen(NamedTuple):
-    """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot."""
+    """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot.
+
+    When they were measured is on the autopilot's own clock, or else in UTC.
+    """
 
     position: Vector3
     velocity: Vector3
     received_s: float
-    stamp_s: float
+    measured_s: float
     boots_count: int
 
 
@@ -61,7 +64,8 @@ class JumpDetector:
             return None
         self._newest = pose
         last = self._last
-        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, snapshot.stamp_s, snapshot.boots_count)
+        measured_s = snapshot.measured_s or snapshot.stamp_s
+        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.boots_count)
         if last is not None and not self._is_suspected and self._is_continued(last, new):
             self._last = new
             return None
@@ -97,7 +101,8 @@ class JumpDetector:
 def _longest_s(last: _Seen, new: _Seen) -> float:
     """Returns how long it was at most between two positions: a link may hold them back and deliver them together."""
     received_s = new.received_s - last.received_s
-    return max(received_s, new.stamp_s - last.stamp_s if last.stamp_s > 0.0 and new.stamp_s > 0.0 else received_s)
+    are_measured = last.measured_s > 0.0 and new.measured_s > 0.0
+    return max(received_s, new.measured_s - last.measured_s if are_measured else received_s)
 
 
 def _unexplained(last: _Seen, new: _Seen, passed_s: float) -> Vector3:

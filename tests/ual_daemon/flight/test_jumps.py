@@ -95,3 +95,17 @@ def test_hard_turns_and_lost_positions_are_no_jumps() -> None:
 def test_a_new_boot_or_a_long_gap_is_no_jump() -> None:
     assert jumps([seen(0.0, 0.0, 0.0), seen(9.0, 0.0, 0.1, boots_count=1), seen(9.0, 0.0, 0.2, boots_count=1)]) == []
     assert jumps([seen(0.0, 0.0, 0.0), seen(9.0, 0.0, 2.5), seen(9.0, 0.0, 2.6)]) == []
+
+
+def test_a_delay_of_the_link_that_ends_makes_no_jump() -> None:
+    """The UTC of the positions is estimated from when they come, and is corrected at once; their own clock is not."""
+    speed_m_s, delay_s, way = 6.0, 0.4, []
+    for i in range(100):
+        is_late = 20 <= i < 60
+        if is_late and i + delay_s / STEP_S >= 60:
+            continue  # overtaken
+        received_s = i * STEP_S + (delay_s if is_late else 0.0)
+        position = seen(speed_m_s * i * STEP_S, speed_m_s, received_s, 100.0 + received_s)
+        way.append(position._replace(measured_s=7.0 + i * STEP_S))
+    assert jumps(way) == []
+    assert jumps(position._replace(measured_s=0.0) for position in way) != []  # what the estimate alone would say

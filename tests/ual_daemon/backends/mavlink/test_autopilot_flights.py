@@ -329,3 +329,18 @@ def test_nothing_of_ours_cancels_a_take_off_of_ardupilot_and_one_that_another_ca
             task.wait(LIMIT_S)
     finally:
         flight.uav.close()
+
+
+@pytest.mark.parametrize("delay_s", [0.2, 0.4])
+def test_a_delay_of_the_link_that_ends_is_no_jump_of_the_estimate(flight: Flight, delay_s: float) -> None:
+    """Seed 300011 of the campaign: the positions of the delay came at once, and the go-to ended ("jumped by 1.1 m")."""
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 4.0, "its speed")
+    for _ in range(2):
+        flight.link.down = Faults(delay_s=delay_s)
+        flight.let_pass(2.0)
+        flight.link.down = Faults()
+        flight.let_pass(1.0)
+    task.wait(LIMIT_S)
+    flight.land()

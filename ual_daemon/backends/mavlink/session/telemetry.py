@@ -47,7 +47,7 @@ class Telemetry:
         self._sequence = SequenceUnwrapper(LATE_S)
         self._sources: dict[str, tuple[int, float]] = {}
         """For each value the sequence number of its last message, and when that came."""
-        self._stamp_s = 0.0
+        self._stamp_s = self._measured_s = 0.0
         self._armed: Sample[bool] | None
         self._mode: Sample[Mode] | None
         self._landed: Sample[LandedState] | None
@@ -199,6 +199,7 @@ class Telemetry:
             time_s=now_s,
             heard_s=self._heard_s,
             stamp_s=self._stamp_s,
+            measured_s=self._measured_s,
             armed=self._armed,
             landed=self._landed,
             mode=self._mode,
@@ -263,14 +264,15 @@ class Telemetry:
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if not self._is_newest("position", now_s):
             return
-        stamp_s = self._clock_offset.to_utc(milli(message.time_boot_ms), now_s, utc_now_s)
+        measured_s = milli(message.time_boot_ms)
+        stamp_s = self._clock_offset.to_utc(measured_s, now_s, utc_now_s)
         attitude = self._attitude
         if attitude is None or now_s - attitude.time_s > ATTITUDE_LIMIT_S:
             return
         place, velocity = ned_to_enu(message.x, message.y, message.z), ned_to_enu(message.vx, message.vy, message.vz)
         if self.plausibility.accepts_position(place) and self.plausibility.accepts_velocity(velocity):
             orientation, rates = attitude.value
-            self._stamp_s = stamp_s  # of the pose: where the pose is old, so is its stamp
+            self._stamp_s, self._measured_s = stamp_s, measured_s  # of the pose: where it is old, so are they
             self._pose = Sample(Pose(place, orientation), now_s)
             self._velocity = Sample(Twist(velocity, rates), now_s)
             self.origin.on_position(message.time_boot_ms, place, velocity)

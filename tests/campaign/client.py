@@ -1,0 +1,98 @@
+"""A client as a process of its own, which can be killed: ``python -m tests.campaign.client HOST:PORT``.
+
+Each line of JSON on its standard input is a step; it writes a line when the step begins and one when it ends.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import ual
+from ual.errors import UalError
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import AltitudeReference
+
+_LIMIT_S = 20.0
+_PERIOD_S = 0.04
+
+
+def main() -> None:
+    with ual.Uav("uav_1", address=sys.argv[1]) as uav:
+        _write(ready=True)
+        for line in sys.stdin:
+            step = json.loads(line)
+            _write(began_s=time.monotonic())
+            _write(**_do(uav, step["name"], step["values"]), ended_s=time.monotonic())
+
+
+class _Count:
+    """How many setpoints of a stream were accepted."""
+
+    value = 0
+
+
+def _do(uav: ual.Uav, name: str, values: Sequence[float]) -> dict[str, object]:
+    accepted = _Count()
+    try:
+        _STEPS[name](uav, values, accepted)
+    except UalError as error:
+        by = error.metadata.get("by", "")
+        return {"outcome": error.reason, "by": by, "text": str(error), "accepted": accepted.value}
+    return {"outcome": "", "by": "", "text": "", "accepted": accepted.value}
+
+
+def _write(**values: object) -> None:
+    print(json.dumps(values), flush=True)
+
+
+def _path(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
+    places = [Pose.at(*values[each : each + 3]) for each in range(0, len(values), 3)]
+    uav.follow_path(places, corner_radius_m=0.5, timeout_s=_LIMIT_S)
+
+
+def _velocity(uav: ual.Uav, values: Sequence[float], accepted: _Count) -> None:
+    velocity = Twist(Vector3(*values[:3]))
+    until_s = time.monotonic() + values[3]
+    while time.monotonic() < until_s:
+        uav.set_velocity(velocity)
+        accepted.value += 1
+        time.sleep(_PERIOD_S)
+
+
+def _pose(uav: ual.Uav, values: Sequence[float], accepted: _Count) -> None:
+    """Half a metre towards the place, as a reference that is sent as it is."""
+    here = uav.pose().pose.position
+    way = Vector3(*values) - here
+    goal = here + way * (0.5 / max(0.5, way.norm()))
+    for _ in range(25):
+        uav.set_pose(Pose.at(goal.x, goal.y, goal.z))
+        accepted.value += 1
+        time.sleep(_PERIOD_S)
+
+
+def _geo(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
+    uav.go_to_waypoint_geo(values[0], values[1], values[2], AltitudeReference.AMSL, timeout_s=_LIMIT_S)
+
+
+_STEPS: dict[str, Callable[[ual.Uav, Sequence[float], _Count], Any]] = {
+    "arm": lambda uav, *_: uav.arm(timeout_s=_LIMIT_S),
+    "set_home": lambda uav, *_: uav.set_home(set_z=True),
+    "take_off": lambda uav, values, _: uav.take_off(values[0], timeout_s=_LIMIT_S),
+    "land": lambda uav, *_: uav.land(timeout_s=2.0 * _LIMIT_S),
+    "rtl": lambda uav, values, _: uav.return_to_launch(values[0], timeout_s=2.0 * _LIMIT_S),
+    "recover": lambda uav, values, _: uav.recover_from_manual(force=bool(values and values[0]), timeout_s=_LIMIT_S),
+    "abort": lambda uav, values, _: uav.abort(freeze=bool(values[0])),
+    "go_to": lambda uav, values, _: uav.go_to_waypoint(Pose.at(*values[:3]), timeout_s=_LIMIT_S),
+    "go_to_geo": _geo,
+    "path": _path,
+    "velocity": _velocity,
+    "pose": _pose,
+}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""Hears what passes on the wire, and notes what the judge needs."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable
+
+from tests.campaign.modes import BY_AUTOPILOT
+from tests.campaign.places import Origin
+from tests.campaign.record import Located, Record, Sent, Told
+from ual_daemon.backends.mavlink.wire.frames import FrameReader
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+
+_CURRENT_MODE, _EVENT = 436, 410
+_ARMING_EVENTS = {26266355: True, 32794487: False}
+"""PX4 tells so that it was armed or disarmed, ahead of its heartbeat."""
+_AUTOPILOT = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        _CURRENT_MODE,
+        _EVENT,
+    }
+)
+_PLACED = mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_ABS
+_HARMLESS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
+        mavlink.MAVLINK_MSG_ID_PING,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        412,  # REQUEST_EVENT
+    }
+)
+"""What a daemon may send unasked; all other messages may move the vehicle or change it."""
+_ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
+_NAMES = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm",
+    mavlink.MAV_CMD_NAV_TAKEOFF: "take_off",
+    mavlink.MAV_CMD_NAV_LAND: "land",
+    mavlink.MAV_CMD_DO_SET_MODE: "mode",
+}
+_CLOCK_S = 5.0
+
+
+class Ears:
+    """Fills `record`, which may be exchanged between flights. Places count from `origin`."""
+
+    def __init__(self, record: Record, origin: Origin) -> None:
+        self.record = record
+        self._mode_number = BY_AUTOPILOT[record.autopilot].number
+        self._origin = origin
+        self._codec = Codec(0)
+        self._newest_event_ms = 0
+        self._from_daemon, self._from_autopilot = FrameReader(), FrameReader()
+
+    def renew(self) -> None:
+        """Forgets a half frame: the connection is a new one."""
+        self._newest_event_ms = 0
+        self._from_daemon, self._from_autopilot = FrameReader(), FrameReader()
+
+    def hear_daemon(self, data: bytes) -> None:
+        """Takes what the daemon has sent."""
+        now_s = time.monotonic()
+        for frame in self._from_daemon.feed(data):
+            if frame.message_id in _HARMLESS:
+                continue
+            sent = _sent(self._codec.decode(frame), now_s, self._mode_number)
+            if sent is not None:
+                self.record.sent.append(sent)
+
+    def hear_autopilot(self, data: bytes) -> None:
+        """Takes what has reached the daemon, as it reached it."""
+        now_s = time.monotonic()
+        for frame in self._from_autopilot.feed(data):
+            if frame.message_id not in _AUTOPILOT or frame.component_id != mavlink.MAV_COMP_ID_AUTOPILOT1:
+                continue
+            if frame.message_id == _CURRENT_MODE:
+                (mode,) = struct.unpack_from("<I", frame.payload.ljust(4, b"\0"))
+                self.record.told.append(Told(now_s, mode=mode))
+                continue
+            if frame.message_id == _EVENT:
+                self._note_event(frame.payload, now_s)
+                continue
+            try:
+                self._note(self._codec.decode(frame), now_s)
+            except CorruptFrameError:
+                continue
+
+    def _note_event(self, payload: bytes, now_s: float) -> None:
+        """PX4 sends old events again, with their old times."""
+        kind, time_ms = struct.unpack_from("<II", payload.ljust(8, b"\0"))
+        if kind in _ARMING_EVENTS and time_ms > self._newest_event_ms:
+            self.record.told.append(Told(now_s, armed=_ARMING_EVENTS[kind]))
+        self._newest_event_ms = max(time_ms, self._newest_event_ms)
+
+    def _note(self, message: Message, now_s: float) -> None:
+        if isinstance(message, mavlink.MAVLink_heartbeat_message):
+            armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self.record.told.append(Told(now_s, armed, message.custom_mode))
+        elif isinstance(message, mavlink.MAVLink_extended_sys_state_message):
+            self.record.told.append(Told(now_s, landed=message.landed_state))
+        elif hasattr(message, "flags"):
+            is_placed = message.flags & _PLACED == _PLACED
+            self.record.told.append(Told(now_s, is_placed=is_placed))
+        elif message.lat or message.lon:
+            place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
+            self.record.estimate.append(Located(now_s, place))
+
+
+def _sent(message: Message, now_s: float, mode_number: Callable[[int, int], int]) -> Sent | None:
+    """Returns what the message does to the vehicle; None: nothing."""
+    if isinstance(message, mavlink.MAVLink_set_position_target_local_ned_message):
+        written_s = message.time_boot_ms / 1e3  # the daemon writes when it has sent it, by the same clock
+        return Sent(written_s if abs(written_s - now_s) < _CLOCK_S else now_s, "setpoint")
+    command = getattr(message, "command", None)
+    if command in _ASKING:
+        return None
+    if command is None:
+        return Sent(now_s, str(message.get_type()).lower())
+    is_mode = command == mavlink.MAV_CMD_DO_SET_MODE
+    mode = mode_number(int(message.param2), int(message.param3)) if is_mode else None
+    return Sent(now_s, _NAMES.get(command, f"command {command}"), mode)

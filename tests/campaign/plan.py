@@ -1,0 +1,111 @@
+"""What one flight does and what befalls it: all of it follows from the seed."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+
+OURS, FOREIGN = "ours", "foreign"
+AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
+HEIGHT_M = 3.0
+_LOWEST_M, _HIGHEST_M = 2.5, 5.0
+_MOTIONS = ("go_to", "go_to", "go_to_geo", "path", "velocity", "pose", "outside", "push", "abort")
+_KINDS = {
+    "loss": 4,
+    "delay": 4,
+    "corruption": 4,
+    "silence": 5,
+    "reboot": 1,
+    "kill_daemon": 5,
+    "kill_client": 4,
+    "second_sender": 4,
+    "pilot": 8,
+    "rc_loss": 3,
+    "battery": 2,
+    "freeze": 5,
+    "busy": 3,
+}
+"""How often each is chosen, relative to the others."""
+_GROUND_ONLY = frozenset({"reboot"})
+_FOREIGN = 0.08
+_NO_FAULT = 0.1
+_ARMED_BY_CLIENT = 0.3
+_BY_RTL = 0.1
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command of the mission, with its numbers."""
+
+    name: str
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What befalls the flight, `delay_s` after the step of this number begins. `strength` is 0 to 1."""
+
+    kind: str
+    step: int
+    delay_s: float
+    duration_s: float
+    strength: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One flight."""
+
+    seed: int
+    mission: str
+    armed_by: str
+    steps: tuple[Step, ...]
+    faults: tuple[Fault, ...]
+
+
+def plan(seed: int, *, has_faults: bool = True) -> Plan:
+    """Returns the flight of a seed. Without faults it is the same mission."""
+    dice = random.Random(seed)
+    mission = FOREIGN if dice.random() < _FOREIGN else OURS
+    armed_by = "client" if dice.random() < _ARMED_BY_CLIENT else "pilot"
+    steps = [Step("arm"), Step("take_off", (HEIGHT_M,))]
+    steps += [_motion(dice) for _ in range(dice.choice((1, 2, 2)))]
+    steps.append(Step("rtl", (4.0,)) if dice.random() < _BY_RTL else Step("land"))
+    count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
+    faults = tuple(_fault(dice, len(steps)) for _ in range(count))
+    return Plan(seed, mission, armed_by, tuple(steps), faults if has_faults else ())
+
+
+def _motion(dice: random.Random) -> Step:
+    name = dice.choice(_MOTIONS)
+    if name == "path":
+        return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
+    if name == "velocity":
+        direction_rad = dice.uniform(-math.pi, math.pi)
+        speed_m_s = dice.uniform(0.3, 1.5)
+        east, north = speed_m_s * math.cos(direction_rad), speed_m_s * math.sin(direction_rad)
+        return Step(name, (east, north, 0.0, dice.uniform(1.0, 2.5)))
+    if name == "push":
+        direction_rad = dice.choice((0, 1, 2, 3)) * math.pi / 2
+        return Step("velocity", (5.0 * math.cos(direction_rad), 5.0 * math.sin(direction_rad), 0.0, 4.0))
+    if name == "outside":
+        return Step("go_to", (dice.choice((-1, 1)) * dice.uniform(20.0, 60.0), 0.0, HEIGHT_M))
+    if name == "abort":
+        return Step(name, (float(dice.random() < 0.5),))
+    return Step(name, _place(dice))
+
+
+def _place(dice: random.Random) -> tuple[float, float, float]:
+    return (
+        dice.uniform(-AREA_M, AREA_M),
+        dice.uniform(-AREA_M, AREA_M),
+        dice.uniform(_LOWEST_M, _HIGHEST_M),
+    )
+
+
+def _fault(dice: random.Random, steps_count: int) -> Fault:
+    kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
+    step = 0 if kind in _GROUND_ONLY else dice.randrange(0 if kind != "pilot" else 1, steps_count)
+    durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
+    return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())

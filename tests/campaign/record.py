@@ -1,0 +1,138 @@
+"""What is known of a flight afterwards: bytes on the wire, what the daemon said, calls, faults, the truth.
+
+All times are seconds of the computer's monotonic clock; places are metres east, north and up of the simulator's start.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+Place = tuple[float, float, float]
+
+DAEMON_STARTED, DAEMON_KILLED = "started", "killed"
+
+
+@dataclass(frozen=True)
+class Told:
+    """What has come to the daemon from the autopilot; None: this message does not say it."""
+
+    time_s: float
+    armed: bool | None = None
+    mode: int | None = None
+    landed: int | None = None
+    is_placed: bool | None = None
+    """Whether the autopilot's estimator is sure of its position."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What the daemon has sent that may move or change the vehicle: ``setpoint``, ``mode``, ``arm``, ``take_off``, …"""
+
+    time_s: float
+    what: str
+    mode: int | None = None
+
+
+@dataclass(frozen=True)
+class Said:
+    """The state that the daemon told a subscriber."""
+
+    time_s: float
+    state: str
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Called:
+    """A call of a client. `outcome` is empty where it was done, else the reason of the error. `goal` is a place on
+    Earth where `is_on_earth`, else in ``<ns>/odom``.
+    """
+
+    name: str
+    began_s: float
+    ended_s: float
+    outcome: str = ""
+    by: str = ""
+    goal: Place | None = None
+    is_on_earth: bool = False
+    accepted_count: int = 0
+    """Of a stream: the setpoints before its end that were accepted."""
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where the vehicle was: by the simulator's truth, or by the autopilot's estimate."""
+
+    time_s: float
+    place: Place
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """A fault, from its begin to its end."""
+
+    kind: str
+    began_s: float
+    ended_s: float
+
+
+@dataclass(frozen=True)
+class Life:
+    """The daemon was started or killed."""
+
+    time_s: float
+    what: str
+
+
+@dataclass
+class Record:
+    """One flight, from before its arming to after its end. `fence_m` is half the side of the square fence and its
+    height.
+    """
+
+    autopilot: str
+    fence_m: tuple[float, float] | None = None
+    anchor: Place | None = None
+    """Where home was by the truth when it was last set before this flight, and how wrong the estimate was then."""
+    anchor_error_m: float = 0.0
+    told: list[Told] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
+    said: list[Said] = field(default_factory=list)
+    called: list[Called] = field(default_factory=list)
+    truth: list[Located] = field(default_factory=list)
+    estimate: list[Located] = field(default_factory=list)
+    troubles: list[Trouble] = field(default_factory=list)
+    lives: list[Life] = field(default_factory=list)
+
+    def to_json(self) -> str:
+        """Returns it as text, to be judged again later."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Record:
+        """Returns what `to_json` has written."""
+        values: dict[str, Any] = json.loads(text)
+        for name, kind in _KINDS.items():
+            values[name] = [kind(**_tuples(each)) for each in values[name]]
+        for name in ("fence_m", "anchor"):
+            values[name] = None if values[name] is None else tuple(values[name])
+        return cls(**values)
+
+
+_KINDS: dict[str, type] = {
+    "told": Told,
+    "sent": Sent,
+    "said": Said,
+    "called": Called,
+    "truth": Located,
+    "estimate": Located,
+    "troubles": Trouble,
+    "lives": Life,
+}
+assert set(_KINDS) <= {each.name for each in fields(Record)}
+
+
+def _tuples(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

@@ -1,0 +1,324 @@
+"""All that one campaign flies with: simulator, wiretap, daemon, client, safety pilot, truth."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import math
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import ual
+from tests.campaign.ears import Ears
+from tests.campaign.judge import estimate_error_m
+from tests.campaign.modes import BY_AUTOPILOT
+from tests.campaign.places import Origin
+from tests.campaign.plan import AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M
+from tests.campaign.processes import ClientProcess, DaemonProcess, NotFlownError, SimulatorProcess
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Place, Record, Said, Trouble
+from tests.campaign.starvation import StarvationWatch
+from tests.campaign.truth import TruthLink
+from tests.simulators.faults import GOOD
+from tests.sitl.transmitter import Transmitter
+from tests.sitl.wiretap import Wiretap
+from ual.types import Telemetry
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+_PARAMETERS = {
+    "ardupilot": {
+        "RTL_ALT": 400.0,
+        "RTL_LOIT_TIME": 500.0,
+        "BATT_FS_LOW_ACT": 2.0,
+        "BATT_LOW_TIMER": 1.0,
+        "BATT_LOW_VOLT": 10.5,
+        "SIM_BATT_VOLTAGE": 12.6,
+        "SIM_RC_FAIL": 0.0,
+    },
+    "px4": {"RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0, "SIM_BAT_DRAIN": 60.0, "SIM_BAT_MIN_PCT": 50.0},
+}
+"""So that a failsafe's return is short, and comes when it is caused."""
+_STATES_HZ = 20.0
+_BOOT_S = 150.0
+_DOWN_S = 60.0
+_ASTRAY_M = 3.0
+_UP_M = 2.8
+_NO_RESET = 42651
+"""MAV_CMD_BATTERY_RESET."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a campaign flies."""
+
+    autopilot: str
+    url: str
+    make_pilot: Callable[[], Transmitter]
+    truth_url: str
+    start: str
+    folder: Path
+    origin: Origin
+    module: str
+
+
+class Rig:
+    """Everything, from its making to `close`. Each flight has a record of its own."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self.modes = BY_AUTOPILOT[options.autopilot]
+        self.record = self._new_record()
+        self.simulator = SimulatorProcess(options.start) if options.start else None
+        if self.simulator is not None:
+            self.simulator.start()
+        self._ears = Ears(self.record, options.origin)
+        self.wiretap = Wiretap(options.url, self._ears)
+        self.truth = TruthLink(options.truth_url, self.record, options.origin)
+        self.daemon = DaemonProcess(options.module, self._flags(), options.folder)
+        self._observer: ual.Uav | None = None
+        self._client: ClientProcess | None = None
+        self.pilot = self._make_pilot()
+        self.anchor: Place | None = None
+        self.anchor_error_m = 0.0
+        self.start_daemon()
+        self._starvation = StarvationWatch(self._daemon_pid, self._note_starvation)
+
+    def close(self) -> None:
+        for close in (
+            self._starvation.close,
+            self._end_client,
+            self._end_observer,
+            self.daemon.close,
+            self.pilot.close,
+            self.truth.close,
+            self.wiretap.close,
+        ):
+            close()
+        if self.simulator is not None:
+            self.simulator.end()
+
+    # --- A flight's record --------------------------------------------------------------------------------------------
+
+    def begin_record(self) -> Record:
+        """Begins a new one. What is true already is in it."""
+        known = self.record.told[-200:]
+        self.record = self._new_record()
+        self.record.anchor, self.record.anchor_error_m = self.anchor, self.anchor_error_m
+        self.record.told.extend(known)
+        self.record.lives.append(Life(known[0].time_s if known else time.monotonic(), DAEMON_STARTED))
+        self._ears.record = self.truth.record = self.record
+        return self.record
+
+    def _new_record(self) -> Record:
+        return Record(self.options.autopilot, (FENCE_SIDE_M, FENCE_HEIGHT_M))
+
+    # --- The daemon and its clients -----------------------------------------------------------------------------------
+
+    def start_daemon(self) -> None:
+        self.record.lives.append(Life(time.monotonic(), DAEMON_STARTED))
+        self.daemon.start()
+        self._end_observer()
+        self._observer = ual.Uav("uav_1", address=self.daemon.address)
+        self._observer.subscribe(self._note_state, rate_hz=_STATES_HZ)
+
+    def kill_daemon(self) -> None:
+        self.daemon.kill()
+        self.record.lives.append(Life(time.monotonic(), DAEMON_KILLED))
+
+    def kill_client(self) -> None:
+        if self._client is not None:
+            self._client.kill()
+
+    def call(self, name: str, values: tuple[float, ...] = (), goal: Place | None = None) -> Called:
+        """Has the client do a step; a client that was killed is followed by another at the next step."""
+        if self._client is None:
+            self._client = ClientProcess(self.daemon.address)
+        sent = values
+        if name == "go_to_geo":
+            assert goal is not None
+            sent = self.options.origin.geo(goal)
+        answer = self._client.run(name, sent)
+        if "ended_s" not in answer:
+            self._end_client()
+            answer = {**answer, "ended_s": time.monotonic(), "outcome": "CLIENT_KILLED", "by": "", "text": ""}
+        call = Called(
+            name,
+            answer["began_s"],
+            answer["ended_s"],
+            answer["outcome"],
+            answer["by"],
+            goal,
+            name == "go_to_geo",
+            answer.get("accepted", 0),
+        )
+        self.record.called.append(call)
+        return call
+
+    def set_home(self) -> None:
+        """Home is where the vehicle stands: the judge knows where that is."""
+        call = self.call("set_home")
+        if not call.outcome and self.truth.place is not None:
+            self.anchor = self.record.anchor = self.truth.place
+            self.anchor_error_m = self.record.anchor_error_m = estimate_error_m(self.record, call.ended_s)
+
+    def state(self) -> str:
+        """The state that the daemon told last."""
+        return self.record.said[-1].state if self.record.said else ""
+
+    def _note_state(self, sample: Telemetry) -> None:
+        self.record.said.append(Said(time.monotonic(), sample.state.name, sample.state_reason))
+
+    def _daemon_pid(self) -> int | None:
+        return self.daemon.pid if self.daemon.is_running else None
+
+    def _note_starvation(self, began_s: float, ended_s: float) -> None:
+        self.record.troubles.append(Trouble("busy", began_s, ended_s))
+
+    def _end_client(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def _end_observer(self) -> None:
+        if self._observer is not None:
+            self._observer.close()
+            self._observer = None
+
+    def _flags(self) -> tuple[str, ...]:
+        origin = self.options.origin
+        side = FENCE_SIDE_M
+        config = {
+            "map_origin_geo": [origin.latitude_deg, origin.longitude_deg, origin.altitude_m],
+            "geofence": {
+                "frame_id": "map",
+                "polygon": [[-side, -side], [side, -side], [side, side], [-side, side]],
+                "max_height_m": FENCE_HEIGHT_M,
+            },
+        }
+        path = self.options.folder / "uav.yaml"
+        path.write_text(json.dumps(config))  # JSON is YAML, too
+        return ("--url", self.wiretap.url, "--allow-arming", "--config", str(path))
+
+    # --- The line -----------------------------------------------------------------------------------------------------
+
+    def set_line(self, **faults: float | bool) -> None:
+        """Changes some faults of the line; the others stay."""
+        self.wiretap.faults = dataclasses.replace(self.wiretap.faults, **faults)  # type: ignore[arg-type]
+
+    # --- The vehicle and its pilot ------------------------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """Until the autopilot may be armed, and the daemon sees it stand disarmed.
+
+        Raises:
+            NotFlownError: The simulator did not come so far.
+
+        """
+        self.pilot.stand_by()
+        try:
+            self.pilot.wait_until_ready()
+        except AssertionError as error:
+            raise NotFlownError(str(error)) from None
+        self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
+        self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
+
+    def is_up(self) -> bool:
+        """Whether it is high enough to have ended its take-off."""
+        return self.truth.place is not None and self.truth.place[2] > _UP_M
+
+    def is_astray(self) -> bool:
+        """Whether it stands where a flight cannot begin: somebody else has flown it there."""
+        place = self.truth.place or (0.0, 0.0, 0.0)
+        return max(abs(place[0]), abs(place[1])) > AREA_M + _ASTRAY_M
+
+    def set_parameters(self) -> None:
+        """Sets the parameters that faults may have changed."""
+        for name, value in _PARAMETERS[self.options.autopilot].items():
+            self.pilot.set_parameter(name, value)
+        if self.options.autopilot == "ardupilot":
+            self.pilot.order(_NO_RESET, (255.0, 100.0))
+
+    def reboot(self) -> None:
+        """Reboots the autopilot: by its own command, or by starting its simulator anew."""
+        self.pilot.close()
+        if self.simulator is not None:
+            self.simulator.end()
+            self.simulator.start()
+        else:
+            raise NotFlownError("no command to start the simulator")
+        self.truth.place = None
+        self.pilot = self._make_pilot()
+        self.set_parameters()
+        self._ears.renew()
+
+    def bring_down(self) -> None:
+        """Lands and disarms it, whatever has happened.
+
+        Raises:
+            NotFlownError: It could not be brought down.
+
+        """
+        self.wiretap.faults = GOOD
+        self.daemon.signal(signal.SIGCONT)
+        if not self.daemon.is_running:
+            self.start_daemon()
+        self.pilot.stand_by()
+        until_s = time.monotonic() + _DOWN_S
+        while self.pilot.is_armed:
+            if time.monotonic() > until_s:
+                raise NotFlownError(f"it could not be landed: {self.state()}")
+            if self.state() == "FLYING_MANUAL":
+                self.call("recover", (1.0,))
+            elif self.state() == "FLYING_AUTO":
+                self.call("land")
+            elif self.state() == "LANDED_ARMED":
+                self.pilot.disarm()
+            time.sleep(0.2)
+        if self.record.said and self.daemon.is_running:
+            with contextlib.suppress(NotFlownError):  # the judge finds a state that stays untrue
+                self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", 3.0)
+
+    def wait_for(self, is_done: Callable[[], bool], what: str, limit_s: float) -> None:
+        until_s = time.monotonic() + limit_s
+        while not is_done():
+            if time.monotonic() > until_s:
+                raise NotFlownError(f"{what} did not come; the state is {self.state()}")
+            time.sleep(0.02)
+
+    def begin_trouble(self, kind: str) -> Callable[[], None]:
+        """Notes that a fault begins; call what is returned when it ends."""
+        began_s = time.monotonic()
+        index = len(self.record.troubles)
+        troubles = self.record.troubles
+        troubles.append(Trouble(kind, began_s, math.inf))
+
+        def end() -> None:
+            troubles[index] = Trouble(kind, began_s, time.monotonic())
+
+        return end
+
+    def _make_pilot(self) -> Transmitter:
+        until_s = time.monotonic() + _BOOT_S
+        while True:
+            try:
+                pilot = self.options.make_pilot()
+                break
+            except OSError:
+                if time.monotonic() > until_s:
+                    raise NotFlownError("the simulator does not listen") from None
+                time.sleep(0.5)
+        try:
+            pilot.begin()
+        except AssertionError as error:
+            pilot.close()
+            raise NotFlownError(str(error)) from None
+        return pilot
+
+
+def take_mode(rig: Rig, main: float, sub: float = 0.0) -> None:
+    """A ground station changes the mode, once."""
+    flag = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+    rig.pilot.order(mavlink.MAV_CMD_DO_SET_MODE, (flag, main, sub))

@@ -1,0 +1,76 @@
+"""Flights of the campaign on the test autopilots: a good daemon passes, and one that fights the pilot is found."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from tests.campaign.flight import fly
+from tests.campaign.judge import Case, judge
+from tests.campaign.places import Origin
+from tests.campaign.plan import OURS, Fault, Plan, Step
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
+from tests.campaign.rig import Options, Rig
+from tests.simulators.process import autopilot_process
+from tests.sitl.copter_pilot import CopterPilot
+from tests.sitl.pilot import SafetyPilot
+
+HOST = "127.0.0.1"
+STEPS = (Step("arm"), Step("take_off", (2.5,)), Step("go_to", (4.0, 1.0, 3.0)), Step("land"))
+TAKE_OVER = Plan(0, OURS, "pilot", STEPS, (Fault("pilot", 2, 0.3, 1.5, 0.0),))
+RESTART = Plan(0, OURS, "client", STEPS, (Fault("kill_daemon", 2, 0.3, 0.2, 0.0),))
+
+
+@contextmanager
+def ardupilot(folder: Path, module: str) -> Iterator[Rig]:
+    with autopilot_process("ardupilot", "--tcp", "0", "--ground", "0", "--other", "0") as ports:
+        url, truth_url = (f"tcp://{HOST}:{ports[name]}" for name in ("link", "other"))
+        pilot = partial(CopterPilot, HOST, ports["ground"], sticks_port=ports["radio"])
+        origin = Origin(47.3977420, 8.5455940, 488.100)
+        rig = Rig(Options("ardupilot", url, pilot, truth_url, "", folder, origin, module))
+        yield rig
+        rig.close()
+
+
+@contextmanager
+def px4(folder: Path) -> Iterator[Rig]:
+    port, truth_port = free_port(), free_port()
+    with autopilot_process("px4", "--udp", str(port), "--ground", "0", "--other", str(truth_port)) as ports:
+        urls = [f"udpin://{HOST}:{each}" for each in (port, truth_port)]
+        pilot = partial(SafetyPilot, HOST, ports["ground"], local_port=0)
+        origin = Origin(47.3977428, 8.5455967, 489.052)
+        rig = Rig(Options("px4", urls[0], pilot, urls[1], "", folder, origin, "ual_daemon"))
+        yield rig
+        rig.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_flight_that_the_pilot_takes_over_is_clean(tmp_path: Path) -> None:
+    with ardupilot(tmp_path, "ual_daemon") as rig:
+        record = fly(rig, TAKE_OVER)
+    assert judge(record) == []
+    assert Case(record).taken_s
+    assert {"TAKING_OFF", "FLYING_MANUAL", "LANDED_DISARMED"} <= {said.state for said in record.said}
+    assert max(each.place[2] for each in record.truth) > 1.0
+
+
+def test_a_flight_whose_daemon_is_killed_is_clean(tmp_path: Path) -> None:
+    with px4(tmp_path) as rig:
+        record = fly(rig, RESTART)
+    assert judge(record) == []
+    assert [life.what for life in record.lives] == [DAEMON_STARTED, DAEMON_KILLED, DAEMON_STARTED]
+    assert record.said[-1].state == "LANDED_DISARMED"
+
+
+def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Path) -> None:
+    with ardupilot(tmp_path, "tests.campaign.bad_daemon") as rig:
+        record = fly(rig, TAKE_OVER)
+    assert "take-over" in {breach.rule for breach in judge(record)}

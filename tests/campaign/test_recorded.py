@@ -1,0 +1,84 @@
+"""Recorded flights on real autopilots are clean, and each breach that is put into them is found."""
+
+from __future__ import annotations
+
+import dataclasses
+import gzip
+from pathlib import Path
+
+import pytest
+
+from tests.campaign.judge import Case, judge
+from tests.campaign.record import DAEMON_STARTED, Located, Record, Sent
+from tests.campaign.tally import tally
+
+FOLDER = Path(__file__).parent / "data"
+FILES = sorted(FOLDER.glob("*.json.gz"))
+TAKE_OVERS = [path for path in FILES if "400002" in path.name]
+KILLED = [path for path in FILES if "400004" in path.name]
+
+
+def read(path: Path) -> Record:
+    return Record.from_json(gzip.decompress(path.read_bytes()).decode())
+
+
+def rules(record: Record) -> set[str]:
+    return {breach.rule for breach in judge(record)}
+
+
+def setpoint(record: Record, time_s: float) -> Record:
+    record.sent.append(Sent(time_s, "setpoint"))
+    record.sent.sort(key=lambda sent: sent.time_s)
+    return record
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_a_recorded_flight_is_clean(path: Path) -> None:
+    record = read(path)
+    assert judge(record) == []
+    assert len(record.truth) > 100
+    assert any(sent.what == "setpoint" for sent in record.sent)
+
+
+def test_what_was_judged_is_counted() -> None:
+    text = tally([read(path) for path in TAKE_OVERS])
+    assert text.startswith("2 flights, ")
+    assert " 2 take-overs, " in text
+    assert text.endswith("pilot 2")
+
+
+def test_there_are_flights_of_both_autopilots() -> None:
+    assert {read(path).autopilot for path in TAKE_OVERS} == {read(path).autopilot for path in KILLED}
+    assert len(TAKE_OVERS) == len(KILLED) == 2
+
+
+@pytest.mark.parametrize("path", TAKE_OVERS, ids=lambda path: path.name)
+def test_one_setpoint_after_the_take_over_is_found(path: Path) -> None:
+    record = read(path)
+    taken_s = Case(record).taken_s[0]
+    assert rules(setpoint(record, taken_s + 0.5)) == {"take-over", "unasked"}
+
+
+@pytest.mark.parametrize("path", KILLED, ids=lambda path: path.name)
+def test_one_setpoint_of_a_daemon_that_has_just_started_is_found(path: Path) -> None:
+    record = read(path)
+    started_s = [life.time_s for life in record.lives if life.what == DAEMON_STARTED][-1]
+    first_s = min(call.began_s for call in record.called if call.began_s > started_s)
+    assert "unasked" in rules(setpoint(record, (started_s + first_s) / 2.0))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_states_that_come_two_seconds_late_are_found(path: Path) -> None:
+    record = read(path)
+    record.troubles.clear()
+    record.said = [dataclasses.replace(said, time_s=said.time_s + 2.0) for said in record.said]
+    assert "state" in rules(record)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_a_truth_elsewhere_is_found(path: Path) -> None:
+    """Autopilot and daemon agree, and both are 30 m beside the truth: nothing that flies there is inside the fence."""
+    record = read(path)
+    record.estimate = [Located(each.time_s, (each.place[0] + 30.0, *each.place[1:])) for each in record.estimate]
+    record.truth = [Located(each.time_s, (each.place[0] + 30.0, *each.place[1:])) for each in record.truth]
+    assert "fence" in rules(record)
