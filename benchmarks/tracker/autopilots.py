@@ -96,7 +96,7 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
     with autopilot.pilot() as pilot:
         low: Pose | None = None
         for tracker, ways in ((Tracker.REFERENCE, (OURS, FAR)), (Tracker.PURSUIT, (PURSUIT,))):
-            with _Uav(autopilot, tracker) as uav:
+            with RealUav(autopilot, tracker) as uav:
                 if low is None:
                     low = uav.take_off(pilot)
                     version, limits = f"{autopilot.name} {uav.ual.info().autopilot_version}", uav.ual.info().limits
@@ -112,7 +112,7 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
     return Found(version, limits, found)
 
 
-class _Uav:
+class RealUav:
     """The UAV, flown with the class interface; made anew, in the air, for another tracker."""
 
     def __init__(self, autopilot: Autopilot, tracker: Tracker) -> None:
