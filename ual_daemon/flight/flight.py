@@ -443,7 +443,7 @@ class Flight:
         if reference is None:
             return brake(snapshot, self.limits.get())
         if isinstance(reference, Velocity) and (why := self._why_ended(reference, snapshot)):
-            stop = brake(snapshot, self.limits.get())
+            stop = brake(snapshot, self.limits.stop())
             logs.event(_log, logging.INFO, "velocity_ended", why=why)
             return stop
         if isinstance(reference, Velocity):

@@ -270,6 +270,10 @@ class ArduCopter(Dialect):
         )
 
     @override
+    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
+        return ACCELERATION_SHARE if "WPNAV_ACCEL" in parameters else 1.0
+
+    @override
     def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
         if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
             return NO_FENCE
