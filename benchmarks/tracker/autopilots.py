@@ -14,16 +14,17 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 from urllib.parse import urlsplit
 
 from typing_extensions import Self
 
 from benchmarks.children import ChildError
 from benchmarks.tracker.flown import NEAR_M, Flown, Place
+from benchmarks.tracker.truth import Truth
 from benchmarks.tracker.ways import FAR, OURS, PURSUIT
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.pilot import SafetyPilot
+from tests.sitl.transmitter import Transmitter
 from ual.geometry import Pose, Vector3
 from ual.types import Limits, State, Telemetry
 from ual_daemon import UAL
@@ -38,16 +39,6 @@ _AFTER_S = 5.0
 _LONGEST_S = 60.0
 
 
-class Pilot(Protocol):
-    def begin(self) -> None: ...
-
-    def wait_until_ready(self) -> None: ...
-
-    def arm(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
 @dataclass(frozen=True)
 class Autopilot:
     """The URLs of one autopilot."""
@@ -55,7 +46,7 @@ class Autopilot:
     name: str
     url_variable: str
     pilot_variable: str
-    make_pilot: Callable[[str, int], Pilot]
+    make_pilot: Callable[[str, int], Transmitter]
 
     @property
     def missing(self) -> str:
@@ -63,7 +54,7 @@ class Autopilot:
         return " and ".join(name for name in (self.url_variable, self.pilot_variable) if not os.environ.get(name))
 
     @contextmanager
-    def pilot(self) -> Iterator[Pilot]:
+    def pilot(self) -> Iterator[Transmitter]:
         """Provides its safety pilot, which must be connected as long as it flies."""
         address = urlsplit(os.environ[self.pilot_variable])
         if address.hostname is None or address.port is None:
@@ -95,8 +86,10 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
     rounds = math.ceil(flights / 2)
     with autopilot.pilot() as pilot:
         low: Pose | None = None
+        truth = Truth()
+        truth.listen(pilot)
         for tracker, ways in ((Tracker.REFERENCE, (OURS, FAR)), (Tracker.PURSUIT, (PURSUIT,))):
-            with _Uav(autopilot, tracker) as uav:
+            with RealUav(autopilot, tracker, truth) as uav:
                 if low is None:
                     low = uav.take_off(pilot)
                     version, limits = f"{autopilot.name} {uav.ual.info().autopilot_version}", uav.ual.info().limits
@@ -112,14 +105,15 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
     return Found(version, limits, found)
 
 
-class _Uav:
+class RealUav:
     """The UAV, flown with the class interface; made anew, in the air, for another tracker."""
 
-    def __init__(self, autopilot: Autopilot, tracker: Tracker) -> None:
+    def __init__(self, autopilot: Autopilot, tracker: Tracker, truth: Truth | None = None) -> None:
         self.ual = UAL(
             "mavlink", "uav_1", url=os.environ[autopilot.url_variable], settings=VehicleSettings(tracker=tracker)
         )
         self._places: list[Place] = []
+        self.truth = truth or Truth()
         self.ual.subscribe(self._keep)
 
     def __enter__(self) -> Self:
@@ -136,7 +130,7 @@ class _Uav:
     def __exit__(self, *exc: object) -> None:
         self.ual.close()
 
-    def take_off(self, pilot: Pilot) -> Pose:
+    def take_off(self, pilot: Transmitter) -> Pose:
         """Returns where it hovers afterwards."""
         pilot.wait_until_ready()
         pilot.arm()
@@ -175,7 +169,9 @@ class _Uav:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
         if pose is not None and velocity is not None:
             reference = None if wanted is None else wanted.position
-            self._places.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
+            true = self.truth.position
+            speed_m_s, has_task = velocity.linear.norm(), telemetry.task is not None
+            self._places.append(Place(telemetry.stamp_s, pose.position, speed_m_s, reference, true, has_task))
 
     def _until(self, condition: Callable[[], bool], what: str, limit_s: float = _PATIENCE_S) -> None:
         until_s = time.monotonic() + limit_s

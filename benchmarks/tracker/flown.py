@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ual.geometry import Vector3
 
 NEAR_M = 0.5
 """The goal counts as reached within this distance."""
+_SAME_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the UAV was, by the autopilot's estimate, and where its reference was (None: no reference); metres."""
+    """Where the UAV was, by the autopilot's estimate, and where its reference was (None: no reference); metres.
+
+    `true_position` is where its simulator says that it was (None: it does not say so), in axes of its own.
+    """
 
     time_s: float
     position: Vector3
     speed_m_s: float
     wanted: Vector3 | None
+    true_position: Vector3 | None = None
+    has_task: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,31 @@ class Flown:
         split = [self._split(place.position) for place in self.places]
         return [along for along, _ in split], [off for _, off in split]
 
+    def true(self) -> Flown | None:
+        """Returns the same flight by the simulator's truth, as if the estimate had been right at its begin."""
+        first = self.places[0]
+        if first.true_position is None:
+            return None
+        offset = first.true_position - first.position
+        places = [
+            replace(place, position=place.true_position - offset)
+            for place in self.places
+            if place.true_position is not None
+        ]
+        return Flown(self.start, self.goal, places)
+
+    @property
+    def waited_s(self) -> float:
+        """Returns how long the task went on after its reference had come to the goal; 0 without a task."""
+        at_goal = [place for place in self.places if place.wanted is not None and place.has_task]
+        waiting = [place.time_s for place in at_goal if _is_at(place.wanted, self.goal)]
+        return waiting[-1] - waiting[0] if waiting else 0.0
+
     def _split(self, position: Vector3) -> tuple[float, float]:
         way = self.goal - self.start
         along_m = (position - self.start).dot(way) / way.norm()
         return along_m, (position - self.start - way * (along_m / way.norm())).norm()
+
+
+def _is_at(position: Vector3 | None, goal: Vector3) -> bool:
+    return position is not None and (position - goal).norm() < _SAME_M

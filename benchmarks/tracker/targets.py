@@ -23,7 +23,12 @@ FIGURES: Mapping[str, Figure] = {
     "overshoot, m": lambda flown: flown.overshoot_m,
     "first within 0.5 m, s": lambda flown: flown.within_s(),
     "peak speed, m/s": lambda flown: flown.peak_m_s,
+    "waited, s": lambda flown: flown.waited_s,
 }
+TRUE_FIGURES: Mapping[str, Figure] = {
+    name: FIGURES[name] for name in ("widest from the line, m", "rms, m", "overshoot, m")
+}
+"""Those that make sense by the simulator's truth."""
 
 
 def of_light(

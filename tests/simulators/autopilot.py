@@ -85,6 +85,8 @@ class Autopilot(ABC):
         """Where the estimator's origin is on the ground, from where it was at first."""
         self.estimate_error: Vector = ZERO
         """How far the estimate is off, as `jump` left it."""
+        self.velocity_error: Vector = ZERO
+        """How wrong its estimate of the velocity is, beside a position that is right: PX4's is, for seconds."""
         self.resets_count = 0
         """How often the estimator was reset, as PX4 counts it."""
         self.has_satellites = True
@@ -247,8 +249,8 @@ class Autopilot(ABC):
     @property
     def velocity(self) -> Vector:
         """The estimated velocity."""
-        (x, y, z), (dx, dy, dz) = self.body.velocity, self.wander.velocity
-        return (x + dx, y + dy, z + dz)
+        dx, dy, dz = self.wander.velocity
+        return plus(plus(self.body.velocity, (dx, dy, dz)), self.velocity_error)
 
     @property
     def has_sticks(self) -> bool:

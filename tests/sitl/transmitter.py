@@ -51,6 +51,7 @@ class Transmitter(ABC):
         self.mode = -1
         """The autopilot's custom mode; -1 until it has told."""
         self.said = ""
+        self._listeners: dict[int, Callable[[Message], None]] = {}
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name=f"safety pilot of {self.autopilot}")
 
@@ -92,6 +93,11 @@ class Transmitter(ABC):
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)
         self._order(mavlink.MAV_CMD_DO_SET_MODE, params, lambda: self.mode == custom_mode, f"in mode {custom_mode}")
+
+    def listen(self, message_id: int, rate_hz: float, take: Callable[[Message], None]) -> None:
+        """Asks for a message, and hands each one to `take`, on the thread that holds the sticks."""
+        self._listeners[message_id] = take
+        self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz))
 
     @abstractmethod
     def stand_by(self) -> None:
@@ -148,7 +154,7 @@ class Transmitter(ABC):
             except TimeoutError:
                 continue
             for frame in self._frames(data):
-                if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and frame.message_id in self.heard_messages:
+                if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and self._hears(frame.message_id):
                     try:
                         message = self._codec.decode(frame)
                     except CorruptFrameError:
@@ -158,8 +164,13 @@ class Transmitter(ABC):
                         self._take(message)
                         self._changed.notify_all()
 
+    def _hears(self, message_id: int) -> bool:
+        return message_id in self.heard_messages or message_id in self._listeners
+
     def _take(self, message: Message) -> None:
         """Takes what the autopilot said, with the lock held."""
+        if (take := self._listeners.get(message.get_msgId())) is not None:
+            take(message)
         if isinstance(message, mavlink.MAVLink_heartbeat_message):
             self.is_armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
             self.mode = message.custom_mode

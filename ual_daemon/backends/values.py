@@ -246,11 +246,11 @@ class VehicleInfo:
     the light simulation); otherwise the autopilot climbs by itself and gets no setpoints until it is up (ArduPilot).
     Only setpoints that `takes` allows are sent. `identity` says which vehicle it is, so that what was saved for it is
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
-    speed at which the autopilot itself flies to a goal, where nobody asks for another one. `limitation` says for people
-    why it has fewer capabilities than others.
-    `falls_without_setpoints` says that the vehicle comes down when
-    setpoints stop in the mode that takes them: such a one is held from the first update on, also by a daemon that was
-    not commanded in this flight; any other one is left to whoever flies it.
+    speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
+    part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
+    `limitation` says for people why it has fewer capabilities than others. `falls_without_setpoints` says that the
+    vehicle comes down when setpoints stop in the mode that takes them: such a one is held from the first update on,
+    also by a daemon that was not commanded in this flight; any other one is left to whoever flies it.
     """
 
     autopilot: str = ""
@@ -264,6 +264,7 @@ class VehicleInfo:
     identity: str = ""
     limitation: str = ""
     cruise_speed_m_s: float = math.inf
+    acceleration_share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

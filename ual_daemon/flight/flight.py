@@ -31,6 +31,7 @@ from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
+from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Reference, Velocity, brake
 from ual_daemon.trajectory import Motion
@@ -64,6 +65,8 @@ class Flight:
         self.geofence = geofence
         self.is_watch_only = watch_only
         self.authority = Authority()
+        self.drift = DriftCorrection()
+        """What is added to a commanded velocity."""
         self._note = ""
         """What the reason of FLYING_AUTO adds; composed at each update."""
         self._other_sender = ""
@@ -327,6 +330,8 @@ class Flight:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
         self.geofence.observe(snapshot, raw)
+        if not isinstance(self._reference, Velocity):
+            self.drift.forget()
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot)
@@ -343,6 +348,7 @@ class Flight:
         x, y, z = jump
         logs.event(_log, logging.WARNING, "estimate_jumped", x=round(x, 2), y=round(y, 2), z=round(z, 2))
         self.geofence.estimate_jumped(jump)
+        self.drift.forget()
         stop = brake(snapshot, self.limits.get())
         with self._lock:
             manoeuvre = self._manoeuvre
@@ -421,6 +427,7 @@ class Flight:
         may_send = _may_send_reference(snapshot, raw, is_begun=old is not None)
         self.authority.observe(raw.state, is_sending=may_send and old is not None)
         if not (may_send and self.is_flown_by_us()):
+            self.drift.forget()
             self._exchange(old, None)
             return
         new = self._next_reference(old, snapshot)
@@ -436,9 +443,11 @@ class Flight:
         if reference is None:
             return brake(snapshot, self.limits.get())
         if isinstance(reference, Velocity) and (why := self._why_ended(reference, snapshot)):
-            stop = brake(snapshot, self.limits.get())
+            stop = brake(snapshot, self.limits.stop())
             logs.event(_log, logging.INFO, "velocity_ended", why=why)
             return stop
+        if isinstance(reference, Velocity):
+            reference.correct_drift(snapshot, self.limits.get())
         return reference
 
     def _send_reference(self, reference: Reference, snapshot: Snapshot) -> None:

@@ -59,11 +59,11 @@ class Stopping:
             and self._straight_stop(start, snapshot) is None
         ):
             return StopOnTrajectory(current, self._straight_stop)
-        return brake(snapshot, self._limits.get(), start)
+        return brake(snapshot, self._limits.stop(), start)
 
     def _straight_stop(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference | None:
         """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""
-        stop = brake(snapshot, self._limits.get(), start)
+        stop = brake(snapshot, self._limits.stop(), start)
         return None if self._leaves_geofence(stop.trajectory, snapshot) else stop
 
     def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:

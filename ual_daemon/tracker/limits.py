@@ -29,6 +29,17 @@ class CurrentLimits:
             self._cached = (autopilots, limits)
         return limits
 
+    def stop(self) -> Limits:
+        """Returns the limits of a stop: with all of the autopilot's acceleration, within the user's limits."""
+        info = self._backend.info()
+        whole, share = info.limits, info.acceleration_share
+        autopilots = replace(
+            whole,
+            horizontal_acceleration_m_s2=whole.horizontal_acceleration_m_s2 / share,
+            vertical_acceleration_m_s2=whole.vertical_acceleration_m_s2 / share,
+        )
+        return smaller(autopilots, self._users)
+
     def cruise(self) -> Limits:
         """Returns the limits of a flight to a goal where nobody gave a speed: horizontally, the autopilot's cruise."""
         limits, cruise_m_s = self.get(), self._backend.info().cruise_speed_m_s

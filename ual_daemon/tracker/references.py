@@ -12,6 +12,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.time_scaling import TimeScaling
 from ual_daemon.trajectory import Brake, Motion, Trajectory
 
@@ -67,21 +68,31 @@ class Hold(Reference):
 
 
 class Velocity(Reference):
-    """A velocity until a time. In the body's axes (`in_body`) it turns with the heading and stays level."""
+    """A velocity until a time. In the body's axes (`in_body`) it turns with the heading and stays level.
 
-    def __init__(self, twist: Twist, *, in_body: bool, expires_s: float) -> None:
+    What `drift` says is added to what is sent.
+    """
+
+    def __init__(self, twist: Twist, drift: DriftCorrection, *, in_body: bool, expires_s: float) -> None:
         self.twist, self._in_body, self.expires_s = twist, in_body, expires_s
+        self._drift = drift
 
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
-        return VelocitySetpoint(self.velocity(snapshot), self.twist.angular.z)
+        # Most velocities need not be turned: each function called here delays the setpoints of a stream.
+        velocity = self.velocity(snapshot) if self._in_body else self.twist.linear
+        return VelocitySetpoint(velocity + self._drift.velocity, self.twist.angular.z + self._drift.yaw_rate_rad_s)
 
     def velocity(self, snapshot: Snapshot) -> Vector3:
-        """Returns the velocity along the local axes."""
+        """Returns the commanded velocity along the local axes."""
         velocity = self.twist.linear
         if self._in_body and snapshot.pose is not None:
             return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
         return velocity
+
+    def correct_drift(self, snapshot: Snapshot, limits: Limits) -> None:
+        """Computes what is to be added to what is sent. Called once at each update, by the update thread."""
+        self._drift.step(Twist(self.velocity(snapshot), self.twist.angular), snapshot, limits)
 
     @override
     def motion(self, snapshot: Snapshot) -> Motion:

@@ -85,4 +85,5 @@ class Setpoints:
         if not in_body:
             twist = self._resolver.velocity_to_local(twist, frame_id, snapshot)
         scaled = limits.scaled_down(twist, self._flight.limits.get())
-        return Velocity(scaled, in_body=in_body, expires_s=snapshot.time_s + VELOCITY_TIMEOUT_S), snapshot
+        expires_s = snapshot.time_s + VELOCITY_TIMEOUT_S
+        return Velocity(scaled, self._flight.drift, in_body=in_body, expires_s=expires_s), snapshot

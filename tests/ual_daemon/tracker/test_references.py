@@ -7,6 +7,7 @@ import pytest
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, VelocitySetpoint
+from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.references import Hold, TrajectoryReference, Velocity, brake, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
@@ -37,7 +38,7 @@ def test_a_hold_is_sent_as_it_is_wherever_the_uav_is() -> None:
 
 
 def test_a_velocity_in_the_body_turns_with_the_heading_and_stays_level() -> None:
-    velocity = Velocity(Twist(Vector3(1, 0, 0.5), Vector3(0, 0, 0.3)), in_body=True, expires_s=1.0)
+    velocity = Velocity(Twist(Vector3(1, 0, 0.5), Vector3(0, 0, 0.3)), DriftCorrection(), in_body=True, expires_s=1.0)
     tilted = Pose(Vector3(), Quaternion.from_euler(0.3, -0.2, math.pi / 2))
     setpoint = velocity.setpoint(Snapshot(time_s=0.0, pose=Sample(tilted, 0.0)))
     assert isinstance(setpoint, VelocitySetpoint)
@@ -47,7 +48,7 @@ def test_a_velocity_in_the_body_turns_with_the_heading_and_stays_level() -> None
 
 
 def test_a_velocity_outside_the_body_is_sent_as_it_is() -> None:
-    velocity = Velocity(Twist(Vector3(1, 0, 0)), in_body=False, expires_s=1.0)
+    velocity = Velocity(Twist(Vector3(1, 0, 0)), DriftCorrection(), in_body=False, expires_s=1.0)
     assert velocity.setpoint(at(Vector3(), yaw_rad=1.0)) == VelocitySetpoint(Vector3(1, 0, 0))
 
 

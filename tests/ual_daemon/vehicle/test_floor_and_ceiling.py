@@ -21,6 +21,7 @@ from ual_daemon.flight.geofence import geofence_of
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings
+from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.references import Hold, Velocity
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -197,10 +198,10 @@ def test_a_height_that_drifts_below_the_ground_while_it_hovers_refuses_only_a_fa
     geofence.observe(standing(0.4), Estimate(State.LANDED_ARMED, ""))
     here = Snapshot(0.0, pose=Sample(Pose.at(0.0, 0.0, 0.0), 0.0), velocity=Sample(Twist(Vector3(0, 0, -0.3)), 0.0))
     for z in (-0.15, 0.0, 0.15):
-        wanted = Velocity(Twist(Vector3(1.0, 0.0, z)), in_body=False, expires_s=1.0)
+        wanted = Velocity(Twist(Vector3(1.0, 0.0, z)), DriftCorrection(), in_body=False, expires_s=1.0)
         geofence.admit("velocity", wanted, Limits(), here)
     geofence.admit("set_pose", Hold(Vector3(2.0, 0.0, -0.1), 0.0), Limits(), here)
-    sinking = Velocity(Twist(Vector3(0.0, 0.0, -1.0)), in_body=False, expires_s=1.0)
+    sinking = Velocity(Twist(Vector3(0.0, 0.0, -1.0)), DriftCorrection(), in_body=False, expires_s=1.0)
     with pytest.raises(GeofenceError):
         geofence.admit("velocity", sinking, Limits(), here)
 
@@ -278,7 +279,7 @@ def test_the_quick_check_admits_nothing_that_the_thorough_one_refuses(
     own = Sample(Twist(Vector3(own_x, 0.0, own_z)), 0.0)
     here = Snapshot(0.0, pose=Sample(Pose.at(0.0, 0.0, z), 0.0), velocity=own)
     limits = Limits() if slow else Limits(12.0, 5.0, 3.0, 5.0, 3.0)
-    wanted = Velocity(Twist(Vector3(vx, 0.0, vz)), in_body=False, expires_s=1.0)
+    wanted = Velocity(Twist(Vector3(vx, 0.0, vz)), DriftCorrection(), in_body=False, expires_s=1.0)
     quick = [each for each in (wanted, Hold(Vector3(3.0, 0.0, goal_z), 0.0)) if geofence.is_clear(each, limits, here)]
     assume(quick)
     for reference in quick:

@@ -31,6 +31,7 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     fence_limit,
     positive_parameter,
 )
+from ual_daemon.backends.mavlink.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (
@@ -105,12 +106,12 @@ _PLANE_PARAMETER = "Q_ENABLE"
 
 _NEAR_HOME_M = 1.0
 """How far above or below home its estimate of height may wander; see `_above_home_m`."""
-ACCELERATION_SHARE = 0.5
+ACCELERATION_SHARE = 0.6
 """The part of ArduPilot's own acceleration limits that our references may use. ArduPilot follows references within the
-same limits: with no reserve to catch up it overshoots, by 0.7 m at a goal and by 1.5 m where it is stopped on the way.
-At the goal of an 18.7 m diagonal a part of 0.6 overshoots by 0.31 m, 0.5 by 0.27 m (benchmarks/tracker.md)."""
+same limits: with no reserve to catch up it overshoots, by 1.7 m where it is stopped on the way. At the goal of an
+18.7 m diagonal a part of 0.6 overshoots by 0.13 m, as 0.5 does (benchmarks/tracker.md)."""
 
-LONGEST_LEAD_S = 0.5
+LONGEST_LEAD_S = 0.7
 """The velocity leads by no more than this, even where the jerk limit is low for the acceleration limit. When setpoints
 end, the UAV is faster by the acceleration times this."""
 
@@ -270,6 +271,10 @@ class ArduCopter(Dialect):
         )
 
     @override
+    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
+        return ACCELERATION_SHARE if "WPNAV_ACCEL" in parameters else 1.0
+
+    @override
     def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
         if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
             return NO_FENCE
@@ -356,8 +361,9 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
 
     Its input shaping (AP_Math/control.cpp, `shape_vel_accel`) accelerates by a_in + (v_in - v) * jerk / accel, with
     its own limits of both. So a velocity that is higher by a * accel / jerk has the same effect as a_in = a, until
-    setpoints end. The result is never faster than ArduPilot's own speed limits, unless the reference is; it is the
-    reference's velocity while the limits are not known.
+    setpoints end. tau is that time, and the time that the vehicle takes to tilt. The result is never faster than
+    ArduPilot's own speed limits, unless the reference is; it is the reference's velocity while the limits are not
+    known.
     """
     v, a = setpoint.velocity, setpoint.acceleration
     horizontal_s = _shaping_s(parameters, "WPNAV_ACCEL", "PSC_JERK_XY")
@@ -371,6 +377,11 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
 
 
 def _shaping_s(parameters: Mapping[str, float], acceleration: str, jerk: str) -> float:
-    """Returns its acceleration limit (cm/s^2) over its jerk limit (m/s^3), in seconds; 0 where they are not known."""
-    jerk_m_s3 = parameters.get(jerk, 0.0)
-    return min(parameters.get(acceleration, 0.0) / 100.0 / jerk_m_s3, LONGEST_LEAD_S) if jerk_m_s3 > 0.0 else 0.0
+    """Returns its acceleration limit (cm/s^2) over its jerk limit (m/s^3) and the time to tilt, in seconds.
+
+    It is 0 where they are not known.
+    """
+    acceleration_m_s2, jerk_m_s3 = parameters.get(acceleration, 0.0) / 100.0, parameters.get(jerk, 0.0)
+    if acceleration_m_s2 <= 0.0 or jerk_m_s3 <= 0.0:
+        return 0.0
+    return min(acceleration_m_s2 / jerk_m_s3 + TILT_S, LONGEST_LEAD_S)

@@ -183,6 +183,10 @@ class Dialect(ABC):
         """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
         return math.inf
 
+    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
+        """Returns the part of its own acceleration limits that `limits` has; 1 where they were not read."""
+        return 1.0
+
     def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
         """Returns after how long without setpoints it leaves the mode in which it follows them, by itself.
 

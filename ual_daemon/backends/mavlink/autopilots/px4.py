@@ -200,6 +200,10 @@ class Px4(Dialect):
         )
 
     @override
+    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
+        return ACCELERATION_SHARE if "MPC_ACC_HOR" in parameters else 1.0
+
+    @override
     def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
         return positive_parameter(parameters, "MPC_XY_CRUISE", math.inf)
 

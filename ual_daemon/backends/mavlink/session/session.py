@@ -255,6 +255,7 @@ class Session:
             identity=self._identity(),
             limitation=dialect.limitation,
             cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
+            acceleration_share=dialect.acceleration_share(telemetry.parameters),
         )
 
     def _identity(self) -> str:

@@ -116,11 +116,11 @@ def lead(velocity: Vector3, acceleration: Vector3, parameters: Mapping[str, floa
 
 def test_the_velocity_leads_by_what_its_shaping_takes_for_the_acceleration() -> None:
     led = lead(Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
-    assert led == pytest.approx(Vector3(3.5, -0.5, 1.1))
+    assert led == pytest.approx(Vector3(3.7, -0.7, 1.2))
     sent = COPTER.encode_setpoint(
         PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), 1, 0, SHAPING
     )
-    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.5, 3.5, -1.1))
+    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.7, 3.7, -1.2))
 
 
 def test_at_rest_nothing_leads() -> None:
@@ -236,7 +236,7 @@ def test_limits_are_its_parameters_in_other_units() -> None:
         "Q_ENABLE": 1.0,
     }
     assert set(read) == {name for name in COPTER.parameters if not name.startswith("FENCE_")}
-    assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.25, 0.5, math.radians(60.0))  # it needs some to catch up by
+    assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.5, 0.6, math.radians(60.0))  # it needs some to catch up by
     assert COPTER.limits(dict.fromkeys(read, 0.0)) == Limits()
 
 
