@@ -49,8 +49,7 @@ def test_a_take_off_that_is_aborted_holds_where_it_is(uav: Stepped, freeze: bool
 def test_a_landing_that_is_aborted_is_taken_back_from_the_autopilot(uav: Stepped, how: str) -> None:
     uav.end(uav.prepare.take_off(3.0).begin().future)
     task = uav.prepare.land().begin()
-    uav.until(lambda: uav.pose.position.z < 2.0)
-    assert uav.state is State.LANDING
+    uav.until(lambda: uav.state is State.LANDING and uav.pose.position.z < 2.0)
     if how == "abort":
         uav.vehicle.commands.abort()
     else:
