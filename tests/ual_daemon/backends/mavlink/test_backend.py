@@ -181,7 +181,7 @@ def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard() -> N
         backend.send(SETPOINT)
         for command in (
             backend.arm,
-            partial(backend.land, Limits()),
+            lambda: backend.land(Limits()),
             backend.hold,
             backend.take_control,
             backend.disarm,
