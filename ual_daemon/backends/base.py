@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from ual.geometry import Vector3
 from ual.interface import Simulation
+from ual.types import Limits
 from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
 
@@ -95,8 +96,10 @@ class Backend(ABC):
         options: Sequence[BackendOptions],  # noqa: ARG003  for backends that override this
         places: Sequence[Vector3],  # noqa: ARG003
     ) -> list[Backend]:
-        """Makes backends that share one simulation, for ``--fleet``. `places` are where their vehicles stand, relative
-        to the first one, in metres east, north, up.
+        """Makes backends that share one simulation (``--fleet``) or one radio (``--fleet-url``), in one process.
+
+        `places` are where simulated vehicles stand, relative to the first one, in metres east, north, up. Vehicles with
+        a URL (`BackendOptions.url`) stand where they stand; no two URLs are the same text.
 
         Raises:
             ConfigError: This backend cannot fly a fleet, or a setting is not valid.
@@ -125,7 +128,10 @@ class Backend(ABC):
 
     @abstractmethod
     def send(self, setpoint: Setpoint) -> None:
-        """Sends a setpoint, before it returns. Drops the setpoint while the link is down."""
+        """Sends a setpoint, before it returns. Drops the setpoint while the link is down.
+
+        Where sending blocks (a call that waits for an answer, a bridge), hand it to a `mailbox.SetpointMailbox`.
+        """
 
     @abstractmethod
     def arm(self) -> Future[None]:
@@ -136,12 +142,18 @@ class Backend(ABC):
         """Disarms the motors; the autopilot must refuse it in the air."""
 
     @abstractmethod
-    def take_off(self, height_m: float) -> Future[None]:
-        """Begins a take-off to a height above the ground; see `VehicleInfo.flies_takeoff_on_setpoints`."""
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
+        """Begins a take-off to a height above the ground; see `VehicleInfo.flies_takeoff_on_setpoints`.
+
+        An autopilot that climbs by itself keeps to the climb speed of the limits in force, or climbs only a little by
+        itself: UAL's setpoints fly the rest of the way as soon as it reports that it is up.
+        """
 
     @abstractmethod
-    def land(self) -> Future[None]:
-        """Begins a landing at the present position."""
+    def land(self, limits: Limits) -> Future[None]:
+        """Begins a landing at the present position, with the descent speed of the limits in force at most, where the
+        autopilot's own landing takes a speed.
+        """
 
     @abstractmethod
     def take_control(self) -> Future[None]:

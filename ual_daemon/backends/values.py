@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, Flag, auto
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
@@ -227,15 +227,45 @@ class Freshness:
     estimator_s: float = 4.0
 
 
-class Takes(Enum):
-    """Which setpoints an autopilot takes."""
+class Takes(Flag):
+    """Which setpoints an autopilot takes. UAL sends no others."""
 
-    ALL = 1
-    """Positions with velocity and acceleration as feed-forward, and velocities."""
-    POSITIONS = 2
-    """Only positions and headings without feed-forward: paths are flown by pure pursuit."""
-    VELOCITIES = 3
-    """Only velocities: paths are flown by pure pursuit, and the daemon holds the position."""
+    POSITION = auto()
+    """Positions and headings."""
+    FEED_FORWARD = auto()
+    """With a position: its velocity, acceleration and yaw rate, which the autopilot really flies."""
+    VELOCITY = auto()
+    """Velocities and yaw rates. Without feed-forward, UAL flies paths with them; without positions, it holds, too."""
+    ALL = POSITION | FEED_FORWARD | VELOCITY
+
+
+class SetpointLoss(Enum):
+    """What the vehicle does when setpoints stop in the mode that takes them; the value is for people."""
+
+    HOLDS = "holds its position"
+    """By itself, or by a failsafe that ends in a safe mode (PX4, ArduPilot, the light simulation)."""
+    COASTS = "goes on with the last setpoint"
+    """A velocity that was sent last is flown on and on (AirSim, until its duration ends)."""
+    FALLS = "stops its motors"
+    """It comes down (Crazyflie). It is held from the first update on, also by a daemon that was not commanded in this
+    flight; any other one is left to whoever flies it."""
+
+
+class VelocityGains(NamedTuple):
+    """How UAL flies to a position with velocities alone.
+
+    The velocity that is sent is that of the trajectory, plus `response_s` times its acceleration, plus `position_per_s`
+    times the distance from it; the yaw rate likewise, without acceleration. `response_s` is the time in which the
+    vehicle follows a step of the velocity (to 63 %): 0 where that is not known.
+    """
+
+    position_per_s: float = 0.8
+    """PX4's own is 0.95 (MPC_XY_P), ArduPilot's 1 (PSC_POSXY_P)."""
+    yaw_per_s: float = 1.5
+    response_s: float = 0.0
+
+
+_GAINS = VelocityGains()
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,9 +278,11 @@ class VehicleInfo:
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
-    `limitation` says for people why it has fewer capabilities than others. `falls_without_setpoints` says that the
-    vehicle comes down when setpoints stop in the mode that takes them: such a one is held from the first update on,
-    also by a daemon that was not commanded in this flight; any other one is left to whoever flies it.
+    `limitation` says for people why it has fewer capabilities than others.
+    `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
+    come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
+    feed-forward. `has_safety_pilot` says whether a person can take over from UAL at any time (a transmitter, a
+    simulated pilot); where nobody can, UAL aborts take-offs and landings, too.
     """
 
     autopilot: str = ""
@@ -259,8 +291,11 @@ class VehicleInfo:
     capabilities: frozenset[Capability] = frozenset()
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
-    falls_without_setpoints: bool = False
     takes: Takes = Takes.ALL
+    velocity_gains: VelocityGains = _GAINS
+    setpoint_rate_hz: float = 50.0
+    setpoint_loss: SetpointLoss = SetpointLoss.HOLDS
+    has_safety_pilot: bool = True
     identity: str = ""
     limitation: str = ""
     cruise_speed_m_s: float = math.inf

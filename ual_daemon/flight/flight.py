@@ -19,7 +19,7 @@ from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.geofence import Geofence
@@ -144,8 +144,16 @@ class Flight:
 
         """
         manoeuvre = self._manoeuvre
-        if manoeuvre is not None and not manoeuvre.is_replaceable:
+        if manoeuvre is not None and not self._is_replaceable(manoeuvre):
             raise not_replaceable(manoeuvre, command)
+
+    def _is_replaceable(self, manoeuvre: Manoeuvre) -> bool:
+        return manoeuvre.is_replaceable or not self.has_safety_pilot
+
+    @property
+    def has_safety_pilot(self) -> bool:
+        """Whether a person can take over at any time. Take-offs and landings are then left to them to abort."""
+        return self._backend.info().has_safety_pilot
 
     @property
     def last_command(self) -> LastCommand:
@@ -185,7 +193,7 @@ class Flight:
         if self.is_watch_only:
             return only_watching(name)
         old = self._manoeuvre
-        if old is not None and not old.is_replaceable:
+        if old is not None and not self._is_replaceable(old):
             return not_replaceable(old, name)
         if since is not None and since is not self._last_command:
             by = self._last_command.name
@@ -368,7 +376,17 @@ class Flight:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO
             logs.event(_log, level, "another_sender", why=other or "no longer seen")
-        self._note = "".join(("" if self.is_flown_by_us() else _NOT_COMMANDED, f"; {other}" if other else ""))
+        self._note = "".join((self._not_commanded(), f"; {other}" if other else ""))
+
+    def _not_commanded(self) -> str:
+        if self.is_flown_by_us():
+            return ""
+        loss = self._backend.info().setpoint_loss
+        return f"{_NOT_COMMANDED}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else _NOT_COMMANDED
+
+    @property
+    def _falls_without_setpoints(self) -> bool:
+        return self._backend.info().setpoint_loss is SetpointLoss.FALLS
 
     def _step_manoeuvre(self, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps the manoeuvre that is under way. Returns False if there is none, or if it has just ended."""
@@ -436,7 +454,7 @@ class Flight:
 
     def is_flown_by_us(self) -> bool:
         """Returns whether UAL may send what flies: it was commanded in this flight, or the UAV falls without it."""
-        return self.authority.is_ours or (not self.is_watch_only and self._backend.info().falls_without_setpoints)
+        return self.authority.is_ours or (not self.is_watch_only and self._falls_without_setpoints)
 
     def _next_reference(self, reference: Reference | None, snapshot: Snapshot) -> Reference:
         """Returns the reference to follow now: the given one, or a stop if there is none or its velocity has ended."""

@@ -1,4 +1,4 @@
-"""Taking control back from the safety pilot."""
+"""Taking control back: from the safety pilot, or from an autopilot that takes off or lands by itself."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Refusal = Callable[[Snapshot], UalError | None]
 
 
 class Recover(Manoeuvre):
-    """Takes control back from the safety pilot. Holds the present pose until the mode has changed, and then stops.
+    """Takes control back. Holds the present pose until the mode has changed, and then stops.
 
     While it is not known yet who took the UAV, nothing is sent: it may be a failsafe, which is not overridden.
     """
@@ -28,10 +28,20 @@ class Recover(Manoeuvre):
     is_replaceable = False
 
     def __init__(
-        self, command: AutopilotCommand, limits: Limits, take_control: Callable[[], Future[None]], refusal: Refusal
+        self,
+        command: AutopilotCommand,
+        limits: Limits,
+        take_control: Callable[[], Future[None]],
+        refusal: Refusal,
+        name: str = "recover_from_manual",
+        out_of: State = State.FLYING_MANUAL,
     ) -> None:
-        """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may."""
-        super().__init__("recover_from_manual", None)
+        """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may.
+
+        `out_of` is the state that it is to leave for FLYING_AUTO.
+        """
+        super().__init__(name, None)
+        self._out_of = out_of
         self._command = self.command = command
         self._limits = limits
         self._take_control = take_control
@@ -51,10 +61,10 @@ class Recover(Manoeuvre):
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
-        if estimate.state is not State.FLYING_MANUAL:
+        if estimate.state is not self._out_of:
             return failed(
                 TaskAbortedError(
-                    f"recover_from_manual: the state became {estimate.state.name}",
+                    f"{self.name}: the state became {estimate.state.name}",
                     {"by": "autopilot", "state": estimate.state.name},
                 )
             )

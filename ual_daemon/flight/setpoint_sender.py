@@ -7,8 +7,8 @@ from ual_daemon.backends.values import Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.setpoint_adaptation import adapted
 
-_SEND_PERIOD_S = 0.018
-"""An update sends a setpoint if none was sent for so long (50 Hz, with a margin for the jitter of the updates)."""
+_DUE_SHARE = 0.9
+"""An update sends a setpoint if none was sent for this share of the period: a margin for the jitter of the updates."""
 
 
 class SetpointSender:
@@ -20,13 +20,13 @@ class SetpointSender:
         self._sent_s = float("-inf")
 
     def send_if_due(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
-        """Sends a setpoint, unless one was sent within the send period."""
-        if snapshot.time_s - self._sent_s >= _SEND_PERIOD_S:
+        """Sends a setpoint, unless one was sent within the period of the backend's `setpoint_rate_hz`."""
+        if snapshot.time_s - self._sent_s >= _DUE_SHARE / self._backend.info().setpoint_rate_hz:
             self.send(setpoint, snapshot)
 
     def send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint now."""
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
-            setpoint = adapted(setpoint, self._backend.info().takes, snapshot, self._limits.get())
+            setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get())
         self._backend.send(setpoint)

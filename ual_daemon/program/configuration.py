@@ -29,6 +29,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     ns: Annotated[str, Meta(pattern=NAMESPACE_PATTERN)] = "uav_1"
     fleet: Annotated[int, Meta(ge=1)] | None = None
     fleet_spacing_m: NotNegative = 3.0
+    fleet_url: tuple[str, ...] = ()
     url: str | None = None
     listen: tuple[str, ...] = ()
     insecure: bool = False
@@ -55,11 +56,16 @@ class Configuration:
     backends: Mapping[str, Mapping[str, Any]]
 
     @property
+    def is_fleet(self) -> bool:
+        """Whether this daemon flies several UAVs."""
+        return self.daemon.fleet is not None or bool(self.daemon.fleet_url)
+
+    @property
     def listen(self) -> tuple[str, ...]:
         """The addresses to listen on; for a fleet these are templates (`ual_daemon.program.fleet.addresses`). The
         default depends on the namespace.
         """
-        if self.daemon.fleet is not None:
+        if self.is_fleet:
             return self.daemon.listen or (f"{_discovery.LOOPBACK}:{{port}}",)
         return self.daemon.listen or (_discovery.default_address(self.daemon.ns),)
 

@@ -35,11 +35,30 @@ def names(first: str, count: int) -> list[str]:
     return [f"{base}_{begin + i}" for i in range(count)]
 
 
-def places(count: int, spacing_m: float) -> list[Vector3]:
-    """Returns where the UAVs stand, relative to the first one: in rows of `ROW`, so that a UAV's position does not
-    depend on how many there are.
+def urls(count: int | None, given: Sequence[str]) -> list[str | None]:
+    """Returns the URL of each vehicle; None for each of a simulated fleet.
+
+    Raises:
+        ConfigError: There are more or fewer URLs than UAVs, or two UAVs would be one vehicle.
     """
-    return [Vector3(i % ROW * spacing_m, i // ROW * spacing_m, 0.0) for i in range(count)]
+    if not given:
+        return [None] * (count or 0)
+    if count is not None and count != len(given):
+        raise ConfigError(f"{count} UAVs, but {len(given)} --fleet-url: leave out --fleet", "fleet")
+    twice = next((url for i, url in enumerate(given) if url in given[:i]), None)
+    if twice is not None:
+        raise ConfigError(f"{twice} is given twice: two UAVs cannot be one vehicle", "fleet_url")
+    return list(given)
+
+
+def places(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
+    """Returns where simulated UAVs stand, relative to the first one: in rows of `ROW`, so that a UAV's position does
+    not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
+    """
+    return [
+        Vector3(i % ROW * spacing_m, i // ROW * spacing_m, 0.0) if url is None else Vector3()
+        for i, url in enumerate(urls)
+    ]
 
 
 def placed(settings: VehicleSettings, place: Vector3) -> VehicleSettings:

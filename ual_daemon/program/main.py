@@ -62,6 +62,12 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
 @click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
 @click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns, in this one process.")
+@click.option(
+    "--fleet-url",
+    multiple=True,
+    metavar="URL",
+    help="Fly the vehicle at this URL in this process, and those of further --fleet-url.",
+)
 @click.option("--url", help="Where the autopilot is, as the backend expects it.")
 @click.option(
     "--listen",
@@ -113,7 +119,7 @@ def main(
     print_config: bool,
     **flags: object,
 ) -> None:
-    """Flies one UAV, or a simulated fleet, for callers in any process, on any host and in any language.
+    """Flies one UAV, or a fleet, for callers in any process, on any host and in any language.
 
     Each flag has an environment variable: UAL_BACKEND, UAL_NS, ... Flags win over the environment, that over the
     file, the file over the defaults. SIGTERM and SIGINT end it in a way that is safe for the UAV; a second one ends
@@ -168,7 +174,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     from ual_daemon.vehicle.vehicle import Vehicle
 
     try:
-        uavs = _fleet(configuration) if settings.fleet is not None else [_one(configuration)]
+        uavs = _fleet(configuration) if configuration.is_fleet else [_one(configuration)]
         vehicles = [
             Vehicle(
                 each.backend,
@@ -230,15 +236,17 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
     from ual_daemon.server import addresses
 
     settings = configuration.daemon
-    assert settings.fleet is not None
     if settings.url is not None:
-        raise ConfigError("a fleet is simulated: it has no autopilot to connect to", "url")
+        raise ConfigError("a fleet needs a URL for each vehicle: give --fleet-url for each", "url")
     section = configuration.backends.get(settings.backend, {})
-    names = fleet.names(settings.ns, settings.fleet)
-    places = fleet.places(settings.fleet, settings.fleet_spacing_m)
+    urls = fleet.urls(settings.fleet, settings.fleet_url)
+    names = fleet.names(settings.ns, len(urls))
+    places = fleet.places(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
-    backends = registry.make_fleet(settings.backend, [BackendOptions(ns, None, section) for ns in names], places)
-    fleet.allow_files(settings.fleet, len(configuration.listen))
+    backends = registry.make_fleet(
+        settings.backend, [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)], places
+    )
+    fleet.allow_files(len(urls), len(configuration.listen))
     return [
         _Planned(backend, fleet.placed(configuration.vehicle, place), where)
         for backend, place, where in zip(backends, places, listen, strict=True)

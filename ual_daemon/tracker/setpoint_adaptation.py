@@ -4,29 +4,46 @@ from __future__ import annotations
 
 from ual.geometry import Twist, Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.backends.values import (
+    PositionSetpoint,
+    Setpoint,
+    Snapshot,
+    Takes,
+    VehicleInfo,
+    VelocityGains,
+    VelocitySetpoint,
+)
 from ual_daemon.tracker.limits import scaled_down
 
-_POSITION_GAIN = 0.8
-"""From a position error to a velocity, 1/s; PX4's own is 0.95 (MPC_XY_P), ArduPilot's 1 (PSC_POSXY_P)."""
-_YAW_GAIN = 1.5
-"""From a heading error to a yaw rate, 1/s."""
+_ZERO = Vector3()
 
 
-def adapted(setpoint: Setpoint, takes: Takes, snapshot: Snapshot, limits: Limits) -> Setpoint:
+def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Limits) -> Setpoint:
     """Returns the setpoint, or the nearest to it that the autopilot takes. The snapshot must have a pose."""
-    if takes is Takes.ALL or isinstance(setpoint, VelocitySetpoint):
+    takes = vehicle.takes
+    if isinstance(setpoint, VelocitySetpoint) or Takes.POSITION | Takes.FEED_FORWARD in takes:
         return setpoint
-    if takes is Takes.POSITIONS:
+    if Takes.VELOCITY not in takes or (Takes.POSITION in takes and _stands_still(setpoint)):
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad)
-    return _velocity_towards(setpoint, snapshot, limits)
+    return _velocity_towards(setpoint, vehicle.velocity_gains, snapshot, limits)
 
 
-def _velocity_towards(setpoint: PositionSetpoint, snapshot: Snapshot, limits: Limits) -> VelocitySetpoint:
-    """Returns the velocity that leads to a position: a proportional controller around the feed-forward."""
+def _stands_still(setpoint: PositionSetpoint) -> bool:
+    return setpoint.velocity == setpoint.acceleration == _ZERO and setpoint.yaw_rate_rad_s == 0.0
+
+
+def _velocity_towards(
+    setpoint: PositionSetpoint, gains: VelocityGains, snapshot: Snapshot, limits: Limits
+) -> VelocitySetpoint:
+    """Returns the velocity that leads to a position: a proportional controller around the feed-forward.
+
+    The acceleration makes up for the vehicle's response, which is taken as of the first order: `response_s` times it is
+    how far the velocity must lead.
+    """
     assert snapshot.pose is not None
     here = snapshot.pose.value
-    velocity = setpoint.velocity + (setpoint.position - here.position) * _POSITION_GAIN
-    yaw_rate_rad_s = setpoint.yaw_rate_rad_s + wrap_angle(setpoint.yaw_rad - here.yaw_rad) * _YAW_GAIN
+    error = setpoint.position - here.position
+    velocity = setpoint.velocity + setpoint.acceleration * gains.response_s + error * gains.position_per_s
+    yaw_rate_rad_s = setpoint.yaw_rate_rad_s + wrap_angle(setpoint.yaw_rad - here.yaw_rad) * gains.yaw_per_s
     wanted = scaled_down(Twist(velocity, Vector3(0.0, 0.0, yaw_rate_rad_s)), limits)
     return VelocitySetpoint(wanted.linear, wanted.angular.z)

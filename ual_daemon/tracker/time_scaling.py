@@ -23,8 +23,8 @@ from ual_daemon.trajectory.envelope import (
 )
 
 CHECK_PERIOD_S = 0.02
-"""The time between the motions of a change that are checked: the period of the setpoints (50 Hz). Over a longer time,
-only the mean of a jerk that the change adds to and of the jerk after it would show."""
+"""The time between the motions of a change that are checked: as short as the period of the setpoints of most autopilots
+(50 Hz). Over a longer time, only the mean of a jerk that the change adds to and of the jerk after it would show."""
 _MARGIN = 1e-3
 _SHORTEST_S = 0.4
 _LONGEST_S = 8.0

@@ -23,7 +23,7 @@ from ual.types import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Snapshot
+from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.flight import Flight, LastCommand
@@ -102,7 +102,7 @@ class Commands:
         if isinstance(request, GoToWaypointGeoRequest):
             return self._planner.go_to_waypoint_geo(request, since)
         if isinstance(request, ReturnToLaunchRequest):
-            return self._planner.return_to_launch(request, self._backend.land, since)
+            return self._planner.return_to_launch(request, self._send_landing, since)
         assert isinstance(request, FollowPathRequest)
         return self._planner.follow_path(request, since)
 
@@ -136,7 +136,7 @@ class Commands:
         def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
             command = AutopilotCommand("take off", start.time_s)
             climb = TakeOff(task, command, start, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
-            return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m)))
+            return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m, bounds)))
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("take_off"):
@@ -192,11 +192,14 @@ class Commands:
                 is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
                 reference = self._flight.brake(snapshot) if is_ours else None
                 self._flight.begin(Land(task, command, reference, snapshot))
-                command.send(self._backend.land)
+                command.send(self._send_landing)
                 accepted("land", task_id=task.id)
                 return task
 
         return Prepared(Plan(), begin)
+
+    def _send_landing(self) -> Future[None]:
+        return self._backend.land(self._flight.limits.get())
 
     def recover_from_manual(self, *, force: bool = False) -> Prepared[Future[None]]:
         """Prepares to take control back; the future that it begins ends when the state is FLYING_AUTO.
@@ -248,11 +251,33 @@ class Commands:
             if task_id and self._flight.raw_estimate(self._backend.snapshot()).state in _LANDED:
                 self.cancel(self._tasks.get(task_id))  # a take-off that waits for the arming
                 return
-            snapshot = self._preconditions.require_state("abort", State.FLYING_AUTO)
-            motion = measured_motion(snapshot)
-            stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
-            self._flight.begin_reference(stop, "abort", snapshot, only_task_id=task_id)
+            snapshot = self._preconditions.require_state("abort", *self._abortable())
+            if self._is_flown_by_autopilot(snapshot):
+                self._take_back("abort", snapshot)
+            else:
+                motion = measured_motion(snapshot)
+                stop: Reference = Hold(motion.position, motion.yaw_rad) if freeze else self._flight.brake(snapshot)
+                self._flight.begin_reference(stop, "abort", snapshot, only_task_id=task_id)
             accepted("abort", freeze=freeze, task_id=task_id or "any")
+
+    def _abortable(self) -> tuple[State, ...]:
+        if self._flight.has_safety_pilot:
+            return (State.FLYING_AUTO,)
+        return (State.FLYING_AUTO, State.TAKING_OFF, State.LANDING)
+
+    def _is_flown_by_autopilot(self, snapshot: Snapshot) -> bool:
+        """Whether the autopilot takes off or lands by itself, where nobody but UAL can abort that."""
+        is_by_itself = snapshot.mode is not None and snapshot.mode.value.control in (Control.TAKE_OFF, Control.LAND)
+        return is_by_itself and not self._flight.has_safety_pilot
+
+    def _take_back(self, name: str, snapshot: Snapshot) -> None:
+        """Takes the control back from the autopilot's own landing or take-off."""
+        command = AutopilotCommand("take our references", snapshot.time_s)
+        state = self._flight.raw_estimate(snapshot).state
+        limits, take_control = self._flight.limits.get(), self._backend.take_control
+        recover = Recover(command, limits, take_control, lambda _: None, name, state)
+        self._flight.begin(recover)
+        recover.send()
 
     def cancel(self, task: VehicleTask) -> None:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
@@ -264,7 +289,9 @@ class Commands:
         if task.future.done():
             return
         snapshot = self._backend.snapshot()
-        if self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
+        if self._is_flown_by_autopilot(snapshot):
+            self._take_back("cancel", snapshot)
+        elif self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO:
             self._flight.begin_reference(self._flight.brake(snapshot), "cancel", snapshot, only_task_id=task.id)
         else:
             self._flight.drop_task(task.id, "cancel")

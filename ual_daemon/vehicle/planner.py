@@ -137,7 +137,7 @@ class Planner:
     def _bounds(self, max_speed_m_s: float | None) -> Limits:
         """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
         in_force = self._flight.limits
-        return in_force.cruise() if max_speed_m_s is None else limits.at_most(in_force.get(), max_speed_m_s)
+        return in_force.cruise() if max_speed_m_s is None else limits.at_most(in_force.planned(), max_speed_m_s)
 
     def _path_bounds(
         self, leg_speeds_m_s: Sequence[float | None], max_speed_m_s: float | None
@@ -146,7 +146,7 @@ class Planner:
         if max_speed_m_s is not None or not any(leg_speeds_m_s):
             return self._bounds(max_speed_m_s), [limits.slower(each, max_speed_m_s) for each in leg_speeds_m_s]
         cruise_m_s = self._flight.limits.cruise().horizontal_speed_m_s
-        return self._flight.limits.get(), [cruise_m_s if each is None else each for each in leg_speeds_m_s]
+        return self._flight.limits.planned(), [cruise_m_s if each is None else each for each in leg_speeds_m_s]
 
     def _local_waypoints(
         self,
@@ -258,7 +258,7 @@ class Planner:
         return Prepared(Plan((motion.position - measured_motion(snapshot).position).norm()), begin)
 
     def _tracker(self) -> type[TrajectoryReference | Pursuit]:
-        takes_motion = self._flight.takes is Takes.ALL
+        takes_motion = bool(self._flight.takes & (Takes.FEED_FORWARD | Takes.VELOCITY))
         return TrajectoryReference if takes_motion and self._tracker_setting is Tracker.REFERENCE else Pursuit
 
 

@@ -136,11 +136,11 @@ class HoverBackend(Backend):
         return self._command("disarm")
 
     @override
-    def take_off(self, height_m: float) -> Future[None]:
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
         return self._command("follow")  # the climb is flown with setpoints: VehicleInfo.flies_takeoff_on_setpoints
 
     @override
-    def land(self) -> Future[None]:
+    def land(self, limits: Limits) -> Future[None]:
         return self._command("land")
 
     @override

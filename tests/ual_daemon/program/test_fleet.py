@@ -39,12 +39,18 @@ def test_names_that_no_daemon_could_have_are_refused() -> None:
 
 
 def test_the_places_are_rows_of_ten_and_do_not_depend_on_how_many_there_are() -> None:
-    few, many = fleet.places(12, 3.0), fleet.places(200, 3.0)
+    few, many = fleet.places([None] * 12, 3.0), fleet.places([None] * 200, 3.0)
     assert many[:12] == few
     assert few[0] == Vector3()
     assert few[9] == Vector3(27.0, 0.0, 0.0)
     assert few[11] == Vector3(3.0, 3.0, 0.0)
     assert len(set(many)) == 200
+
+
+def test_vehicles_with_urls_of_their_own_stand_where_they_stand() -> None:
+    assert fleet.urls(None, ["radio://1", "radio://2"]) == ["radio://1", "radio://2"]
+    assert fleet.urls(3, []) == [None] * 3
+    assert fleet.places(["radio://1", "radio://2"], 3.0) == [Vector3(), Vector3()]
 
 
 def test_a_home_pose_is_that_of_the_first() -> None:
@@ -232,8 +238,18 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
         (["--fleet", "0"], "ual-daemon: --fleet: Expected `int` >= 1"),
         (
             ["--fleet", "2", "--url", "sim"],
-            "ual-daemon: --url: a fleet is simulated: it has no autopilot to connect to",
+            "ual-daemon: --url: a fleet needs a URL for each vehicle: give --fleet-url for each",
         ),
+        (["--url", "sim"], "ual-daemon: --url: sim: a light UAV is simulated: it has no autopilot to connect to"),
+        (
+            ["--fleet-url", "a", "--fleet-url", "b"],
+            "ual-daemon: --url: a: a light UAV is simulated: it has no autopilot to connect to",
+        ),
+        (
+            ["--fleet-url", "a", "--fleet-url", "a"],
+            "ual-daemon: --fleet-url: a is given twice: two UAVs cannot be one vehicle",
+        ),
+        (["--fleet", "3", "--fleet-url", "a"], "ual-daemon: --fleet: 3 UAVs, but 1 --fleet-url: leave out --fleet"),
         (
             ["--fleet", "2", "--listen", "127.0.0.1:50051"],
             "ual-daemon: --listen: 127.0.0.1:50051: each UAV of a fleet needs an address of its own",

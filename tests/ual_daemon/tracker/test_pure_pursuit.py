@@ -1,20 +1,17 @@
-"""Pure pursuit, by configuration and for autopilots that take bare positions or velocities. In stepped time."""
+"""Pure pursuit, by configuration and for autopilots that take bare positions; and velocities alone. In stepped time."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import pytest
 
 from tests.ual_daemon.stepped import Stepped, at, stepped
 from ual.errors import NotSupportedError, UalTimeoutError
-from ual.geometry import Pose, Quaternion, Twist, TwistStamped, Vector3
+from ual.geometry import Twist, TwistStamped, Vector3
 from ual.simulation import MotorsWeak
-from ual.types import Limits, State
-from ual_daemon.backends.values import PositionSetpoint, Sample, Snapshot, Takes, VelocitySetpoint
+from ual.types import State
 from ual_daemon.settings import Tracker, VehicleSettings
-from ual_daemon.tracker.setpoint_adaptation import adapted
 
 WAYS = {
     "by configuration": (VehicleSettings(tracker=Tracker.PURSUIT), {}),
@@ -120,30 +117,3 @@ def test_an_autopilot_that_takes_positions_only_refuses_velocities() -> None:
         uav.fly()
         with pytest.raises(NotSupportedError):
             uav.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(1.0))))
-
-
-# --- Setpoints as an autopilot takes them -----------------------------------------------------------------------------
-
-HERE = Snapshot(0.0, pose=Sample(Pose(Vector3(1.0, 2.0, 3.0), Quaternion.from_yaw(3.0)), 0.0))
-MOVING = PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0, Vector3(0.5), Vector3(0.1), 0.2)
-
-
-def test_an_autopilot_that_takes_positions_gets_no_feed_forward() -> None:
-    assert adapted(MOVING, Takes.ALL, HERE, Limits()) is MOVING
-    assert adapted(MOVING, Takes.POSITIONS, HERE, Limits()) == PositionSetpoint(Vector3(2.0, 2.0, 3.0), -3.0)
-
-
-def test_an_autopilot_that_takes_velocities_gets_one_towards_the_position_within_the_limits() -> None:
-    near = adapted(MOVING, Takes.VELOCITIES, HERE, Limits())
-    assert isinstance(near, VelocitySetpoint)
-    assert 0.5 < near.velocity.x < 1.6
-    assert 0.2 < near.yaw_rate_rad_s <= 1.0  # the shorter way, through pi
-    far = adapted(PositionSetpoint(Vector3(101.0, 2.0, 103.0), 3.0), Takes.VELOCITIES, HERE, Limits())
-    assert far.velocity.horizontal_norm() <= 1.6 + 1e-9
-    assert far.velocity.z <= 1.2 + 1e-9
-    assert math.isclose(far.velocity.x, far.velocity.z)
-
-
-def test_velocities_are_sent_as_they_are() -> None:
-    velocity = VelocitySetpoint(Vector3(1.0), 0.1)
-    assert all(adapted(velocity, takes, HERE, Limits()) is velocity for takes in Takes)

@@ -13,7 +13,7 @@ from ual.geometry import TwistStamped, Vector3
 from ual.simulation import LinkLost
 from ual.types import State
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import PositionSetpoint, Setpoint
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, SetpointLoss
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -151,7 +151,7 @@ def test_an_autopilot_that_falls_without_setpoints_is_held_at_once(
     uav.fly()
     backend = uav.vehicle.backend
     info = backend.info()
-    monkeypatch.setattr(backend, "info", lambda: replace(info, falls_without_setpoints=True))
+    monkeypatch.setattr(backend, "info", lambda: replace(info, setpoint_loss=SetpointLoss.FALLS))
     uav.vehicle.close()
     vehicle = Vehicle(backend)
     vehicle.open()

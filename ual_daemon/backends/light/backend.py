@@ -34,9 +34,10 @@ from ual_daemon.backends.values import (
     Snapshot,
     Takes,
     VehicleInfo,
+    VelocityGains,
 )
 from ual_daemon.geodesy import EllipsoidProjection
-from ual_daemon.settings import convert
+from ual_daemon.settings import ConfigError, convert
 
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
@@ -72,6 +73,8 @@ class LightBackend(Backend):
 
     def __init__(self, options: BackendOptions, world: World | None = None) -> None:
         super().__init__(options)
+        if options.url is not None:
+            raise ConfigError(f"{options.url}: a light UAV is simulated: it has no autopilot to connect to", "url")
         settings = convert(options.settings, LightSettings, self.name)
         self.world = World(_speed_factor(settings)) if world is None else world
         self.clock = self.world
@@ -148,12 +151,13 @@ class LightBackend(Backend):
         return self._command(Command.DISARM, self._disarm)
 
     @override
-    def take_off(self, height_m: float) -> Future[None]:
-        del height_m  # the daemon's setpoints fly the climb
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
+        del height_m, limits  # the daemon's setpoints fly the climb
         return self._command(Command.TAKE_OFF, self._guide)
 
     @override
-    def land(self) -> Future[None]:
+    def land(self, limits: Limits) -> Future[None]:
+        del limits  # it lands at a speed of its own
         return self._command(Command.LAND, lambda fleet: self._switch(fleet, FlightMode.LAND))
 
     @override
@@ -373,13 +377,16 @@ def _speed_factor(settings: LightSettings) -> float:
     return math.inf if settings.speed_factor == "max" else settings.speed_factor
 
 
+_TAKES = {"all": Takes.ALL, "positions": Takes.POSITION, "velocities": Takes.VELOCITY}
+
+
 def _vehicle_info(settings: LightSettings) -> VehicleInfo:
-    takes = Takes[settings.takes.upper()]
+    takes = _TAKES[settings.takes]
     return VehicleInfo(
         autopilot="light",
         autopilot_version=__version__,
         is_simulation=True,
-        capabilities=frozenset(Capability) - ({Capability.VELOCITY} if takes is Takes.POSITIONS else set()),
+        capabilities=frozenset(Capability) - (set() if Takes.VELOCITY in takes else {Capability.VELOCITY}),
         limits=Limits(
             settings.horizontal_speed_m_s,
             settings.vertical_speed_m_s,
@@ -390,4 +397,5 @@ def _vehicle_info(settings: LightSettings) -> VehicleInfo:
         ),
         flies_takeoff_on_setpoints=True,
         takes=takes,
+        velocity_gains=VelocityGains(response_s=settings.response_s),
     )

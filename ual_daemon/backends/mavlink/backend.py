@@ -11,6 +11,7 @@ from functools import partial
 from typing_extensions import override
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
+from ual.types import Limits
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, HomeUnknownError
@@ -101,11 +102,15 @@ class MavlinkBackend(Backend):
         return self._command("disarm", lambda dialect: dialect.disarm())
 
     @override
-    def take_off(self, height_m: float) -> Future[None]:
-        return self._command("take off", lambda dialect: dialect.take_off(height_m, self.snapshot()))
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
+        is_slower = limits.climb_speed_m_s < self.info().limits.climb_speed_m_s
+        return self._command(
+            "take off", lambda dialect: dialect.take_off(height_m, self.snapshot(), is_slower=is_slower)
+        )
 
     @override
-    def land(self) -> Future[None]:
+    def land(self, limits: Limits) -> Future[None]:
+        del limits  # the autopilots' landings take no speed: MPC_LAND_SPEED, LAND_SPEED
         return self._command("land", lambda dialect: dialect.land())
 
     @override

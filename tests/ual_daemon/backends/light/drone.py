@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ual.geometry import Pose, Twist, Vector3
+from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
 from ual_daemon.backends.light.physics import STEP_S, FlightMode
@@ -45,7 +46,7 @@ class Drone:
     def fly(self, height_m: float = 5.0) -> None:
         """Into the air, at rest, following setpoints."""
         self.sim.pilot_arm()
-        self.backend.take_off(height_m).result(timeout=0)
+        self.backend.take_off(height_m, Limits()).result(timeout=0)
         place = self.true("position")
         top = PositionSetpoint(Vector3(place[0], place[1], place[2] + height_m), float(self.true("yaw")))
         self.run(height_m / 1.0 + 4.0, top)

@@ -19,7 +19,7 @@ from ual.simulation import (
     MotorsWeak,
     PositionLost,
 )
-from ual.types import GpsFix
+from ual.types import GpsFix, Limits
 from ual_daemon.backends.light.physics import STEP_S, FlightMode
 
 HERE = hold(0.0, 0.0, 5.0)
@@ -99,7 +99,7 @@ def test_with_the_link_lost_the_snapshot_ages_and_nothing_arrives(drone: Drone) 
     assert late.pose == before.pose
     assert late.mode == before.mode
     assert drone.true("velocity")[0] == pytest.approx(0.0, abs=0.01)
-    assert not drone.backend.land().done()
+    assert not drone.backend.land(Limits()).done()
     assert not drone.backend.hold().done()
     drone.run(1.0)
     assert drone.mode() is FlightMode.HOLD  # the autopilot holds by itself, without setpoints
@@ -164,7 +164,7 @@ def test_the_safety_pilot_flies_and_the_autopilot_lands_without_a_position(drone
     drone.sim.pilot_move_sticks(forward=1.0)
     drone.run(2.0)
     assert drone.true("velocity")[0] > 1.0
-    drone.backend.land().result(timeout=0)
+    drone.backend.land(Limits()).result(timeout=0)
     drone.run(15.0)
     assert drone.true("is_landed")
 
@@ -232,7 +232,7 @@ def test_a_battery_that_is_emptier_already_is_not_charged(drone: Drone) -> None:
 @pytest.mark.parametrize("command", [Command.LAND, Command.ANY])
 def test_a_refused_command_has_no_effect_and_carries_the_words(drone: Drone, command: Command) -> None:
     drone.sim.begin_fault(CommandRefused(command, "Accels inconsistent"))
-    error = drone.backend.land().exception(timeout=0)
+    error = drone.backend.land(Limits()).exception(timeout=0)
     assert isinstance(error, RejectedByAutopilotError)
     assert error.metadata["text"] == "Accels inconsistent"
     assert drone.mode() is FlightMode.GUIDED
@@ -242,7 +242,7 @@ def test_a_refused_command_has_no_effect_and_carries_the_words(drone: Drone, com
 
 def test_other_commands_than_the_refused_one_are_obeyed(drone: Drone) -> None:
     drone.sim.begin_fault(CommandRefused(Command.ARM))
-    drone.backend.land().result(timeout=0)
+    drone.backend.land(Limits()).result(timeout=0)
     assert drone.mode() is FlightMode.LAND
 
 
@@ -258,7 +258,7 @@ def test_nobody_refuses_the_safety_pilot_nor_the_hold_that_makes_safe(drone: Dro
 @pytest.mark.parametrize("command", [Command.LAND, Command.ANY])
 def test_a_lost_acknowledgement_leaves_the_effect(drone: Drone, command: Command) -> None:
     drone.sim.begin_fault(AckLost(command))
-    ack = drone.backend.land()
+    ack = drone.backend.land(Limits())
     assert drone.mode() is FlightMode.LAND
     drone.run(10.0)
     assert not ack.done()
@@ -266,7 +266,7 @@ def test_a_lost_acknowledgement_leaves_the_effect(drone: Drone, command: Command
 
 def test_a_late_acknowledgement_comes_late(drone: Drone) -> None:
     drone.sim.begin_fault(AckLate(Command.LAND, delay_s=1.5))
-    ack = drone.backend.land()
+    ack = drone.backend.land(Limits())
     assert drone.mode() is FlightMode.LAND
     drone.run(1.4)
     assert not ack.done()
@@ -276,5 +276,5 @@ def test_a_late_acknowledgement_comes_late(drone: Drone) -> None:
 
 def test_a_late_acknowledgement_that_nobody_waits_for_any_more_is_nothing(drone: Drone) -> None:
     drone.sim.begin_fault(AckLate(delay_s=1.0))
-    assert drone.backend.land().cancel()
+    assert drone.backend.land(Limits()).cancel()
     drone.run(2.0)

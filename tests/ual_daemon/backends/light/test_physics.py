@@ -13,6 +13,7 @@ from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
 from tests.ual_daemon.stepped import stepped
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError, WrongStateError
 from ual.geometry import Vector3
+from ual.types import Limits
 from ual_daemon.backends.light.physics import SETPOINT_TIMEOUT_S, STEP_S, FlightMode
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, VelocitySetpoint
 
@@ -142,7 +143,7 @@ def test_a_landing_is_noticed_after_a_moment_and_disarms_later(start_z: float) -
     drone.fly(2.0)
     assert drone.landed() is LandedState.IN_AIR
     assert drone.pose.position.z == pytest.approx(start_z + 2.0, abs=0.01)
-    drone.backend.land().result(timeout=0)
+    drone.backend.land(Limits()).result(timeout=0)
     drone.run(STEP_S)
     assert drone.landed() is LandedState.LANDING
     while drone.true("position")[2] > start_z:
@@ -161,7 +162,7 @@ def test_a_landing_is_noticed_after_a_moment_and_disarms_later(start_z: float) -
 def test_it_comes_down_with_the_landing_speed() -> None:
     drone = Drone(landing_speed_m_s=0.4)
     drone.fly(3.0)
-    drone.backend.land()
+    drone.backend.land(Limits())
     drone.run(2.0)
     assert drone.twist.linear.z == pytest.approx(-0.4, abs=0.01)
 
@@ -179,7 +180,7 @@ def test_arming_alone_moves_nothing(start_z: float) -> None:
     drone.sim.pilot_arm()
     drone.run(5.0)
     assert drone.pose.position == Vector3(1.0, 2.0, start_z)
-    drone.backend.take_off(3.0)
+    drone.backend.take_off(3.0, Limits())
     drone.backend.send(hold(1.0, 2.0, start_z + 3.0))
     drone.sim.pilot_disarm()
     drone.run(5.0)
@@ -194,7 +195,7 @@ def test_setpoints_lift_it_off_only_when_they_are_followed() -> None:
     drone.sim.pilot_arm()
     drone.run(2.0, hold(0.0, 0.0, 3.0))
     assert drone.pose.position.z == 0.0
-    drone.backend.take_off(3.0)
+    drone.backend.take_off(3.0, Limits())
     drone.run(2.0, hold(0.0, 0.0, 3.0))
     assert drone.landed() is LandedState.IN_AIR
 
@@ -236,7 +237,7 @@ def test_without_setpoints_it_holds_by_itself_after_a_while() -> None:
 def test_on_the_ground_it_waits_for_setpoints() -> None:
     drone = Drone()
     drone.sim.pilot_arm()
-    drone.backend.take_off(3.0)
+    drone.backend.take_off(3.0, Limits())
     drone.run(10.0)
     assert drone.mode() is FlightMode.GUIDED
 

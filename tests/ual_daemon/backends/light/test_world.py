@@ -14,7 +14,7 @@ from tests.ual_daemon.backends.light.drone import Drone, hold, velocity
 from tests.ual_daemon.stepped import Stepped, at, stepped
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Twist, TwistStamped, Vector3
-from ual.types import Telemetry
+from ual.types import Limits, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
 from ual_daemon.backends.light.physics import STEP_S
@@ -214,7 +214,7 @@ def test_vehicles_of_one_world_do_not_disturb_each_other() -> None:
     one = Drone(world, wind_m_s=[1.0, 0.0, 0.0], position_noise_m=0.01)
     for other in crowd:
         other.sim.pilot_arm()
-        other.backend.take_off(3.0)
+        other.backend.take_off(3.0, Limits())
         other.backend.send(velocity(1.0, 1.0, 1.0))
     crowd[0].sim.set_wind(Vector3(20.0, 0.0, 0.0))
     fly(one)

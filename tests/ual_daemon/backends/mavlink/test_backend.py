@@ -16,7 +16,7 @@ from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, pa
 from tests.ual_daemon.backends.mavlink.traces import load, replay
 from ual.errors import LinkLostError, NotSupportedError
 from ual.geometry import Vector3
-from ual.types import State
+from ual.types import Limits, State
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.discovery import Discovery
@@ -179,9 +179,15 @@ def test_a_setpoint_has_left_when_send_returns(pair: Pair) -> None:
 def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard() -> None:
     with opened(f"udpin://127.0.0.1:{free_port()}") as backend:
         backend.send(SETPOINT)
-        for command in (backend.arm, backend.land, backend.hold, backend.take_control, backend.disarm):
+        for command in (
+            backend.arm,
+            lambda: backend.land(Limits()),
+            backend.hold,
+            backend.take_control,
+            backend.disarm,
+        ):
             assert isinstance(command().exception(PATIENCE_S), LinkLostError)
-        error = backend.take_off(3.0).exception(PATIENCE_S)
+        error = backend.take_off(3.0, Limits()).exception(PATIENCE_S)
         assert str(error) == f"cannot take off: no autopilot is heard at {backend.url}"
 
 
@@ -356,7 +362,7 @@ def test_a_backend_never_opened_can_be_asked_and_closed() -> None:
     backend = MavlinkBackend(BackendOptions("uav_1"))
     assert backend.snapshot().pose is None
     assert backend.info().autopilot == ""
-    assert isinstance(backend.land().exception(PATIENCE_S), LinkLostError)
+    assert isinstance(backend.land(Limits()).exception(PATIENCE_S), LinkLostError)
     backend.send(SETPOINT)
     backend.close()
 

@@ -104,6 +104,8 @@ _COPTER_VTOL_STATES = (mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_
 _PLANE_PARAMETER = "Q_ENABLE"
 """A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
 
+_SLOW_CLIMB_M = 1.5
+"""So far it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it standing."""
 _NEAR_HOME_M = 1.0
 """How far above or below home its estimate of height may wander; see `_above_home_m`."""
 ACCELERATION_SHARE = 0.6
@@ -303,7 +305,7 @@ class ArduCopter(Dialect):
         return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), _set_mode(_GUIDED, "arm"))
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
         # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
         standing_m = _above_home_m(snapshot)
         if standing_m is None:
@@ -314,9 +316,11 @@ class ArduCopter(Dialect):
                 f"the height from the ground: it would climb to {standing_m + height_m:.1f} m instead of {height_m:g} "
                 "m; set its home to where it stands"
             )
+        # Its climb takes no speed (WPNAV_SPEED_UP). UAL's setpoints fly the rest of the way, within the limits.
+        own_climb_m = min(height_m, _SLOW_CLIMB_M) if is_slower else height_m
         climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0,) * 6 + (standing_m + height_m,),
+            (0.0,) * 6 + (standing_m + own_climb_m,),
             "take off",
             group="mode",
             shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),

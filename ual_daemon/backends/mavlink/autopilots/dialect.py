@@ -221,8 +221,10 @@ class Dialect(ABC):
         return arm_or_disarm(is_arming=False)
 
     @abstractmethod
-    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
         """Climbs to a height above where it stands by this snapshot.
+
+        `is_slower`: the climb speed in force is below its own, so it is not to climb all the way by itself.
 
         Raises:
             HomeUnknownError: The snapshot lacks what the autopilot's height is computed from.

@@ -235,7 +235,7 @@ class Px4(Dialect):
         return self._arm_leaving(snapshot, arm, self.hold())
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
         return self._enter_offboard("take off")
 
     @override

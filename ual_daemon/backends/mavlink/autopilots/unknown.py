@@ -74,7 +74,7 @@ class Unknown(Dialect):
         raise self._refusal()
 
     @override
-    def take_off(self, height_m: float, snapshot: Snapshot) -> CommandLong:
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
         raise self._refusal()
 
     @override
