@@ -139,7 +139,7 @@ def test_the_error_of_a_task_that_ended_keeps_nothing_of_those_that_waited_for_i
     class Request:
         pass
 
-    def wait() -> weakref.ref[Request]:
+    def wait(task: VehicleTask) -> weakref.ref[Request]:
         request = Request()
         try:
             task.future.result()
@@ -150,7 +150,7 @@ def test_the_error_of_a_task_that_ended_keeps_nothing_of_those_that_waited_for_i
     tasks = Tasks(clock)
     task = tasks.new(TaskKind.FOLLOW_PATH, "")
     task.end(TaskAbortedError("follow_path: cancelled"))
-    request = wait()
+    request = wait(task)
     gc.collect()
     assert request() is not None  # the error's traceback has the frame in which it was raised
     tasks.new(TaskKind.LAND, "")
