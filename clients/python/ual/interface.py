@@ -738,7 +738,8 @@ class Uav(TaskCommands[Task]):
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
         """Sends a velocity as the reference. Allowed in FLYING_AUTO.
 
-        Returns at once. Without a new one within 0.5 s the UAV stops and holds its position.
+        Returns at once. Without a new one within 0.5 s the UAV stops and holds its position. What is 0 in it (an
+        axis, the height, the heading) is held.
 
         Args:
             velocity: m/s, and rad/s about z. A bare `Twist` is along the axes of ``<ns>/odom``. One in

@@ -38,7 +38,7 @@ _LEAST_SPEED_M_S = 1.0
 """At lower speeds nothing is learned about drag, and nothing forgotten."""
 _JUMP_M = 0.5
 """A position that moves farther than its velocity says, between two of them, has jumped."""
-_PRIOR_M2_S = 4.0
+_PRIOR_M2_S = 1.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
 estimate stays close to no drag."""
 _LEAST_UPRIGHT = 0.5
