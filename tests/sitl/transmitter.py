@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -81,7 +82,14 @@ class Transmitter(ABC):
 
     def set_parameter(self, name: str, value: float) -> None:
         """Sets a parameter that is a number in floating point on the wire, as a ground station does."""
-        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        self._set_parameter(name, value, mavlink.MAV_PARAM_TYPE_REAL32)
+
+    def set_integer(self, name: str, value: int) -> None:
+        """Sets a parameter that is an integer: PX4 takes its bytes in the place of the number."""
+        (bytes_as_number,) = struct.unpack("<f", struct.pack("<i", value))
+        self._set_parameter(name, bytes_as_number, mavlink.MAV_PARAM_TYPE_INT32)
+
+    def _set_parameter(self, name: str, value: float, kind: int) -> None:
         for _ in range(2):  # it may be lost
             self._tell(mavlink.MAVLink_param_set_message(self._system_id, 1, name.encode(), value, kind))
             time.sleep(0.3)
@@ -90,6 +98,14 @@ class Transmitter(ABC):
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)
         self._order(mavlink.MAV_CMD_DO_SET_MODE, params, lambda: self.mode == custom_mode, f"in mode {custom_mode}")
+
+    @abstractmethod
+    def lose_signal(self) -> None:
+        """The autopilot hears the transmitter no more, until `find_signal`."""
+
+    @abstractmethod
+    def find_signal(self) -> None:
+        """Ends `lose_signal`."""
 
     @abstractmethod
     def stand_by(self) -> None:
