@@ -65,6 +65,12 @@ class CopterPilot(Transmitter):
     def take_over(self) -> None:
         self.switch = SWITCH_LOITER
 
+    def lose_signal(self) -> None:
+        self.set_parameter("SIM_RC_FAIL", 1.0)
+
+    def find_signal(self) -> None:
+        self.set_parameter("SIM_RC_FAIL", 0.0)
+
     def stand_by(self) -> None:
         if self.switch != SWITCH_GUIDED:
             self.switch = SWITCH_GUIDED

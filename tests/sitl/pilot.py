@@ -34,6 +34,7 @@ class SafetyPilot(Transmitter):
         link.bind((host, port + 100 if local_port is None else local_port))
         super().__init__(link, GROUND_STATION_ID)
         self._address = (host, port)
+        self._is_heard = True
         self._thread.start()
 
     def begin(self) -> None:
@@ -47,6 +48,12 @@ class SafetyPilot(Transmitter):
     def take_over(self) -> None:
         self._command(mavlink.MAV_CMD_DO_SET_MODE, (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(_POSCTL)))
 
+    def lose_signal(self) -> None:
+        self._is_heard = False
+
+    def find_signal(self) -> None:
+        self._is_heard = True
+
     def stand_by(self) -> None:
         """His switch is a button of the ground station, which he can press again."""
 
@@ -57,7 +64,7 @@ class SafetyPilot(Transmitter):
     def _hold_sticks(self, count: int) -> None:
         if count % _HEARTBEATS == 0:
             self._tell(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
-        if self._system_id:
+        if self._system_id and self._is_heard:
             s = self.sticks
             axes = (s.forward * 1000, s.right * 1000, 500 + s.up * 500, s.turn_right * 1000)
             self._tell(mavlink.MAVLink_manual_control_message(self._system_id, *(int(each) for each in axes), 0))

@@ -21,8 +21,8 @@ class Simulator:
 
     `wanders_m` is how far off its own estimate it may hover, `estimate_m_s` how wrong its velocity may be. `own_hold`
     is the mode in which it holds its position by itself, `pilots_mode` the one in which its safety pilot flies,
-    `references_mode` the (custom) mode in which it takes our references. `disarm_refusal` is how it refuses to be
-    disarmed in the air.
+    `references_mode` the (custom) mode in which it takes our references, and `references_name` its name.
+    `disarm_refusal` is how it refuses to be disarmed in the air.
     """
 
     autopilot: str
@@ -34,6 +34,7 @@ class Simulator:
     pilots_mode: str
     own_hold: str
     references_mode: int
+    references_name: str
     disarm_refusal: str
     wanders_m: float
     estimate_m_s: float
@@ -65,6 +66,7 @@ PX4 = Simulator(
     pilots_mode="POSCTL",
     own_hold="AUTO.LOITER",
     references_mode=OFFBOARD,
+    references_name="OFFBOARD",
     disarm_refusal="TEMPORARILY_REJECTED",
     wanders_m=1.0,
     estimate_m_s=0.4,
@@ -79,6 +81,7 @@ ARDUPILOT = Simulator(
     pilots_mode="LOITER",
     own_hold="BRAKE",
     references_mode=GUIDED,
+    references_name="GUIDED",
     disarm_refusal="FAILED",
     wanders_m=0.4,
     estimate_m_s=0.1,

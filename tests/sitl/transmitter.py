@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -84,7 +85,14 @@ class Transmitter(ABC):
 
     def set_parameter(self, name: str, value: float) -> None:
         """Sets a parameter that is a number in floating point on the wire, as a ground station does."""
-        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        self._set_parameter(name, value, mavlink.MAV_PARAM_TYPE_REAL32)
+
+    def set_integer(self, name: str, value: int) -> None:
+        """Sets a parameter that is an integer: PX4 takes its bytes in the place of the number."""
+        (bytes_as_number,) = struct.unpack("<f", struct.pack("<i", value))
+        self._set_parameter(name, bytes_as_number, mavlink.MAV_PARAM_TYPE_INT32)
+
+    def _set_parameter(self, name: str, value: float, kind: int) -> None:
         for _ in range(2):  # it may be lost
             self._tell(mavlink.MAVLink_param_set_message(self._system_id, 1, name.encode(), value, kind))
             time.sleep(0.3)
@@ -98,6 +106,14 @@ class Transmitter(ABC):
         """Asks for a message, and hands each one to `take`, on the thread that holds the sticks."""
         self._listeners[message_id] = take
         self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz))
+
+    @abstractmethod
+    def lose_signal(self) -> None:
+        """The autopilot hears the transmitter no more, until `find_signal`."""
+
+    @abstractmethod
+    def find_signal(self) -> None:
+        """Ends `lose_signal`."""
 
     @abstractmethod
     def stand_by(self) -> None:

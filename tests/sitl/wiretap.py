@@ -9,6 +9,7 @@ import selectors
 import socket
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -30,6 +31,8 @@ _ORDERS = {
 }
 _Setpoint = mavlink.MAVLink_set_position_target_local_ned_message
 _PIECE = 65536
+_STATION_ID = 253
+"""The system that sends what is injected."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Heard:
 
     time_s: float
     message: Message
+    component_id: int
 
 
 class Ears(Protocol):
@@ -54,7 +58,8 @@ class Ears(Protocol):
 
 
 class Wiretap:
-    """Passes everything on, both ways, and keeps what the daemon sent. A daemon that ends may be followed by another.
+    """Passes everything on, both ways, and keeps what the daemon sent. A daemon that ends may be followed by another;
+    on UDP several may be there at once, and all hear the autopilot.
 
     `url` is where the autopilot would be found without it (``udpin://`` or ``tcp://``); `self.url` is for the daemon.
     `faults` are those of the line, each way; on TCP pieces of the stream are lost or damaged, as by a modem between.
@@ -67,11 +72,14 @@ class Wiretap:
         assert parts.port is not None
         self._autopilot = (parts.hostname, parts.port)
         self._codec = Codec(0)
+        self._injector = Codec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._injector.join(_STATION_ID)
         self._reader = FrameReader()
         self._lock = threading.Lock()
         self._sent: list[Heard] = []
         self._is_closing = False
         self._ears = ears
+        self._injected: deque[bytes] = deque()
         self.faults = GOOD
         is_udp = parts.scheme == "udpin"
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if is_udp else socket.SOCK_STREAM)
@@ -86,16 +94,30 @@ class Wiretap:
         self._thread.join()
         self._near.close()
 
-    def setpoints(self, since_s: float, until_s: float = math.inf) -> int:
-        """How many setpoints were sent in between (monotonic clock), by the time that the daemon wrote into them."""
+    def inject(self, message: Message) -> None:
+        """Sends a message to the autopilot on the daemon's own link, as another program behind a router does."""
+        self._injected.append(self._injector.encode(message))
+
+    def setpoints(self, since_s: float, until_s: float = math.inf, *, component_id: int | None = None) -> int:
+        """How many setpoints were sent in between (monotonic clock), by the time that the daemon wrote into them; with
+        `component_id` by this daemon only.
+        """
         with self._lock:
-            sent_ms = [heard.message.time_boot_ms for heard in self._sent if isinstance(heard.message, _Setpoint)]
+            sent_ms = [
+                heard.message.time_boot_ms
+                for heard in self._sent
+                if isinstance(heard.message, _Setpoint) and component_id in (None, heard.component_id)
+            ]
         return sum(int(since_s * 1000.0) < each_ms <= until_s * 1000.0 for each_ms in sent_ms)
 
-    def orders(self, since_s: float) -> list[str]:
+    def orders(self, since_s: float, *, component_id: int | None = None) -> list[str]:
         """What the autopilot was told to do since then: commands, modes and parameters, but not what it was asked."""
         with self._lock:
-            messages = [heard.message for heard in self._sent if heard.time_s >= since_s]
+            messages = [
+                heard.message
+                for heard in self._sent
+                if heard.time_s >= since_s and component_id in (None, heard.component_id)
+            ]
         return [
             str(message)
             for message in messages
@@ -108,7 +130,7 @@ class Wiretap:
             return
         time_s = time.monotonic()
         for frame in self._reader.feed(data):
-            heard = Heard(time_s, self._codec.decode(frame))
+            heard = Heard(time_s, self._codec.decode(frame), frame.component_id)
             with self._lock:
                 self._sent.append(heard)
 
@@ -121,7 +143,8 @@ class Wiretap:
             far.bind(self._autopilot)
             selector.register(far, selectors.EVENT_READ)
             selector.register(self._near, selectors.EVENT_READ)
-            daemon = autopilot = None
+            autopilot = None
+            daemons: set[tuple[str, int]] = set()
             down, up = Way(random.Random(1), keeps_order=False), Way(random.Random(2), keeps_order=False)
             while not self._is_closing:
                 for key, _ in selector.select(_wait_s(down, up)):
@@ -130,13 +153,15 @@ class Wiretap:
                         autopilot = address
                         down.put(data, time.monotonic(), self.faults)
                     else:
-                        daemon = address
+                        daemons.add(address)
                         self._note(data)
                         up.put(data, time.monotonic(), self.faults)
                 for data in down.take(time.monotonic()):
-                    if daemon is not None:
-                        self._note_told(data)
+                    self._note_told(data)
+                    for daemon in daemons:
                         self._near.sendto(data, daemon)
+                while self._injected and autopilot is not None:
+                    far.sendto(self._injected.popleft(), autopilot)
                 for data in up.take(time.monotonic()):
                     if autopilot is not None:
                         far.sendto(data, autopilot)
@@ -174,6 +199,8 @@ class Wiretap:
                     daemon.sendall(data)
                 for data in up.take(time.monotonic()):
                     far.sendall(data)
+                while self._injected:
+                    far.sendall(self._injected.popleft())
 
 
 def _wait_s(*ways: Way) -> float:

@@ -558,6 +558,16 @@ def test_a_waypoint_file_is_flown_dry(flying: DaemonProcess, tmp_path: Path) -> 
     assert plan["duration_s"] > 6.0
 
 
+def test_home_says_where_the_ground_is_where_its_height_is_not_set(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--set", "light.start=[5, 2, -2.5]")
+    us = ["--address", str(daemon.address)]
+    said = done(*us, "home")
+    assert "stands at z = -2.5 m in uav_1/odom, so that a go-to to z = 5 leads 7.5 m above this ground" in said
+    (home,) = done_json(*us, "home")
+    assert home["ground_z_m"] == -2.5
+    assert done(*us, "home", "--set-z") == "home set\n"
+
+
 def test_it_returns_home_and_takes_off_again_in_one_script(flying: DaemonProcess) -> None:
     done("goto", "3", "4", "3")
     (plan,) = done_json("rtl", "--height", "4", "--dry-run")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import TypeAlias
 
 from typing_extensions import override
 
@@ -16,6 +18,9 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import LONGEST_STOP_S, Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Motion, Trajectory
+
+MakeTracker: TypeAlias = Callable[[Trajectory, float, ToleranceSettings], TrajectoryReference | Pursuit]
+"""Makes the tracker that flies a trajectory from a time on, within a tolerance."""
 
 
 class FollowTrajectory(Manoeuvre):
@@ -32,7 +37,7 @@ class FollowTrajectory(Manoeuvre):
         task: VehicleTask,
         trajectory: Trajectory,
         tolerance: ToleranceSettings,
-        tracker: type[TrajectoryReference | Pursuit] = TrajectoryReference,
+        tracker: MakeTracker = TrajectoryReference,
         planned_s: float | None = None,
     ) -> None:
         """`planned_s` is the time of the motion with which the trajectory begins; None: the time of the first step."""

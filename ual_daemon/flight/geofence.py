@@ -232,6 +232,16 @@ class Geofence:
         elif (pose := motion.pose()) is not None:
             self.require_inside([measured.position, pose.position], what, snapshot)
 
+    def is_free(self, a: Vector3, b: Vector3, snapshot: Snapshot) -> bool:
+        """Returns whether the straight way between two positions crosses no corner of the fence that points inwards.
+
+        Yes where it is not known where the fence lies.
+        """
+        try:
+            return self.fence(snapshot).is_free(a, b)
+        except WrongStateError:
+            return True
+
     def is_left_by(self, trajectory: Trajectory, limits: Limits, snapshot: Snapshot) -> bool:
         """Returns whether a trajectory begins inside the fence and leaves it. Raises as `fence`."""
         fence, start = self.fence(snapshot), trajectory.at(0.0).position

@@ -9,12 +9,18 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.stuck import STUCK_S, WayWatch
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
 
 _SLOWEST_LANDING_M_S = 0.2
+_REFUSED = "the UAV holds its position: command land again, or let the safety pilot land it by hand"
+_STUCK = (
+    "its safety pilot takes over and lands it by hand; or select another mode of the autopilot at the ground station, "
+    "and command land again"
+)
 
 
 class Land(Manoeuvre):
@@ -37,7 +43,9 @@ class Land(Manoeuvre):
         self._reference: Reference | None = reference
         self._is_landing = False
         self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
+        self._land_task = task
         self._start_z = measured_motion(start).position.z
+        self._descent: WayWatch | None = None
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -53,7 +61,7 @@ class Land(Manoeuvre):
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
             elif (failure := self._command.failure(snapshot)) is not None:
-                return failed(failure)
+                return failed(with_advice(failure, _REFUSED))
             elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
                 return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
@@ -61,8 +69,19 @@ class Land(Manoeuvre):
         elif control is not Control.LAND and landed is not LandedState.LANDING:
             return taken(snapshot, self.name)
         if self._is_too_late(snapshot):
-            return failed(UalTimeoutError("land: the UAV has stopped descending, but reports no ground"))
+            return failed(UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {_STUCK}"))
+        if self._is_landing:
+            self._note_stuck(snapshot)
         return Step()
+
+    def _note_stuck(self, snapshot: Snapshot) -> None:
+        """Says in the task's words that the autopilot lands, but does not descend, and what can be done."""
+        z_m, now_s = measured_motion(snapshot).position.z, snapshot.time_s
+        if self._descent is None:
+            self._descent = WayWatch(z_m, now_s, is_up=False)
+        stuck_s = self._descent.stuck_s(z_m, now_s)
+        is_stuck = stuck_s > STUCK_S
+        self._land_task.note = f"it has not descended for {stuck_s:.0f} s: {_STUCK}" if is_stuck else ""
 
     def _is_too_late(self, snapshot: Snapshot) -> bool:
         """Whether the UAV has descended more slowly than any landing does."""
@@ -73,6 +92,8 @@ class Land(Manoeuvre):
     @override
     def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
         self._start_z += jump.z
+        if self._descent is not None:
+            self._descent.moved(jump.z)
         if self._reference is not None:
             self._reference = stop
         return None

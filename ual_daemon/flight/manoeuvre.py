@@ -116,6 +116,11 @@ class Manoeuvre(ABC):
             end_future(self.future, error)
 
 
+def with_advice(error: UalError, advice: str) -> UalError:
+    """Returns the same error with what can be done now."""
+    return type(error)(f"{error.message}; {advice}", error.metadata)
+
+
 def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalError | None:
     """Returns why a manoeuvre that sends references cannot go on; None if it can.
 

@@ -10,14 +10,13 @@ from typing_extensions import override
 
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.follow import FollowTrajectory, MakeTracker
 from ual_daemon.flight.land import Land
 from ual_daemon.flight.manoeuvre import Handover, Step
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.pure_pursuit import Pursuit
-from ual_daemon.tracker.references import Reference, TrajectoryReference, measured_motion
+from ual_daemon.tracker.references import Reference, measured_motion
 from ual_daemon.trajectory import Motion, Trajectory
 
 _NAME = "return_to_launch"
@@ -33,7 +32,7 @@ class ReturnToLaunch(FollowTrajectory):
         ground_z_m: float,
         land: Callable[[], Future[None]],
         tolerance: ToleranceSettings,
-        tracker: type[TrajectoryReference | Pursuit],
+        tracker: MakeTracker,
         planned_s: float,
     ) -> None:
         """`ground_z_m` is the ground at home in the local frame; `land` makes the autopilot land."""

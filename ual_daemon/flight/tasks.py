@@ -36,6 +36,8 @@ class VehicleTask:
         self.id = f"{kind.name.lower()}-{os.urandom(4).hex()}"
         self.kind = kind
         self.description = description
+        self.note = ""
+        """What people must know of it while it runs, beside its description: that it is stuck, and what can be done."""
         self.future = running_future()
         self.is_paused = False
         """Whether the UAV holds on the way; see `ual_daemon.flight.flight.Flight.pause`."""
@@ -72,7 +74,7 @@ class VehicleTask:
             max(0.0, ended_s - self._started_s),
             waypoint_index,
             error,
-            self.description,
+            f"{self.description}: {self.note}" if self.note else self.description,
             self.is_paused and status is TaskStatus.RUNNING,
         )
 

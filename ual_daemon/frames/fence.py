@@ -50,6 +50,7 @@ class Fence:
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
         self._polygon = _polygon(corners) if corners else None
+        self._is_convex = self._polygon is None or _is_convex(self._polygon)
         self._disc: Disc | None = None
         self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
 
@@ -93,6 +94,10 @@ class Fence:
         if has_come_in:
             return is_inside and self._is_segment_over_polygon(before, point)
         return self._comes_in_once(before, point) if is_inside else not self._crosses(before, point)
+
+    def is_free(self, a: Vector3, b: Vector3) -> bool:
+        """Returns whether a segment stays over the polygon; always where that has no corner that points inwards."""
+        return self._is_convex or self._is_segment_over_polygon(a, b)
 
     def distance_m(self, point: Vector3) -> float:
         """Returns how far outside a point is; 0 inside."""
@@ -167,6 +172,10 @@ class Fence:
         from shapely import LineString
 
         return self._polygon.intersects(LineString([(c.x, c.y), (d.x, d.y)]))
+
+
+def _is_convex(polygon: Polygon) -> bool:
+    return bool(polygon.convex_hull.area - polygon.area < _MARGIN_M * polygon.length)
 
 
 def _polygon(corners: Sequence[tuple[float, float]]) -> Polygon:

@@ -3,10 +3,14 @@
 The setpoint is a point of the path a little ahead of the UAV (Coulter, "Implementation of the Pure
 Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01; in the air: Real et al., "Unmanned aerial vehicle abstraction layer",
 2020). The UAV comes back to the line from wherever it was pushed off, and the autopilot needs no feed-forward. But the
-UAV is slower, and cuts corners by up to the look-ahead.
+UAV is slower, and cuts corners by up to the look-ahead. At a corner of the geofence that points inwards it looks ahead
+only as far as the straight way there is inside.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
 
 from typing_extensions import override
 
@@ -20,9 +24,17 @@ LOOK_AHEAD_S = 1.0
 """The look-ahead is as far as the UAV flies in this time at the speed planned there, ..."""
 LEAST_LOOK_AHEAD_M = 0.5
 """... but at least this far."""
+LEAST_AT_FENCE_M = 0.3
+"""Where the straight way ahead is not inside, the point ahead is this far at least once the UAV is nearly there: it
+must not stall at a corner of the fence because its estimate wanders."""
+_NEAR_M = 0.15
 _SEARCH_STEP_S = 0.05
 _LONGEST_SEARCH_S = 3.0
 _LONGEST_STEP_S = 0.2
+
+
+IsFree: TypeAlias = Callable[[Vector3, Vector3, Snapshot], bool]
+"""Whether a UAV may fly straight from one position to another, by the geofence."""
 
 
 class Pursuit(Reference):
@@ -32,9 +44,12 @@ class Pursuit(Reference):
     the UAV stands there (within `tolerance`).
     """
 
-    def __init__(self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings) -> None:
+    def __init__(
+        self, trajectory: Trajectory, now_s: float, tolerance: ToleranceSettings, is_free: IsFree | None = None
+    ) -> None:
         self.trajectory = trajectory
         self._tolerance = tolerance
+        self._is_free = is_free
         self._stops_s = [*trajectory.stops_s, trajectory.duration_s]
         self._at_stop_since_s: float | None = None
         self._held_s = 0.0
@@ -58,7 +73,7 @@ class Pursuit(Reference):
         self._advance(measured.position)
         if not self.is_stopping:
             self._pass_stop(measured, snapshot.time_s, passed_s)
-            self._ahead = self._look_ahead(passed_s)
+            self._ahead = self._look_ahead(passed_s, snapshot)
         return PositionSetpoint(self._ahead.position, self._ahead.yaw_rad)
 
     def _advance(self, position: Vector3) -> None:
@@ -94,20 +109,41 @@ class Pursuit(Reference):
         is_slow = measured.velocity.norm() <= self._tolerance.speed_m_s
         return is_slow or now_s - self._at_stop_since_s > LONGEST_STOP_S
 
-    def _look_ahead(self, passed_s: float) -> Motion:
+    def _look_ahead(self, passed_s: float, snapshot: Snapshot) -> Motion:
         """Returns the motion of the trajectory at the end of the look-ahead.
 
         The point ahead moves on no faster than the trajectory, because the UAV flies as fast as that point.
         """
         here = self.trajectory.at(self.time_s)
-        limit_s = min(self._stops_s[0], max(self.time_s, self._ahead_s + passed_s))
         far_m = max(LEAST_LOOK_AHEAD_M, here.velocity.norm() * LOOK_AHEAD_S)
+        time_s, ahead = self._point_at(far_m, passed_s)
+        if self._is_free is not None and not self._is_free_to(ahead, snapshot):
+            time_s, ahead = self._free_point(time_s, passed_s, snapshot)
+        self._ahead_s = time_s
+        return ahead
+
+    def _point_at(self, far_m: float, passed_s: float) -> tuple[float, Motion]:
+        """Returns the time and the motion of the trajectory so far ahead."""
+        here = self.trajectory.at(self.time_s)
+        limit_s = min(self._stops_s[0], max(self.time_s, self._ahead_s + passed_s))
         time_s, ahead = self.time_s, here
         while time_s < limit_s and (ahead.position - here.position).norm() < far_m:
             time_s = min(limit_s, time_s + _SEARCH_STEP_S)
             ahead = self.trajectory.at(time_s)
-        self._ahead_s = time_s
-        return ahead
+        return time_s, ahead
+
+    def _free_point(self, time_s: float, passed_s: float, snapshot: Snapshot) -> tuple[float, Motion]:
+        """Returns the farthest point to which the straight way is inside, or a near one once the UAV is there."""
+        ahead = self.trajectory.at(time_s)
+        while time_s > self.time_s and not self._is_free_to(ahead, snapshot):
+            time_s = max(self.time_s, time_s - _SEARCH_STEP_S)
+            ahead = self.trajectory.at(time_s)
+        is_there = (ahead.position - measured_motion(snapshot).position).norm() < _NEAR_M
+        return self._point_at(LEAST_AT_FENCE_M, passed_s) if is_there else (time_s, ahead)
+
+    def _is_free_to(self, ahead: Motion, snapshot: Snapshot) -> bool:
+        assert self._is_free is not None
+        return self._is_free(measured_motion(snapshot).position, ahead.position, snapshot)
 
     @override
     def motion(self, snapshot: Snapshot) -> Motion:

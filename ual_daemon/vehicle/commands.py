@@ -102,7 +102,7 @@ class Commands:
         if isinstance(request, GoToWaypointGeoRequest):
             return self._planner.go_to_waypoint_geo(request, since)
         if isinstance(request, ReturnToLaunchRequest):
-            return self._planner.return_to_launch(request, self._send_landing, since)
+            return self._planner.return_to_launch(request, self._backend, since)
         assert isinstance(request, FollowPathRequest)
         return self._planner.follow_path(request, since)
 
@@ -183,7 +183,7 @@ class Commands:
         with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
             self._flight.require_replaceable("land")
-            snapshot = self._preconditions.require_landing_allowed()
+            snapshot = self._preconditions.require_no_pilot("land")
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal("land"):
@@ -275,7 +275,7 @@ class Commands:
         command = AutopilotCommand("take our references", snapshot.time_s)
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
-        recover = Recover(command, limits, take_control, lambda _: None, name, state)
+        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
         self._flight.begin(recover)
         recover.send()
 

@@ -7,8 +7,8 @@ if no newer command has begun in the meantime, and if the UAV is still near the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import TypeAlias
 
 from ual.errors import ResourceExhaustedError, WrongStateError
@@ -26,11 +26,15 @@ from ual.types import (
     TaskKind,
 )
 from ual_daemon import validation
-from ual_daemon.backends.values import Snapshot, Takes
+from ual_daemon.backends.base import Backend
+from ual_daemon.backends.values import Cause, Snapshot, Takes
+from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.catch_up import CatchUp
 from ual_daemon.flight.flight import Flight, LastCommand
-from ual_daemon.flight.follow import FollowTrajectory
+from ual_daemon.flight.follow import FollowTrajectory, MakeTracker
+from ual_daemon.flight.ground import SEEN_NOISE_M
 from ual_daemon.flight.manoeuvre import Manoeuvre
+from ual_daemon.flight.recover import RecoverFirst
 from ual_daemon.flight.return_to_launch import ReturnToLaunch
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver, Goal
@@ -43,10 +47,10 @@ from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
-from ual_daemon.vehicle.way_home import plan_way_home
+from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 
-_MOST_WAYPOINTS = 10_000
-"""So many take about half a second to plan; a mission has some hundred."""
+MOST_WAYPOINTS = 10_000
+"""So many take 0.7 s of processor time with a corner at each, 1.4 s inside a fence; a mission has some hundred."""
 _NEAR_START_M, _NEAR_START_S = 1.0, 0.5
 """How far a UAV may fly on while its next trajectory is planned: this distance, plus its speed times this time."""
 
@@ -108,7 +112,16 @@ class Planner:
     ) -> Prepared[VehicleTask]:
         """Prepares the straight line to a goal, which is `local` in the local frame."""
         trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-        return self._follow(kind, f"go to {_text(goal)}", trajectory, snapshot, since)
+        above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, local)
+        return self._follow(kind, f"go to {_text(goal)}{above}", trajectory, snapshot, since)
+
+    def _height_text(self, goal: Goal, local: Waypoint) -> str:
+        """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
+        ground_m = self._flight.geofence.ground.z_m
+        if ground_m is None or abs(local.position.z - ground_m - goal.position.z) < SEEN_NOISE_M:
+            return ""
+        height_m = local.position.z - ground_m
+        return f" ({abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} the ground of the take-off)"
 
     def follow_path(self, request: FollowPathRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""
@@ -185,9 +198,9 @@ class Planner:
         return self._prepared(kind, what, trajectory, plan, make, since)
 
     def return_to_launch(
-        self, request: ReturnToLaunchRequest, land: Callable[[], Future[None]], since: LastCommand
+        self, request: ReturnToLaunchRequest, backend: Backend, since: LastCommand
     ) -> Prepared[VehicleTask]:
-        """Plans the way home. `land` makes the autopilot land there."""
+        """Plans the way home. Where the autopilot flies by itself, control is taken back first."""
         with self._preconditions.logging_refusal("return_to_launch"):
             self._preconditions.require_capability(Capability.POSITION, "return_to_launch")
             self._preconditions.require_capability(Capability.LAND, "return_to_launch")
@@ -195,17 +208,61 @@ class Planner:
             if height_m is not None:
                 height_m = validation.positive(height_m, "height_m", at_most=validation.MAX_DISTANCE_M)
             self._flight.require_replaceable("return_to_launch")
-            snapshot = self._preconditions.require_state("return_to_launch", State.FLYING_AUTO)
-            trajectory, home, plan = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
+            snapshot = self._preconditions.require_no_pilot("return_to_launch")
+            is_ours = self._flight.estimate(snapshot).state is State.FLYING_AUTO
+            if not is_ours and (refusal := self._failsafe_refusal(snapshot)):
+                raise refusal
+            way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
 
-        def make(task: VehicleTask) -> Manoeuvre:
-            return ReturnToLaunch(
-                task, trajectory, home.position.z, land, self._tolerance, self._tracker(), snapshot.time_s
-            )
+        def home_by(task: VehicleTask, way: WayHome, planned_s: float) -> Manoeuvre:
+            ground_z_m = way.home.position.z
+            tolerance, tracker = self._tolerance, self._tracker()
+            return ReturnToLaunch(task, way.trajectory, ground_z_m, land, tolerance, tracker, planned_s)
 
-        height_m = trajectory.end().position.z - home.position.z
-        what = f"return to {home.what} at {height_m:.1f} m above the ground, and land"
-        return self._prepared(TaskKind.RETURN_TO_LAUNCH, what, trajectory, plan, make, since)
+        def land() -> Future[None]:
+            return backend.land(self._flight.limits.get())
+
+        def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
+            way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), now)
+            return home_by(task, way, now.time_s)
+
+        way_height_m = way.trajectory.end().position.z - way.home.position.z
+        what = f"return to {way.home.what} at {way_height_m:.1f} m above the ground, and land"
+        if not is_ours:
+            begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, since)
+            return Prepared(way.plan, begin)
+        make = partial(home_by, way=way, planned_s=snapshot.time_s)
+        return self._prepared(TaskKind.RETURN_TO_LAUNCH, what, way.trajectory, way.plan, make, since)
+
+    def _failsafe_refusal(self, snapshot: Snapshot) -> WrongStateError | None:
+        """Returns why a failsafe is not replaced by a way home of UAL; None if none holds the UAV."""
+        refusal = self._preconditions.failsafe_refusal("return_to_launch", snapshot, force=False)
+        if refusal is None:
+            return None
+        ways_out = "land ends the flight without that, recover_from_manual with force takes control back"
+        return WrongStateError(f"{refusal.message}; {ways_out}", refusal.metadata)
+
+    def _begin_after_recovery(
+        self,
+        kind: TaskKind,
+        what: str,
+        backend: Backend,
+        onward: Callable[[VehicleTask, Snapshot], Manoeuvre],
+        since: LastCommand,
+    ) -> VehicleTask:
+        """Begins a task out of a mode in which the autopilot flies by itself. `onward` makes what then flies."""
+        name = kind.name.lower()
+        with self._preconditions.logging_refusal(name):
+            snapshot = self._preconditions.require_no_pilot(name)
+            task = self._tasks.new(kind, what)
+            command = AutopilotCommand("take our references", snapshot.time_s)
+            limits, control = self._flight.limits.get(), backend.take_control
+            recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
+            self._flight.begin(recover, since)
+            if snapshot.held_by is not Cause.OPEN:
+                recover.send()
+            accepted(name, task_id=task.id, what=what)
+            return task
 
     def _prepared(
         self,
@@ -257,18 +314,20 @@ class Planner:
 
         return Prepared(Plan((motion.position - measured_motion(snapshot).position).norm()), begin)
 
-    def _tracker(self) -> type[TrajectoryReference | Pursuit]:
+    def _tracker(self) -> MakeTracker:
         takes_motion = bool(self._flight.takes & (Takes.FEED_FORWARD | Takes.VELOCITY))
-        return TrajectoryReference if takes_motion and self._tracker_setting is Tracker.REFERENCE else Pursuit
+        if takes_motion and self._tracker_setting is Tracker.REFERENCE:
+            return TrajectoryReference
+        return partial(Pursuit, is_free=self._flight.geofence.is_free)
 
 
 def _require_count(count: int) -> None:
     if not count:
         raise validation.refuse("waypoints", "there are none; a path needs at least one")
-    if count > _MOST_WAYPOINTS:
+    if count > MOST_WAYPOINTS:
         raise ResourceExhaustedError(
-            f"waypoints: {count} are more than the limit of {_MOST_WAYPOINTS}: fly the path in parts",
-            {"field": "waypoints", "limit": str(_MOST_WAYPOINTS)},
+            f"waypoints: {count} are more than the limit of {MOST_WAYPOINTS}: fly the path in parts",
+            {"field": "waypoints", "limit": str(MOST_WAYPOINTS)},
         )
 
 

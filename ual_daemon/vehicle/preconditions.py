@@ -111,8 +111,9 @@ class Preconditions:
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
             )
 
-    def require_landing_allowed(self) -> Snapshot:
-        """Returns the snapshot in which a landing may begin: in FLYING_AUTO, or where the autopilot flies by itself.
+    def require_no_pilot(self, command: str) -> Snapshot:
+        """Returns the snapshot in which the end of a flight may begin: in FLYING_AUTO, or where the autopilot flies by
+        itself.
 
         Raises:
             WrongStateError: The safety pilot flies, the state is another one, or UAL is shutting down.
@@ -121,16 +122,16 @@ class Preconditions:
 
         """
         if self._flight.estimate(self._backend.snapshot()).state is not State.FLYING_MANUAL:
-            return self.require_state("land", State.FLYING_AUTO)
-        snapshot = self.require_state("land", State.FLYING_MANUAL)
+            return self.require_state(command, State.FLYING_AUTO)
+        snapshot = self.require_state(command, State.FLYING_MANUAL)
         mode = snapshot.mode
         if mode is not None and mode.value.is_autonomous:
             return snapshot
         name = "" if mode is None else f" in mode {mode.value.name}"
         raise WrongStateError(
-            f"land needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands it by "
-            "hand; recover_from_manual takes control back, and then land is possible",
-            {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": "land"},
+            f"{command} needs the state FLYING_AUTO, but it is FLYING_MANUAL: the safety pilot flies{name} and lands "
+            f"it by hand; recover_from_manual takes control back, and then {command} is possible",
+            {"state": State.FLYING_MANUAL.name, "needed": State.FLYING_AUTO.name, "command": command},
         )
 
     def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:

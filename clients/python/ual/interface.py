@@ -458,6 +458,9 @@ class TaskCommands(ABC, Generic[T]):
     ) -> T:
         """Climbs to a safe height, flies straight over home, and lands there. Allowed in FLYING_AUTO.
 
+        Also allowed in FLYING_MANUAL where the autopilot flies by itself (its hold), never while the safety pilot flies
+        nor in a failsafe; control is taken back first.
+
         Home is the autopilot's home position; where that is not known, the place where UAL saw it take off. The UAV
         keeps its heading. Where it is over home already, it lands without a climb.
 

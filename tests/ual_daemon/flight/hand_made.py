@@ -39,6 +39,7 @@ class Autopilot:
     silent_s: float = 0.0
     yaw_rad: float = 0.5
     status_text: str = ""
+    mode: str = ""
 
     def now_s(self) -> float:
         return self.time_s
@@ -50,7 +51,7 @@ class Autopilot:
             heard_s=heard_s,
             armed=Sample(self.armed, heard_s),
             landed=Sample(self.landed, heard_s),
-            mode=Sample(Mode(self.control.name, self.control), heard_s),
+            mode=Sample(Mode(self.mode or self.control.name, self.control), heard_s),
             estimator=Sample(Estimator(True), heard_s),
             pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
             velocity=Sample(Twist(Vector3(0.0, 0.0, self.climb_m_s)), heard_s),

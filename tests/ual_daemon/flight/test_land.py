@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
-from ual.errors import TaskAbortedError, UalTimeoutError
+from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
@@ -54,3 +54,33 @@ def test_a_landing_that_stops_in_the_air_times_out_and_a_slow_one_does_not(
         assert flying.step(landing) == Step()
     flying.climb_m_s = 0.0
     assert isinstance(flying.until_end(landing, 600.0), UalTimeoutError)
+
+
+def test_a_landing_that_is_stuck_says_so_and_what_can_be_done(flying: Autopilot, ack: Future[None]) -> None:
+    flying.control, flying.climb_m_s = Control.LAND, 0.0
+    landing = land(flying, ack)
+    assert landing.task is not None
+    for _ in range(90):  # it notices the ground late
+        assert flying.step(landing) == Step()
+    assert landing.task.info().description == ""
+    for _ in range(30):
+        flying.step(landing)
+    assert "has not descended for 1" in landing.task.info().description
+    assert "lands it by hand" in landing.task.info().description
+    flying.climb_m_s = -1.0
+    for _ in range(10):
+        flying.step(landing)
+    assert landing.task.info().description == ""
+    flying.climb_m_s = 0.0
+    error = flying.until_end(landing)
+    assert isinstance(error, UalTimeoutError)
+    assert "command land again" in str(error)
+
+
+def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack: Future[None]) -> None:
+    landing = land(flying, ack)
+    ack.set_exception(RejectedByAutopilotError("refused to land: DENIED", {"result": "DENIED"}))
+    error = flying.step(landing).error
+    assert isinstance(error, RejectedByAutopilotError)
+    assert "holds its position: command land again" in str(error)
+    assert error.metadata["result"] == "DENIED"

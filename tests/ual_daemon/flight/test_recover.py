@@ -33,3 +33,15 @@ def test_recovering_ends_when_the_uav_has_landed(flying: Autopilot, ack: Future[
     error = flying.step(recover).error
     assert isinstance(error, TaskAbortedError)
     assert error.state == State.LANDED_ARMED.name
+
+
+def test_recovering_ends_when_the_pilot_selects_another_mode(flying: Autopilot, ack: Future[None]) -> None:
+    """A command that is repeated because no answer came would take control from the pilot."""
+    flying.control, flying.mode = Control.OTHER, "HOLD"
+    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
+    assert not flying.step(recover).has_ended
+    flying.mode = "POSCTL"
+    step = flying.step(recover)
+    assert step.is_taken
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.error.metadata["by"] == "safety pilot"

@@ -219,4 +219,34 @@ def test_a_late_refusal_ends_a_take_off_that_is_still_on_the_ground(autopilot: A
         assert not autopilot.step(climb).has_ended
     refusal = RejectedByAutopilotError("refused to take off")
     ack.set_exception(refusal)
-    assert autopilot.step(climb).error is refusal
+    error = autopilot.step(climb).error
+    assert isinstance(error, RejectedByAutopilotError)
+    assert str(error).startswith(str(refusal))
+
+
+@pytest.mark.parametrize("on_setpoints", [False, True])
+def test_a_take_off_that_is_stuck_says_so_and_what_can_be_done(
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    ack.set_result(None)
+    autopilot.control = Control.REFERENCES
+    for _ in range(90):
+        autopilot.step(climb)
+    assert climb.task is not None
+    assert climb.task.info().description == ""
+    for _ in range(30):
+        autopilot.step(climb)
+    assert "has not climbed for 1" in climb.task.info().description
+    assert "safety pilot disarm it" in climb.task.info().description
+    error = autopilot.until_end(climb)
+    assert isinstance(error, UalTimeoutError)
+    assert "safety pilot disarm it" in str(error)
+
+
+def test_a_take_off_that_is_refused_says_what_can_be_done(autopilot: Autopilot, ack: Future[None]) -> None:
+    climb = take_off(autopilot, ack, on_setpoints=False)
+    ack.set_exception(RejectedByAutopilotError("refused to take off: FAILED"))
+    error = autopilot.step(climb).error
+    assert isinstance(error, RejectedByAutopilotError)
+    assert "stays on the ground: disarm it" in str(error)

@@ -11,7 +11,8 @@ from ual.errors import NotSupportedError, UalTimeoutError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.simulation import MotorsWeak
 from ual.types import State
-from ual_daemon.settings import Tracker, VehicleSettings
+from ual_daemon.frames.fence import Fence
+from ual_daemon.settings import GeofenceSettings, Tracker, VehicleSettings
 
 WAYS = {
     "by configuration": (VehicleSettings(tracker=Tracker.PURSUIT), {}),
@@ -117,3 +118,54 @@ def test_an_autopilot_that_takes_positions_only_refuses_velocities() -> None:
         uav.fly()
         with pytest.raises(NotSupportedError):
             uav.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(1.0))))
+
+
+# --- At a geofence ----------------------------------------------------------------------------------------------------
+
+# An L, whose corner at 0, 0 points inwards.
+L_SHAPE = ((-10.0, -10.0), (10.0, -10.0), (10.0, 0.0), (0.0, 0.0), (0.0, 10.0), (-10.0, 10.0))
+FENCE = Fence(L_SHAPE)
+
+
+@pytest.fixture(params=list(WAYS.values()), ids=list(WAYS))
+def fenced(request: pytest.FixtureRequest) -> Iterator[Stepped]:
+    settings, light = request.param
+    fast = {"horizontal_speed_m_s": 4.0, "horizontal_acceleration_m_s2": 4.0, "start": [-8.0, 6.0, 0.0]}
+    settings = VehicleSettings(tracker=settings.tracker, geofence=GeofenceSettings(polygon=L_SHAPE))
+    with stepped(settings, light={**light, **fast}) as uav:
+        uav.fly()
+        yield uav
+
+
+def outside_m(uav: Stepped) -> float:
+    return max(FENCE.distance_m(sample.pose.position) for sample in uav.samples if sample.pose)
+
+
+def test_a_corner_of_the_fence_is_not_cut_and_the_uav_does_not_stall_there(fenced: Stepped) -> None:
+    corners = [at(-0.1, 6.0, 3.0), at(-0.1, -0.1, 3.0), at(8.0, -0.1, 3.0)]
+    task = fenced.prepare.follow_path(corners, corner_radius_m=0.2).begin()
+    fenced.end(task.future, 60.0)
+    assert outside_m(fenced) < 0.02
+    assert (fenced.pose.position - Vector3(8.0, -0.1, 3.0)).norm() < 0.5
+
+
+def test_an_estimate_that_wanders_does_not_stall_it_at_a_corner() -> None:
+    settings = VehicleSettings(tracker=Tracker.PURSUIT, geofence=GeofenceSettings(polygon=L_SHAPE))
+    noisy = {"start": [-0.1, 3.0, 0.0], "position_noise_m": 0.1, "seed": 3}
+    with stepped(settings, light=noisy) as uav:
+        uav.fly()
+        task = uav.prepare.follow_path([at(-0.1, -0.1, 3.0), at(4.0, -0.1, 3.0)], corner_radius_m=0.2).begin()
+        uav.until(lambda: uav.pose.position.x > 3.0, 60.0)
+        assert not task.future.done() or task.future.exception() is None
+
+
+def test_an_abort_in_a_bend_stops_inside(fenced: Stepped) -> None:
+    path = [at(-0.3, 6.0, 3.0), at(-0.3, -6.0, 3.0)]
+    fenced.prepare.follow_path(path, corner_radius_m=3.0).begin()
+    fenced.until(lambda: fenced.pose.position.x > -2.0)
+    fenced.vehicle.commands.abort()
+    fenced.run(6.0)
+    assert outside_m(fenced) < 0.02
+    position = fenced.pose.position
+    fenced.run(2.0)
+    assert (fenced.pose.position - position).norm() < 0.05

@@ -10,6 +10,7 @@ import pytest
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError, InvalidArgumentError, TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
+from ual.simulation import AckLost, Command, CommandRefused, FailsafeTriggered
 from ual.types import GeoPoint, ReturnToLaunchRequest, State, TaskStatus
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
@@ -196,3 +197,48 @@ def test_without_a_home_it_is_refused_with_words(flying: Stepped, monkeypatch: p
     monkeypatch.setattr(flying.vehicle._flight.geofence.ground, "place", None)
     with pytest.raises(WrongStateError, match="no home is known"):
         flying.prepare.return_to_launch()
+
+
+def test_out_of_a_mode_of_the_autopilot_it_takes_control_back_and_flies_home_as_one_task(flying: Stepped) -> None:
+    go(flying, 12.0, -9.0, 5.0)
+    flying.sim.begin_fault(FailsafeTriggered("setpoint failsafe"), 0.5)
+    flying.run(1.0)
+    assert flying.is_in(State.FLYING_MANUAL)
+    task = flying.prepare.return_to_launch().begin()
+    flying.end(task.future)
+    assert task.info().status is TaskStatus.SUCCEEDED
+    assert from_home_m(flying.pose.position) < 0.2
+    assert flying.pose.position.z < 0.1
+
+
+def test_a_failsafe_is_not_replaced_by_a_way_home_and_the_refusal_says_what_can_be_done(flying: Stepped) -> None:
+    go(flying, 12.0, -9.0, 5.0)
+    flying.sim.begin_fault(FailsafeTriggered("battery failsafe"))
+    flying.run(0.1)
+    with pytest.raises(WrongStateError, match=r"battery failsafe has taken control.*land ends the flight") as caught:
+        flying.prepare.return_to_launch()
+    assert caught.value.metadata["by"] == "battery failsafe"
+
+
+def test_it_is_never_flown_out_of_a_mode_of_the_pilots(flying: Stepped) -> None:
+    go(flying, 12.0, -9.0, 5.0)
+    flying.sim.pilot_take_over()
+    flying.run(0.1)
+    with pytest.raises(WrongStateError, match=r"the safety pilot flies in mode MANUAL.*recover_from_manual"):
+        flying.prepare.return_to_launch()
+
+
+def test_a_pilot_who_takes_over_while_control_is_taken_back_ends_it(flying: Stepped) -> None:
+    go(flying, 12.0, -9.0, 5.0)
+    flying.sim.begin_fault(FailsafeTriggered("setpoint failsafe"), 0.5)
+    flying.run(1.0)
+    flying.sim.begin_fault(CommandRefused(Command.TAKE_CONTROL, "not now"))
+    flying.sim.begin_fault(AckLost(Command.TAKE_CONTROL))
+    task = flying.prepare.return_to_launch().begin()
+    flying.run(0.5)
+    assert not task.future.done()
+    flying.sim.pilot_take_over()
+    flying.run(0.1)
+    error = task.future.exception(timeout=0)
+    assert isinstance(error, TaskAbortedError)
+    assert error.metadata["by"] == "safety pilot"

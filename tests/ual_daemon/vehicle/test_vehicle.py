@@ -679,6 +679,15 @@ def test_set_home_moves_odom() -> None:
         assert tuple(local.value.position) == pytest.approx((6, 2, 3), abs=0.03)
 
 
+def test_a_goal_says_how_high_it_is_above_the_ground_where_home_has_another_height() -> None:
+    with stepped(light={"start": [5.0, 2.0, -2.5]}) as uav:
+        uav.vehicle.commands.set_home()
+        assert tuple(uav.pose.position) == (0, 0, -2.5)
+        uav.fly(3.0)
+        task = uav.prepare.go_to_waypoint(at(1, 0, 3)).begin()
+        assert task.description.endswith("(5.5 m above the ground of the take-off)")
+
+
 def test_home_pose_places_odom_in_map() -> None:
     settings = VehicleSettings(home_pose=(10.0, 20.0, 1.0), pose_frame_id="map")
     with stepped(settings) as uav:

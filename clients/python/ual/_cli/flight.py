@@ -22,6 +22,8 @@ from ual.types import AltitudeReference, Limits
 F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
+_SAME_HEIGHT_M = 0.5
+"""An estimate of the ground wanders by as much."""
 _GOES_ON = "goes on: only the safety pilot can abort it"
 
 
@@ -289,10 +291,24 @@ def recover(session: Session, force: bool, dry_run: bool) -> None:
 @click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
 def home(session: Session, set_z: bool) -> None:
-    """Make the present position the origin of <ns>/odom."""
+    """Make the present position the origin of <ns>/odom.
+
+    Without --set-z, z counts from where it did before: it says how high the ground is in <ns>/odom.
+    """
     with session.connect() as uav:
         uav.set_home(set_z)
-    session.emit({"done": "home"}, "home set")
+        ground_m = uav.transform(odom := f"{uav.ns}/odom").translation.z
+    height = "" if abs(ground_m) < _SAME_HEIGHT_M else f": {_home_height(ground_m, odom)}"
+    session.emit({"done": "home", "ground_z_m": round(ground_m, 2)}, f"home set{height}")
+
+
+def _home_height(ground_m: float, odom: str) -> str:
+    """Says what a z means where home has kept another height than that of the ground."""
+    goal_m = 5.0
+    return (
+        f"the UAV stands at z = {ground_m:.1f} m in {odom}, so that a go-to to z = {goal_m:g} leads "
+        f"{goal_m - ground_m:.1f} m above this ground; with --set-z the ground is z = 0"
+    )
 
 
 @command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS)

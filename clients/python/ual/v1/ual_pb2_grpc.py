@@ -282,7 +282,8 @@ class UalServiceServicer(object):
     def ReturnToLaunch(self, request, context):
         """TASK. Climbs to a safe height, flies straight over home, and lands there. Home is the autopilot's home position;
         where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
-        already, it lands without a climb. Allowed in FLYING_AUTO. It can be replaced and cancelled until the landing
+        already, it lands without a climb. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself
+        (its hold), never while the safety pilot flies nor in a failsafe. It can be replaced and cancelled until the landing
         begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)

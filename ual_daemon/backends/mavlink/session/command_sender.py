@@ -21,6 +21,11 @@ RESEND_S = 0.25
 SENDS_COUNT = 20
 """How often a command is sent in all, within `COMMAND_PATIENCE_S` of `ual_daemon.flight`. On a link that loses 30 %
 each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6 to the power of 20 is 4 in 100,000."""
+FLYING_GROUP = "mode"
+"""The group of the commands that decide who or what flies. They are not repeated while nothing is heard: the safety
+pilot may have taken over meanwhile, and an OFFBOARD that arrives then would take control from the pilot."""
+SILENT_S = RESEND_S
+"""Where nothing was heard for so long, its mode must be heard again first. An autopilot sends 50 messages a second."""
 REQUEST_RESEND_S, REQUEST_SENDS_COUNT = 0.5, 4
 """The same for commands that only request data (of no group). Their acknowledgements do not show which of them they are
 for, so no repetition may be on its way any more when the next one is sent; and the next one waits until then."""
@@ -52,6 +57,8 @@ class _Pending:
     future: Future[None] = field(default_factory=Future)
     sends_count: int = 0
     acks_count: int = 0
+    sent_s: float = 0.0
+    """When it was last sent."""
     first_s: float = 0.0
     """When it was first sent."""
     next_s: float = 0.0
@@ -86,6 +93,8 @@ class CommandSender:
         self._in_flight: dict[int, _Pending] = {}
         self._ended_s: dict[int, float] = {}
         """When the last command of each id ended, or was given up."""
+        self._silent_s = -math.inf
+        """When it was last noticed that nothing is heard."""
 
     def submit(
         self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
@@ -151,12 +160,14 @@ class CommandSender:
     def tick(self, now_s: float) -> None:
         """Sends again, and ends what has waited long enough; to be called often."""
         self._drop(lambda pending: pending.is_withdrawn(), now_s)
+        self._notice_silence(now_s)
         self._finish_those_shown(now_s)
         for pending in [pending for pending in self._in_flight.values() if now_s >= pending.next_s]:
             if pending.refusal or pending.acks_count:
                 self._finish(pending, now_s)
             elif pending.sends_count < pending.max_sends_count:
-                self._transmit(pending, now_s)
+                if self._may_repeat(pending, now_s):
+                    self._transmit(pending, now_s)
             else:
                 level = logging.WARNING if pending.command.group else logging.DEBUG  # requests are repeated
                 _log.log(level, "%s did not answer the command to %s", self._name, pending.command.what)
@@ -169,6 +180,21 @@ class CommandSender:
             pending.command.shows is not None and now_s - pending.first_s >= TEXT_S
             for pending in self._in_flight.values()
         )
+
+    def _notice_silence(self, now_s: float) -> None:
+        if any(pending.command.group == FLYING_GROUP for pending in self._in_flight.values()):
+            heard_s = self._snapshot(now_s).heard_s
+            if heard_s is not None and now_s - heard_s > SILENT_S:
+                self._silent_s = now_s
+
+    def _may_repeat(self, pending: _Pending, now_s: float) -> bool:
+        """Whether the vehicle has been heard since a command was sent, and its mode since the last silence."""
+        if pending.command.group != FLYING_GROUP:
+            return True
+        snapshot = self._snapshot(now_s)
+        heard_s, mode = snapshot.heard_s, snapshot.mode
+        is_heard = heard_s is not None and heard_s > pending.sent_s
+        return is_heard and mode is not None and mode.time_s > self._silent_s
 
     def _finish_those_shown(self, now_s: float) -> None:
         """Ends the commands whose effect shows: no repetition, and no refusal of one, matters any more."""
@@ -199,6 +225,7 @@ class CommandSender:
         if not pending.sends_count:
             pending.first_s = now_s
         self._send(pending.command, pending.sends_count)
+        pending.sent_s = now_s
         pending.sends_count += 1
         pending.next_s = now_s + (RESEND_S if pending.command.group else REQUEST_RESEND_S)
 

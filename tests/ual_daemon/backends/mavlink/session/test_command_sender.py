@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from concurrent.futures import Future
 
 import pytest
@@ -78,7 +79,7 @@ def test_an_acknowledgement_of_the_one_before_does_not_end_a_command_that_was_lo
     holding = harness.submit(PX4.hold())  # is lost on its way
     harness.commands(SET_MODE)
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))  # copies
-    harness.run(RESEND_S + 0.1)
+    _run_heard(harness, RESEND_S + 0.1, SOMETHING)
     assert not holding.done()
     assert len(harness.commands(SET_MODE)) == 1
     harness.receive(heartbeat(4 << 16 | 3 << 24, armed=True))
@@ -404,3 +405,35 @@ def test_a_command_withdrawn_before_its_turn_is_not_sent_and_replaces_none() -> 
     assert harness.commands(LAND) == []
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))
     assert holding.done()
+
+
+def _run_heard(harness: Harness, duration_s: float, *messages: Message) -> None:
+    """Time passes while the autopilot sends something."""
+    for _ in range(round(duration_s / 0.05)):
+        harness.run(0.05)
+        harness.receive(*messages)
+
+
+SOMETHING = mavlink.MAVLink_ping_message(0, 0, 0, 0)
+IN_POSCTL = 3 << 16
+
+
+@pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
+def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mode_is_known(
+    make: Callable[[], CommandLong],
+) -> None:
+    """The pilot may have taken over in the silence: an OFFBOARD that arrives then takes control from the pilot."""
+    harness = Harness()
+    harness.setpoints.sent_for_s = 1.0
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    command = make()
+    harness.submit(command)
+    _run_heard(harness, 0.6, SOMETHING)
+    assert len(harness.commands(command.id)) == 3  # unanswered, but the autopilot is there
+    harness.run(0.9)
+    assert len(harness.commands(command.id)) <= 1  # one that was due when the silence began
+    _run_heard(harness, 0.4, SOMETHING)
+    assert harness.commands(command.id) == []
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    harness.run(0.05)
+    assert len(harness.commands(command.id)) == 1
