@@ -7,6 +7,7 @@ if no newer command has begun in the meantime, and if the UAV is still near the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
