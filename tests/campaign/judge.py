@@ -158,9 +158,12 @@ def _between(changes: Sequence[Known], since_s: float, until_s: float) -> Iterat
 
 
 def _since_s(record: Record, time_s: float, allowed_s: float) -> float:
-    """When the daemon must have read what it shows at a time: earlier where it was stopped or starved meanwhile."""
+    """When the daemon must have read what it shows at a time: earlier where it was stopped or starved meanwhile.
+
+    A starvation that lasts is noted in pieces, which follow each other.
+    """
     since_s = time_s - allowed_s
-    for trouble in record.troubles:
+    for trouble in sorted(record.troubles, key=lambda each: each.began_s, reverse=True):
         if trouble.kind in _STARVING and trouble.began_s < time_s and trouble.ended_s + WAKE_S > since_s:
             since_s = min(since_s, trouble.began_s - allowed_s)
     return since_s

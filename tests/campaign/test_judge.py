@@ -206,6 +206,15 @@ def test_without_a_position_the_state_is_not_known() -> None:
     assert rules(record) == set()
 
 
+def test_a_starvation_that_lasts_is_one() -> None:
+    record = clean()
+    record.sent.append(Sent(15.1, "setpoint"))
+    record.troubles += [Trouble("busy", since_s, since_s + 0.2) for since_s in (13.9, 14.1, 14.3, 14.5, 14.7, 14.9)]
+    assert rules(record) == set()
+    del record.troubles[2:5]
+    assert rules(record) == {"take-over", "unasked"}
+
+
 def test_a_goal_that_was_not_reached_is_found_by_the_truth() -> None:
     record = clean()
     record.truth = [Located(each.time_s, (each.place[0] * 0.5, 0.0, each.place[2])) for each in record.truth]

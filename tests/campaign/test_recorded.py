@@ -55,6 +55,7 @@ def test_there_are_flights_of_both_autopilots() -> None:
 @pytest.mark.parametrize("path", TAKE_OVERS, ids=lambda path: path.name)
 def test_one_setpoint_after_the_take_over_is_found(path: Path) -> None:
     record = read(path)
+    record.troubles.clear()  # the computer was busy
     taken_s = Case(record).taken_s[0]
     assert rules(setpoint(record, taken_s + 0.5)) == {"take-over", "unasked"}
 
@@ -62,6 +63,7 @@ def test_one_setpoint_after_the_take_over_is_found(path: Path) -> None:
 @pytest.mark.parametrize("path", KILLED, ids=lambda path: path.name)
 def test_one_setpoint_of_a_daemon_that_has_just_started_is_found(path: Path) -> None:
     record = read(path)
+    record.troubles.clear()
     started_s = [life.time_s for life in record.lives if life.what == DAEMON_STARTED][-1]
     first_s = min(call.began_s for call in record.called if call.began_s > started_s)
     assert "unasked" in rules(setpoint(record, (started_s + first_s) / 2.0))
