@@ -243,9 +243,11 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
     names = fleet.names(settings.ns, len(urls))
     places = fleet.places(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
-    backends = registry.make_fleet(
-        settings.backend, [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)], places
-    )
+    options = [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)]
+    try:
+        backends = registry.make_fleet(settings.backend, options, places)
+    except ConfigError as error:  # each backend knows of one URL
+        raise ConfigError(error.message, "fleet_url" if error.key == "url" else error.key) from None
     fleet.allow_files(len(urls), len(configuration.listen))
     return [
         _Planned(backend, fleet.placed(configuration.vehicle, place), where)

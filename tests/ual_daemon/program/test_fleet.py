@@ -243,7 +243,7 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
         (["--url", "sim"], "ual-daemon: --url: sim: a light UAV is simulated: it has no autopilot to connect to"),
         (
             ["--fleet-url", "a", "--fleet-url", "b"],
-            "ual-daemon: --url: a: a light UAV is simulated: it has no autopilot to connect to",
+            "ual-daemon: --fleet-url: a: a light UAV is simulated: it has no autopilot to connect to",
         ),
         (
             ["--fleet-url", "a", "--fleet-url", "a"],

@@ -93,6 +93,13 @@ class Observer:
         with self.uav.subscribe(self._take):
             yield self
 
+    def caught_up(self) -> list[Telemetry]:
+        """Returns all samples up to now. Waits for those that are still on their way to a busy computer."""
+        now_s = self.uav.telemetry().stamp_s
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self.samples) and self.samples[-1].stamp_s >= now_s, _NO_SAMPLE_S)
+            return list(self.samples)
+
     def following(self, first: int) -> Iterator[Telemetry]:
         """Yields the samples from number `first` on, as they come."""
         for number in range(first, first + 10**9):
@@ -185,11 +192,11 @@ class Flight:
 
     @contextmanager
     def recording(self) -> Iterator[Callable[[], list[Telemetry]]]:
-        """Provides a function that returns the samples since the block began."""
+        """Provides a function that returns the samples since the block began, up to now."""
         assert self._observer is not None
-        samples = self._observer.samples
-        first = len(samples)
-        yield lambda: samples[first:]
+        observer = self._observer
+        first = len(observer.samples)
+        yield lambda: observer.caught_up()[first:]
 
     def position(self) -> Vector3:
         """Returns where it is."""

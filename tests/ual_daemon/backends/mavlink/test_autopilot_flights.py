@@ -189,6 +189,7 @@ def test_a_daemon_that_was_killed_in_flight_and_is_new_tells_the_truth_at_once(f
     if kind == "px4":
         assert px4_of(flight).mode == RTL
         assert px4_of(flight).request_mode(LOITER)  # a landing is not replaced: the pilot ends it
+        flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "AUTO.LOITER", "the pilot's mode")
         flight.wait_for_state(State.FLYING_MANUAL)
         flight.uav.recover_from_manual()
     assert flight.uav.state() is State.FLYING_AUTO

@@ -341,7 +341,9 @@ def test_a_take_off_that_has_begun_is_believed_over_the_refusal_of_its_repetitio
     done = harness.session.submit(COPTER.take_off(3.0, standing(488.2)), harness.now_s)
     harness.run(0.05)
     harness.receive(beat(GUIDED, armed=True))  # the acknowledgements of both commands are lost
-    harness.run(0.3)
+    harness.run(0.2)
+    harness.receive(beat(GUIDED, armed=True))  # it is not repeated while nothing is heard
+    harness.run(0.1)
     assert len(harness.commands(TAKE_OFF)) == 2
     harness.receive(ack(TAKE_OFF, FAILED))
     harness.run(0.1)
