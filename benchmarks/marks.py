@@ -2,6 +2,9 @@
 
 A setpoint carries its number in its speed to the north, a position in its distance to the north. Both are exact in the
 32-bit floating point numbers of MAVLink, and small enough to be plausible for any autopilot.
+
+A UAV that really flies gets a speed that is corrected (decision 21), but no corrected yaw rate while it is to turn: the
+number is in the yaw rate there.
 """
 
 from __future__ import annotations
@@ -10,6 +13,8 @@ _SPEED_STEP_M_S = 2.0**-22
 _SPEED_M_S = 1.0
 SETPOINTS = 1 << 22
 """How many setpoints have different numbers."""
+_YAW_RATE_STEP_RAD_S = 2.0**-24
+_YAW_RATE_RAD_S = 0.25
 _DISTANCE_STEP_M = 2.0**-12
 POSITIONS = 1 << 18
 """How many positions have different numbers."""
@@ -23,6 +28,16 @@ def speed_m_s(number: int) -> float:
 def number_of_speed(speed_m_s: float) -> int:
     """Converts a speed to its number; negative for a speed without a number."""
     return round((speed_m_s - _SPEED_M_S) / _SPEED_STEP_M_S)
+
+
+def yaw_rate_rad_s(number: int) -> float:
+    """Converts a number to a yaw rate of 0.25 to 0.5 rad/s."""
+    return _YAW_RATE_RAD_S + number % SETPOINTS * _YAW_RATE_STEP_RAD_S
+
+
+def number_of_yaw_rate(yaw_rate_rad_s: float) -> int:
+    """Converts a yaw rate, in either direction, to its number; negative for one without a number."""
+    return round((abs(yaw_rate_rad_s) - _YAW_RATE_RAD_S) / _YAW_RATE_STEP_RAD_S)
 
 
 def distance_m(number: int) -> float:

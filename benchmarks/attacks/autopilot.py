@@ -24,10 +24,10 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 _SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 _HEADER_SIZE = 10
-_NORTH_SPEED = struct.Struct("<f")
-_NORTH_SPEED_AT = _HEADER_SIZE + 16
+_YAW_RATE = struct.Struct("<f")
+_YAW_RATE_AT = _HEADER_SIZE + 44
 NUMBER = struct.Struct("<d")
-"""The speed to the north of a setpoint, in a datagram to the sink."""
+"""The yaw rate of a setpoint, in a datagram to the sink."""
 
 
 class Setpoints:
@@ -37,9 +37,9 @@ class Setpoints:
         self._lock = threading.Lock()
         self._came: list[tuple[int, int]] = []
 
-    def add(self, speed_m_s: float, came_ns: int) -> None:
+    def add(self, yaw_rate_rad_s: float, came_ns: int) -> None:
         with self._lock:
-            self._came.append((marks.number_of_speed(speed_m_s), came_ns))
+            self._came.append((marks.number_of_yaw_rate(yaw_rate_rad_s), came_ns))
 
     def take(self) -> list[tuple[int, int]]:
         """Returns those since the last call."""
@@ -64,7 +64,7 @@ class NotingPort(Port):
                 data, _, came_ns = recorder.receive(self.socket)
                 found.append(data)
                 if data[0] == mavlink.PROTOCOL_MARKER_V2 and int.from_bytes(data[7:10], "little") == _SETPOINT_ID:
-                    self._setpoints.add(_NORTH_SPEED.unpack_from(data, _NORTH_SPEED_AT)[0], came_ns)
+                    self._setpoints.add(_YAW_RATE.unpack_from(data, _YAW_RATE_AT)[0], came_ns)
         except (BlockingIOError, ConnectionError):
             return found
 

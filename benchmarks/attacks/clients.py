@@ -14,14 +14,15 @@ from typing import Any
 
 import ual
 from benchmarks.children import serve
-from benchmarks.marks import SETPOINTS
-from benchmarks.peers.ual_stream import velocity
+from benchmarks.marks import yaw_rate_rad_s
 from ual.errors import UalError
+from ual.geometry import Twist, Vector3
 from ual.types import State
 
 RATE_HZ = 50.0
 _HEIGHT_M = 5.0
 _LIMIT_S = 60.0
+_NORTH = Vector3(0.0, 1.0, 0.0)
 
 
 class Client:
@@ -75,7 +76,7 @@ class Client:
             elif now_ns - due_ns > 1e9 / RATE_HZ:
                 continue
             try:
-                self._uav.set_velocity(velocity(number % SETPOINTS))
+                self._uav.set_velocity(Twist(_NORTH, Vector3(0.0, 0.0, yaw_rate_rad_s(number))))
             except UalError as error:
                 with self._lock:
                     self._errors[str(error)] = self._errors.get(str(error), 0) + 1

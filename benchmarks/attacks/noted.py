@@ -1,6 +1,6 @@
 """``ual-daemon`` whose light backend notes each setpoint that it gets: ``python -m benchmarks.attacks.noted ...``.
 
-It is the backend ``noted``: the light one, which also sends the speed of each setpoint to the UDP port that
+It is the backend ``noted``: the light one, which also sends the yaw rate of each setpoint to the UDP port that
 ``UAL_NOTED_PORT`` names.
 """
 
@@ -34,7 +34,7 @@ class NotedBackend(LightBackend):
     def send(self, setpoint: Setpoint) -> None:
         super().send(setpoint)
         with suppress(OSError):
-            self._socket.send(NUMBER.pack(setpoint.velocity.y))
+            self._socket.send(NUMBER.pack(setpoint.yaw_rate_rad_s))
 
 
 if __name__ == "__main__":

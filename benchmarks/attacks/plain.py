@@ -1,7 +1,7 @@
 """A plain grpcio server with the same calls and nothing behind them: ``python -m benchmarks.attacks.plain PORT SINK``.
 
 It stands for what gRPC in Python withstands by itself. `grpc.server` is its public, synchronous server. A setpoint's
-speed goes to a UDP port, and each reader gets 50 samples a second.
+yaw rate goes to a UDP port, and each reader gets 50 samples a second.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Plain(ual_pb2_grpc.UalServiceServicer):
             time.sleep(_PERIOD_S)
 
     def _send(self, velocity: pb.TwistStamped) -> None:
-        self._socket.send(NUMBER.pack(velocity.twist.linear.y))
+        self._socket.send(NUMBER.pack(velocity.twist.angular.z))
 
 
 def main() -> None:
