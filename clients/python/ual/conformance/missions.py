@@ -13,6 +13,7 @@ _FLYING = State.FLYING_AUTO
 _AHEAD_M = 4.0
 _AWAY_M = 3.0
 _FARTHEST_M = 30.0
+_SETTLES_S = 2.0
 _HOLD_S = 3.0
 
 
@@ -110,6 +111,7 @@ def _wait_until_moving(flight: Flight) -> None:
 
 def _require_paused(flight: Flight, task: Task) -> None:
     flight.wait(_is_paused, "the pause in the telemetry")
+    flight.let_pass(_SETTLES_S)  # one that has just begun to move is slow, too, and follows the reference to its stop
     flight.wait(flight.is_slow, "rest")
     flight.require_stays("while it is paused")
     info = task.info()
