@@ -265,9 +265,6 @@ class VelocityGains(NamedTuple):
     response_s: float = 0.0
 
 
-_GAINS = VelocityGains()
-
-
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
     """What a backend knows of its vehicle. Values may become known only once it is connected.
@@ -292,7 +289,7 @@ class VehicleInfo:
     limits: Limits = field(default_factory=Limits)
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
-    velocity_gains: VelocityGains = _GAINS
+    velocity_gains: VelocityGains = field(default_factory=VelocityGains)
     setpoint_rate_hz: float = 50.0
     setpoint_loss: SetpointLoss = SetpointLoss.HOLDS
     has_safety_pilot: bool = True

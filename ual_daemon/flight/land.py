@@ -11,7 +11,7 @@ from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.state import Estimate
-from ual_daemon.flight.stuck import STUCK_S, WayWatch
+from ual_daemon.flight.stuck import WayWatch
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference, measured_motion
 
@@ -43,9 +43,8 @@ class Land(Manoeuvre):
         self._reference: Reference | None = reference
         self._is_landing = False
         self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
-        self._land_task = task
         self._start_z = measured_motion(start).position.z
-        self._descent: WayWatch | None = None
+        self._descent = WayWatch(task, _STUCK, is_up=False)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -71,17 +70,8 @@ class Land(Manoeuvre):
         if self._is_too_late(snapshot):
             return failed(UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {_STUCK}"))
         if self._is_landing:
-            self._note_stuck(snapshot)
+            self._descent.observe(measured_motion(snapshot).position.z, snapshot.time_s)
         return Step()
-
-    def _note_stuck(self, snapshot: Snapshot) -> None:
-        """Says in the task's words that the autopilot lands, but does not descend, and what can be done."""
-        z_m, now_s = measured_motion(snapshot).position.z, snapshot.time_s
-        if self._descent is None:
-            self._descent = WayWatch(z_m, now_s, is_up=False)
-        stuck_s = self._descent.stuck_s(z_m, now_s)
-        is_stuck = stuck_s > STUCK_S
-        self._land_task.note = f"it has not descended for {stuck_s:.0f} s: {_STUCK}" if is_stuck else ""
 
     def _is_too_late(self, snapshot: Snapshot) -> bool:
         """Whether the UAV has descended more slowly than any landing does."""
@@ -92,8 +82,7 @@ class Land(Manoeuvre):
     @override
     def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
         self._start_z += jump.z
-        if self._descent is not None:
-            self._descent.moved(jump.z)
+        self._descent.moved(jump.z)
         if self._reference is not None:
             self._reference = stop
         return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ual_daemon.flight.tasks import VehicleTask
+
 STUCK_S = 10.0
 """So long an autopilot makes no way before people are told: it takes up to 6 s to notice the ground, or to lift off."""
 _WAY_M = 0.3
@@ -9,18 +11,24 @@ _WAY_M = 0.3
 
 
 class WayWatch:
-    """Watches one climb or descent. `is_up` says which."""
+    """Watches one climb (`is_up`) or descent, and says in its task's words that it is stuck, and what can be done."""
 
-    def __init__(self, z_m: float, now_s: float, *, is_up: bool) -> None:
-        self._sign = 1.0 if is_up else -1.0
-        self._furthest_m, self._since_s = z_m, now_s
+    def __init__(self, task: VehicleTask, advice: str, *, is_up: bool) -> None:
+        self._task = task
+        self._advice = advice
+        self._sign, self._verb = (1.0, "climbed") if is_up else (-1.0, "descended")
+        self._furthest_m: float | None = None
+        self._since_s = 0.0
 
-    def stuck_s(self, z_m: float, now_s: float) -> float:
-        """Returns for how long it has made no way."""
-        if (z_m - self._furthest_m) * self._sign > _WAY_M:
+    def observe(self, z_m: float, now_s: float, *, is_there: bool = False) -> None:
+        """Takes a height. `is_there`: there is no way left, so it is not stuck."""
+        if self._furthest_m is None or (z_m - self._furthest_m) * self._sign > _WAY_M:
             self._furthest_m, self._since_s = z_m, now_s
-        return now_s - self._since_s
+        stuck_s = now_s - self._since_s
+        is_stuck = stuck_s > STUCK_S and not is_there
+        self._task.note = f"it has not {self._verb} for {stuck_s:.0f} s: {self._advice}" if is_stuck else ""
 
     def moved(self, z_m: float) -> None:
         """Takes note that the autopilot's estimate has jumped by so much."""
-        self._furthest_m += z_m
+        if self._furthest_m is not None:
+            self._furthest_m += z_m

@@ -23,7 +23,7 @@ from ual_daemon.flight.manoeuvre import (
     with_advice,
 )
 from ual_daemon.flight.state import Estimate
-from ual_daemon.flight.stuck import STUCK_S, WayWatch
+from ual_daemon.flight.stuck import WayWatch
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
@@ -75,7 +75,7 @@ class TakeOff(Manoeuvre):
         self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
-        self._climb_watch: WayWatch | None = None
+        self._climb_watch = WayWatch(task, _STUCK, is_up=True)
         self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
@@ -145,7 +145,8 @@ class TakeOff(Manoeuvre):
         setpoint = self._climb_setpoint(snapshot, motion) if self._takes_references(snapshot, estimate) else None
         progress = max(0.0, min(1.0, climbed_m / self._height_m))
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
-        self._note_stuck(motion.position.z, snapshot.time_s, is_up=self._height_m - climbed_m <= self._tolerance_m)
+        is_there = self._height_m - climbed_m <= self._tolerance_m
+        self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
         if snapshot.time_s - since_s > self._longest_s:
@@ -156,14 +157,6 @@ class TakeOff(Manoeuvre):
                 )
             )
         return Step(setpoint)
-
-    def _note_stuck(self, z_m: float, now_s: float, *, is_up: bool) -> None:
-        """Says in the task's words that the autopilot takes off, but does not climb, and what can be done."""
-        if self._climb_watch is None:
-            self._climb_watch = WayWatch(z_m, now_s, is_up=True)
-        stuck_s = self._climb_watch.stuck_s(z_m, now_s)
-        is_stuck = stuck_s > STUCK_S and not is_up
-        self._task.note = f"it has not climbed for {stuck_s:.0f} s: {_STUCK}" if is_stuck else ""
 
     def _stopped(self, climbed_m: float) -> Step:
         """Returns the step that ends a climb that went too high, whatever the autopilot counts its height from."""
@@ -213,8 +206,7 @@ class TakeOff(Manoeuvre):
     def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
         """Goes on to the same height above the ground, from where it is."""
         self._ground_z += jump.z
-        if self._climb_watch is not None:
-            self._climb_watch.moved(jump.z)
+        self._climb_watch.moved(jump.z)
         self._ground, self._top = self._ground.moved(jump), self._top.moved(jump)
         self._has_jumped, self._climb = self._has_jumped or self._climb is not None, None
         return None

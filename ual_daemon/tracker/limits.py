@@ -37,24 +37,14 @@ class CurrentLimits:
     def stop(self) -> Limits:
         """Returns the limits of a stop: with all of the autopilot's acceleration, within the user's limits."""
         info = self._backend.info()
-        whole, share = info.limits, info.acceleration_share
-        autopilots = replace(
-            whole,
-            horizontal_acceleration_m_s2=whole.horizontal_acceleration_m_s2 / share,
-            vertical_acceleration_m_s2=whole.vertical_acceleration_m_s2 / share,
-        )
-        return smaller(autopilots, self._users)
+        return smaller(_accelerating(info.limits, 1.0 / info.acceleration_share), self._users)
 
     def planned(self) -> Limits:
         """Returns the limits of a trajectory that is to be flown: those in force, or less acceleration."""
         limits, takes = self.get(), self._backend.info().takes
         if Takes.FEED_FORWARD in takes or Takes.VELOCITY not in takes:
             return limits
-        return replace(
-            limits,
-            horizontal_acceleration_m_s2=_PLANNED_ACCELERATION_SHARE * limits.horizontal_acceleration_m_s2,
-            vertical_acceleration_m_s2=_PLANNED_ACCELERATION_SHARE * limits.vertical_acceleration_m_s2,
-        )
+        return _accelerating(limits, _PLANNED_ACCELERATION_SHARE)
 
     def cruise(self) -> Limits:
         """Returns the limits of a flight to a goal where nobody gave a speed: horizontally, the autopilot's cruise."""
@@ -62,6 +52,15 @@ class CurrentLimits:
         if cruise_m_s >= limits.horizontal_speed_m_s:
             return limits
         return replace(limits, horizontal_speed_m_s=cruise_m_s)
+
+
+def _accelerating(limits: Limits, factor: float) -> Limits:
+    """Returns the limits with so many times the acceleration."""
+    return replace(
+        limits,
+        horizontal_acceleration_m_s2=factor * limits.horizontal_acceleration_m_s2,
+        vertical_acceleration_m_s2=factor * limits.vertical_acceleration_m_s2,
+    )
 
 
 def smaller(autopilots: Limits, users: LimitSettings) -> Limits:
