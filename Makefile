@@ -13,7 +13,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist run test test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install dev dist run test test-thorough test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -54,11 +54,14 @@ IN_PARALLEL = -n $$((3 * $$(nproc))) --dist loadgroup
 test: $(DEV)  ## The tests, but those that need a real autopilot
 	$(BIN)/python -m pytest $(IN_PARALLEL)
 
+test-thorough: $(DEV)  ## The property tests, each with 1000 examples that are new each time
+	UAL_TEST_HYPOTHESIS=thorough $(BIN)/python -m pytest $(IN_PARALLEL) -m hypothesis
+
 # Another grpcio is laid over that of the virtual environment, which is quicker than an environment of its own.
 GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
 INSTALL_OVER = rm -rf $(1) && $(PIP_INSTALL) --quiet --no-deps --target $(1)
 TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest $(IN_PARALLEL) \
-	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not over_unix'
+	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not unix_socket'
 
 test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed
 	$(call INSTALL_OVER,build/newest-grpc) grpcio

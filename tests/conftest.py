@@ -30,9 +30,10 @@ TIME_TO_BEGIN_S = 3.0
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# The same examples each time, however busy the machine.
-hypothesis.settings.register_profile("deterministic", derandomize=True, deadline=None)
-hypothesis.settings.load_profile("deterministic")
+# The same examples each time, however busy the machine; `make test-thorough` looks for others, and for longer.
+hypothesis.settings.register_profile("deterministic", derandomize=True, deadline=None, max_examples=40)
+hypothesis.settings.register_profile("thorough", deadline=None, max_examples=1000)
+hypothesis.settings.load_profile(os.environ.get("UAL_TEST_HYPOTHESIS", "deterministic"))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -56,7 +56,7 @@ class LockstepPx4(LockstepBackend):
 
     def __init__(self, options: BackendOptions) -> None:
         port = MemoryPort()
-        super().__init__(options, Px4(port), port)
+        super().__init__(options, Px4(port, is_terse=True), port)
 
 
 class LockstepArduPilot(LockstepBackend):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.strategies import ANGLES, vectors
@@ -39,7 +39,6 @@ def facing(motion: Motion, point: Vector3) -> float:
     return math.atan2(point.y - motion.position.y, point.x - motion.position.x)
 
 
-@settings(max_examples=150)
 @given(
     st.sampled_from(PathHeading),
     vectors(20.0),

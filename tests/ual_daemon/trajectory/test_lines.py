@@ -163,7 +163,7 @@ def test_a_line_from_a_motion_along_it_or_back_is_straight_behind_its_bend(
 
 
 @pytest.mark.parametrize("spread_m", [0.3, 3.0, 30.0])
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(LIMIT_SETS, st.integers(0, 1_000_000))
 def test_goals_changed_every_300_ms_for_a_minute_make_no_step_beyond_the_limits(
     spread_m: float, limits: Limits, seed: int

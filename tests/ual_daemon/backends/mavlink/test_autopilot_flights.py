@@ -40,7 +40,7 @@ class Flight:
     def __init__(self, kind: str, seed: int = 0) -> None:
         self.port = MemoryPort()
         self.link = BadLink(self.port, seed)
-        self.autopilot: Autopilot = Px4(self.link) if kind == "px4" else ArduPilot(self.link)
+        self.autopilot: Autopilot = Px4(self.link, is_terse=True) if kind == "px4" else ArduPilot(self.link)
         self.start()
 
     def start(self) -> None:
