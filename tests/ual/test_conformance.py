@@ -51,6 +51,8 @@ WAYS = [
     pytest.param(way, id=way.__name__, marks=pytest.mark.xdist_group(f"conformance {way.__name__}"))
     for way in (over_class, over_tcp, over_tcp_by_grpc_aio)
 ]
+
+
 @pytest.fixture(scope="module", params=WAYS)
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
@@ -68,7 +70,7 @@ def test_conformance(flight: PatientFlight, check: Check) -> None:
 
 def test_what_differs_over_a_unix_socket(tmp_path: Path) -> None:
     """Calls of each kind: behind the socket all is as over TCP."""
-    names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off holds_a_pose_reference an_abort_stops lands"
+    names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off holds_a_pose_reference lands"
     with ExitStack() as stack:
         flight = PatientFlight(over_unix_socket(stack, tmp_path), Tolerances.of_simulation())
         for name in names.split():

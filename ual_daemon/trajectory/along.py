@@ -19,6 +19,7 @@ from ual_daemon.trajectory.envelope import (
     RAMP_S,
     acceleration_limit,
     acceleration_share,
+    planned_limit,
     speed_limit,
     speed_share,
 )
@@ -73,8 +74,9 @@ class Along:
         given.current_position = [0.0] * len(axes)
         given.current_velocity, given.current_acceleration = velocity, acceleration
         given.target_position = [length_m, 0.0, 0.0][: len(axes)]
-        given.max_velocity, given.max_acceleration = speeds, accelerations
+        given.max_acceleration = accelerations
         given.max_jerk = [limit / RAMP_S for limit in accelerations]
+        given.max_velocity = list(map(planned_limit, speeds, velocity, acceleration, given.max_jerk))
         given.synchronization = ruckig.Synchronization.No
         trajectory = ruckig.Trajectory(len(axes))
         if ruckig.Ruckig(len(axes)).calculate(given, trajectory) != ruckig.Result.Working:

@@ -27,6 +27,9 @@ TURN_JERK_RAMP_S = 0.25
 """The time in which the acceleration of a turn rises to its limit."""
 
 
+_ROUNDING, _AT_LIMIT = 1e-9, 1e-6
+
+
 def speed_limit(direction: Vector3, limits: Limits) -> float:
     """Returns the largest speed along a unit vector, m/s, within both the horizontal and the vertical limit."""
     vertical = limits.climb_speed_m_s if direction.z > 0 else limits.descent_speed_m_s
@@ -67,3 +70,13 @@ def turn_jerk_limit(limits: Limits) -> float:
 def _along(direction: Vector3, horizontal: float, vertical: float) -> float:
     h, v = direction.horizontal_norm(), abs(direction.z)
     return min(horizontal / h if h > 1e-9 else math.inf, vertical / v if v > 1e-9 else math.inf)
+
+
+def planned_limit(limit: float, velocity: float, acceleration: float, jerk_limit: float) -> float:
+    """Returns the limit of a velocity to plan with, from a motion that is about to reach the limit exactly.
+
+    Ruckig takes it for one that passes the limit, by the last bit, and plans a slower motion: once in a hundred plans,
+    by seconds.
+    """
+    reached = abs(velocity + acceleration * abs(acceleration) / (2 * jerk_limit))  # once the acceleration has died out
+    return max(limit, reached if reached <= limit * (1.0 + _AT_LIMIT) else limit) * (1.0 + _ROUNDING)

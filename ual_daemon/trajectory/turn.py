@@ -13,7 +13,7 @@ import ruckig
 from ual.errors import UalError
 from ual.geometry import wrap_angle
 from ual.types import Limits
-from ual_daemon.trajectory.envelope import turn_acceleration_limit, turn_jerk_limit
+from ual_daemon.trajectory.envelope import planned_limit, turn_acceleration_limit, turn_jerk_limit
 from ual_daemon.trajectory.motion import Motion
 
 _LONGEST_S = 600.0
@@ -39,9 +39,12 @@ class Turn:
         given.current_position = [0.0]
         given.current_velocity = [start.yaw_rate_rad_s]
         given.current_acceleration = [start.yaw_acceleration_rad_s2]
-        given.max_velocity = [limits.yaw_rate_rad_s]
+        jerk_limit = turn_jerk_limit(limits)
+        given.max_velocity = [
+            planned_limit(limits.yaw_rate_rad_s, start.yaw_rate_rad_s, start.yaw_acceleration_rad_s2, jerk_limit)
+        ]
         given.max_acceleration = [turn_acceleration_limit(limits)]
-        given.max_jerk = [turn_jerk_limit(limits)]
+        given.max_jerk = [jerk_limit]
         if yaw_rad is None:  # only stops turning
             given.control_interface = ruckig.ControlInterface.Velocity
         else:

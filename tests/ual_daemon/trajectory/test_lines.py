@@ -8,7 +8,7 @@ from dataclasses import replace
 from random import Random
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from tests.strategies import ANGLES, vectors
@@ -205,6 +205,7 @@ def test_limits_that_are_lowered_in_flight_are_come_back_to_without_a_step(
 
 
 @given(vectors(30.0), st.floats(0.0, 1.0), LIMIT_SETS)
+@example(Vector3(0.0, 2.0, 0.0), 0.25, Limits(1.9375, 1.0, 1.0, 5.0, 1.0, 1.0))  # was 0.24 s longer
 def test_a_goal_that_is_told_again_changes_nothing(goal: Vector3, share: float, limits: Limits) -> None:
     assume(goal.norm() > 0.01)
     line = Line(Motion(Vector3(), 1.0), goal, 1.0, limits)
@@ -350,3 +351,21 @@ def test_a_turn_that_cannot_be_drawn_out_is_made_as_fast_as_it_can() -> None:
     line = Line(now, Vector3(96.0, 0.0, 0.0), 0.3180249055519686, LIMITS)
     assert_rests_at(line.end(), Vector3(96.0, 0.0, 0.0), 0.3180249055519686)
     assert_kept(sampled(line), LIMITS, slack=BENT_SLACK)
+
+
+def test_a_motion_that_is_planned_anew_all_the_time_takes_no_longer() -> None:
+    random, longer_s = Random(1), []
+    for _ in range(60):
+        limits = Limits(*(random.choice((1.0, 1.9375, 3.0, random.uniform(0.5, 6.0))) for _ in range(6)))
+        goal = Vector3(*(random.choice((0.0, 2.0, random.uniform(-20.0, 20.0))) for _ in range(3)))
+        line: Trajectory = Line(Motion(Vector3(), 1.0), goal, 1.0, limits)
+        turn: Trajectory = Line(Motion(goal, 0.0), goal, random.uniform(-3.0, 3.0), limits)
+        for whole in (line, turn):
+            for share in range(1, 16):
+                end, on, at_s = whole.at(whole.duration_s), whole, share / 16 * whole.duration_s
+                for _ in range(4):
+                    left_s = on.duration_s - at_s
+                    on = Line(on.at(at_s), end.position, end.yaw_rad, limits)
+                    longer_s.append(on.duration_s - left_s)
+                    at_s = on.duration_s / 8
+    assert max(longer_s) <= 0.01  # some were 9 s longer

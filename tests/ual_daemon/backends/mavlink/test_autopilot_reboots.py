@@ -41,7 +41,9 @@ class Placed(Flight):
         self.link = BadLink(self.port, 0)
         autopilot: Autopilot
         is_px4 = kind == "px4"
-        autopilot = Px4(self.link, start=start, is_terse=True) if is_px4 else ArduPilot(self.link, start=start, settle_s=4.0)
+        autopilot = (
+            Px4(self.link, start=start, is_terse=True) if is_px4 else ArduPilot(self.link, start=start, settle_s=4.0)
+        )
         autopilot.has_satellites = has_satellites
         if not has_satellites:
             autopilot.home = None
