@@ -48,13 +48,14 @@ def main() -> int:
 
 def fly_light(output: Path) -> Iterator[Line]:
     """Flies the light simulation."""
-    calm, windy = {}, {}
+    calm, windy, velocities = {}, {}, {}
     for name, limits in light.VEHICLES.items():
         calm[name] = light.lines(limits)
         flights = {way: [line.flown] for way, line in calm[name].items()}
         print(report.flights_table(name, flights), end="\n\n")
         plots.flights(output / f"tracker-{name.replace(' ', '-')}.svg", name, flights)
         windy[name] = light.line(OURS, limits, wind_m_s=light.WIND_M_S)
+        velocities[name] = light.line(OURS, {**limits, **light.VELOCITIES_ONLY})
     zigzags = {OURS: light.zigzag(Tracker.REFERENCE), PURSUIT: light.zigzag(Tracker.PURSUIT)}
     for way, each in zigzags.items():
         print(
@@ -64,7 +65,7 @@ def fly_light(output: Path) -> Iterator[Line]:
     goals = light.changing_goals()
     plots.goals(output / "tracker-goals.svg", goals)
     print()
-    return targets.of_light(calm, windy, zigzags[OURS], goals)
+    return targets.of_light(calm, windy, velocities, zigzags[OURS], goals)
 
 
 def fly_autopilot(autopilot: autopilots.Autopilot, name: str, flights: int, output: Path) -> Iterator[Line]:

@@ -113,6 +113,10 @@ class Line:
     optimal_s: float
 
 
+VELOCITIES_ONLY: Mapping[str, object] = {"takes": "velocities"}
+"""An autopilot that takes no positions."""
+
+
 def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Line:
     """Flies once along the diagonal with a quarter turn. The wind (if any) is across."""
     tracker = Tracker.PURSUIT if way == PURSUIT else Tracker.REFERENCE

@@ -34,10 +34,13 @@ TRUE_FIGURES: Mapping[str, Figure] = {
 def of_light(
     calm: Mapping[str, Mapping[str, light.Line]],
     windy: Mapping[str, light.Line],
+    velocities: Mapping[str, light.Line],
     zigzag: light.Zigzag,
     goals: light.Goals,
 ) -> Iterator[Line]:
-    """Returns the lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind."""
+    """Returns the lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind, and
+    `velocities` those of an autopilot that takes velocities only.
+    """
     for name, lines in calm.items():
         ours = lines[OURS]
         yield _one(f"{name}: widest from the line", 0.02, ours.flown.widest_ever_m, "m")
@@ -48,6 +51,11 @@ def of_light(
     for name, line in windy.items():
         wind = f"{name}, wind of {light.WIND_M_S:g} m/s: widest from the line"
         yield _one(wind, 0.10, line.flown.widest_ever_m, "m")
+    for name, line in velocities.items():
+        only, full = f"{name}, velocities only", calm[name][OURS].flown
+        yield _one(f"{only}: overshoot", 0.02, line.flown.overshoot_m, "m")
+        longer = line.flown.settled_s(SETTLED_M) / full.settled_s(SETTLED_M)
+        yield _one(f"{only}: duration, until within 2 cm", 1.05, longer, "of that with positions")
     yield _one(f"zigzag of {light.CORNERS} corners: widest from the rounded path", 0.2, max(zigzag.off_m), "m")
     for name, shares in goals.shares.items():
         what = f"goal changed each {light.GOAL_PERIOD_S:g} s: largest {name}"

@@ -18,7 +18,7 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon import __version__
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.light.faults import Faults
-from ual_daemon.backends.light.physics import FlightMode, Report
+from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
 from ual_daemon.backends.light.world import Vehicles, World
@@ -397,5 +397,5 @@ def _vehicle_info(settings: LightSettings) -> VehicleInfo:
         ),
         flies_takeoff_on_setpoints=True,
         takes=takes,
-        velocity_gains=VelocityGains(response_s=settings.response_s),
+        velocity_gains=VelocityGains(position_per_s=POSITION_GAIN, response_s=settings.response_s),
     )
