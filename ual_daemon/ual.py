@@ -27,7 +27,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import DryRun, Simulation, Subscription, Task, Uav
-from ual.types import Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
+from ual.types import ExternalPose, Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
@@ -190,6 +190,18 @@ class UAL(Uav):
     @override
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
         self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
+
+    @override
+    def set_external_pose(
+        self,
+        pose: PoseStamped | Pose,
+        *,
+        position_std_dev_m: float | None = None,
+        orientation_std_dev_rad: float | None = None,
+    ) -> None:
+        measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
+        poses = self.vehicle.external_poses
+        (poses.offer if poses.is_stream else poses.set)(measured)
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:

@@ -157,7 +157,7 @@ class ArduCopter(Dialect):
     """ArduPilot multirotors, 4.6."""
 
     name = "ArduPilot"
-    capabilities = frozenset(Capability)
+    capabilities = frozenset(Capability) - {Capability.EXTERNAL_POSE}
     sends_landed_state = True
     unarmable_modes = _UNARMABLE
     # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.

@@ -96,7 +96,7 @@ class Px4(Dialect):
     """PX4 multirotors, from 1.13."""
 
     name = "PX4"
-    capabilities = frozenset(Capability)
+    capabilities = frozenset(Capability) - {Capability.EXTERNAL_POSE}
     sends_landed_state = True
     takes_feed_forward = True
     unarmable_modes = _UNARMABLE
