@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from dataclasses import replace
 
 from ual.errors import UalError
 from ual.types import Capability, ExternalPose
@@ -75,28 +76,32 @@ class ExternalPoses:
 
     def _pass_on(self, measured: ExternalPose, *, is_stream: bool) -> Drop | None:
         """Gives the backend a valid pose. Returns why it did not. Called with the lock held."""
-        now_s, utc_s = self._backend.clock.now_s(), self._backend.utc_s()
-        local = self._resolver.external_pose(measured.pose, now_s)
-        position_std_dev_m = _std_dev(measured.position_std_dev_m, "position_std_dev_m")
-        orientation_std_dev_rad = _std_dev(measured.orientation_std_dev_rad, "orientation_std_dev_rad")
-        stamp_s = validation.not_negative(measured.pose.stamp_s, "pose.header.stamp", at_most=validation.MAX_STAMP_S) or utc_s
-        time_s = now_s - (utc_s - stamp_s)
-        drop = self._gate.untimely(time_s, now_s)
+        now_s = self._backend.clock.now_s()
+        local = self._to_local(measured, now_s)
+        drop = self._gate.untimely(local.time_s, now_s)
         if drop is not None and not is_stream:
             raise validation.refuse("pose.header.stamp", str(drop))
         resets_count = self._gate.resets_count
-        drop = drop or self._gate.jump(local, time_s, position_std_dev_m or 0.0)
+        drop = drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
         if drop is not None:
             return drop
         if self._gate.resets_count != resets_count:
-            logs.event(_log, logging.WARNING, "external_poses_moved", resets=self._gate.resets_count)
-        self._backend.set_external_pose(
-            values.ExternalPose(
-                local, time_s, stamp_s, position_std_dev_m, orientation_std_dev_rad, self._gate.resets_count
-            )
-        )
+            logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
+        self._backend.set_external_pose(replace(local, resets_count=self._gate.resets_count))
         self._silence.heard(now_s)
         return None
+
+    def _to_local(self, measured: ExternalPose, now_s: float) -> values.ExternalPose:
+        """Validates a pose, and converts it to the backend's frame and clock. `now_s` is that clock's present time."""
+        utc_s, stamp_s = self._backend.utc_s(), measured.pose.stamp_s
+        stamp_s = validation.not_negative(stamp_s, "pose.header.stamp", at_most=validation.MAX_STAMP_S) or utc_s
+        return values.ExternalPose(
+            self._resolver.external_pose(measured.pose, now_s),
+            now_s - (utc_s - stamp_s),
+            stamp_s,
+            _std_dev(measured.position_std_dev_m, "position_std_dev_m"),
+            _std_dev(measured.orientation_std_dev_rad, "orientation_std_dev_rad"),
+        )
 
 
 def _std_dev(value: float | None, field: str) -> float | None:
