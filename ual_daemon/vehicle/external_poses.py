@@ -18,8 +18,6 @@ from ual_daemon.vehicle.preconditions import Preconditions
 
 _log = logging.getLogger(__name__)
 
-CONTINUES_S = 0.5
-"""A pose that comes within this time of the last one belongs to a stream."""
 _MOST_STD_DEV = 1000.0
 _NAME = "set_external_pose"
 
@@ -36,11 +34,6 @@ class ExternalPoses:
         self._silence = silence
         self._gate = PoseGate()
         self._lock = threading.Lock()
-
-    @property
-    def is_stream(self) -> bool:
-        """Whether a pose that comes now belongs to a stream: the one before is not long ago."""
-        return self._silence.passed_s(self._backend.clock.now_s()) < CONTINUES_S
 
     def set(self, measured: ExternalPose) -> str:
         """Gives the autopilot a pose. Returns why it was dropped (a jump), or an empty text.
