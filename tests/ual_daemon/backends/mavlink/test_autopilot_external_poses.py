@@ -157,4 +157,5 @@ def test_what_is_sent_is_in_the_autopilots_axes_and_in_utc(flight: Flight) -> No
         assert message.usec == pytest.approx(utc_s * 1e6, abs=1.0)
         seen = (message.roll, message.pitch, message.yaw)
         assert message.covariance[0] == pytest.approx(0.01)
+        assert all(map(math.isfinite, message.covariance))  # else it cannot be armed any more
     assert seen == pytest.approx((0.1, -0.2, enu_to_ned_yaw(0.3)), abs=1e-6)
