@@ -290,6 +290,7 @@ class Crazyflie:
             (2, 2): self._on_write,
             (5, 0): lambda data: self._on_toc(5, data),
             (5, 1): self._on_log_control,
+            (6, 0): self._on_position,
             (6, 1): self._on_localization,
             (7, 0): self._on_setpoint,
             (7, 1): self._on_setpoints_stop,
@@ -443,6 +444,10 @@ class Crazyflie:
             self.external_poses.append(((x, y, z), Quaternion(*orientation)))
             self._fixed_s = self.now_s
 
+    def _on_position(self, data: bytes) -> None:
+        self.external_poses.append((struct.unpack("<3f", data), Quaternion()))
+        self._fixed_s = self.now_s
+
     def _on_setpoint(self, data: bytes) -> None:
         kind, numbers = data[0], data[1:]
         if kind in (1, 8):
@@ -451,7 +456,7 @@ class Crazyflie:
             self.setpoint = Target(velocity=_ned((vx, vy, vz)), yaw_rate_rad_s=sign * math.radians(yaw_rate_deg_s))
         elif kind == 6:
             values = struct.unpack("<9hI3h", numbers)
-            place = _ned(tuple(each / 1000.0 for each in values[:3]))  # type: ignore[arg-type]
+            place = _ned(tuple(each / 1000.0 for each in values[:3]))
             self.setpoint = Target(position=place, yaw_rad=-decompress(values[9]).yaw_rad)
         elif kind == 7:
             x, y, z, yaw_deg = struct.unpack("<4f", numbers)
@@ -470,7 +475,7 @@ class Crazyflie:
         if data[0] in (4, 12):
             _, _, *flags, x, y, z, yaw_rad, duration_s = struct.unpack("<BB?5f" if data[0] == 4 else "<BB??5f", data)
             goal = tuple(a + b for a, b in zip((x, y, z), self.place if flags[0] else ZERO, strict=True))
-            self._plan(goal, yaw_rad, duration_s)  # type: ignore[arg-type]
+            self._plan(goal, yaw_rad, duration_s)
         elif data[0] == 8:
             _, _, height_m, yaw_rad, keeps_yaw, duration_s = struct.unpack("<BBff?f", data)
             if self.plan is not None and self.plan.is_landing:

@@ -30,7 +30,7 @@ class CrazyflieBackend(Backend):
 
     name = SECTION
     clock: MonotonicClock
-    freshness = Freshness(link_s=1.0, pose_s=0.6, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, CrazyflieSettings, SECTION)
@@ -127,7 +127,11 @@ class CrazyflieBackend(Backend):
     def set_external_pose(self, measured: ExternalPose) -> None:
         session = self._session
         if session is not None and session.is_connected:
-            self._link.send(packets.external_pose(measured.pose.position, measured.pose.orientation))
+            position, orientation = measured.pose.position, measured.pose.orientation
+            has_orientation = self._settings.sends_orientation
+            self._link.send(
+                packets.external_pose(position, orientation) if has_orientation else packets.external_position(position)
+            )
 
     @override
     def utc_s(self) -> float:

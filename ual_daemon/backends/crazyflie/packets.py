@@ -116,6 +116,11 @@ def external_pose(position: Vector3, orientation: Quaternion) -> Packet:
     return Packet(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE, *position, *orientation))
 
 
+def external_position(position: Vector3) -> Packet:
+    """Returns a position from outside, for the estimator."""
+    return Packet(LOCALIZATION, 0, struct.pack("<3f", *position))
+
+
 def compress(orientation: Quaternion) -> int:
     """Returns a rotation in 32 bits: which component is the largest, and 10 bits for each of the others."""
     parts = tuple(orientation)

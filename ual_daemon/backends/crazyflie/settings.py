@@ -18,7 +18,8 @@ class CrazyflieSettings(Settings, frozen=True, kw_only=True):
     is logged; the firmware takes whole multiples of 10 ms. `largest_position_std_m` is the standard deviation of its
     estimated position above which the position does not count. With `hovers_by_itself` a Crazyflie that is to stay
     where it is hovers by its own high-level commander, which the end of the daemon does not stop. `yaw_rate_rad_s` is
-    the fastest turn: at 1 rad/s the estimator of the firmware's simulator diverged after 3 s. `parameters` are
+    the fastest turn. With `sends_orientation` poses from outside have their orientation, else only the position.
+    `parameters` are
     parameters of the firmware that are set whenever it is connected (``posCtlPid.xVelMax``). `cache_directory` is where
     its tables of contents are kept (None: the user's cache).
     """
@@ -27,6 +28,7 @@ class CrazyflieSettings(Settings, frozen=True, kw_only=True):
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=100.0)] = 50.0
     largest_position_std_m: Positive = 0.5
     hovers_by_itself: bool = True
-    yaw_rate_rad_s: Positive = 0.5
+    yaw_rate_rad_s: Positive = 1.0
+    sends_orientation: bool = True
     parameters: dict[str, float] = field(default_factory=dict)
     cache_directory: str | None = None

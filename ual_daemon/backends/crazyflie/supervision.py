@@ -16,7 +16,7 @@ from ual_daemon.settings import ConfigError
 
 _log = logging.getLogger(__name__)
 
-LOST_S = 0.5
+LOST_S = 1.0
 """Without values of the pose for so long the link is lost; the slowest rate is 5 a second."""
 RETRY_S = 1.0
 """A link that cannot be opened, and a firmware that cannot be flown, are tried again after this time."""
@@ -119,6 +119,8 @@ class Supervision:
 
     def _advance(self, now_s: float) -> None:
         assert self._steps is not None
+        if self.state is LinkState.LOST:  # it answers: from now on values alone do not show that all is well
+            self._change(LinkState.CONNECTING, "")
         try:
             self._ask(self._steps.send([each for each in self._answers if each is not None]))
         except StopIteration as finished:

@@ -61,8 +61,8 @@ def the_pilot_flies_and_gives_back(flight: Flight) -> None:
 
 @check(State.FLYING_AUTO, capabilities=(Capability.LAND,), moves="straight down")
 def lands(flight: Flight) -> None:
-    """A landing has the state LANDING, is not aborted by other commands, and ends on the ground. Only a safety pilot can
-    end it, or, where there is none, an abort.
+    """A landing has the state LANDING, is not aborted by other commands, and ends on the ground. Only a safety pilot
+    can end it, or, where there is none, an abort.
     """
     uav = flight.uav
     if not uav.info().has_safety_pilot:

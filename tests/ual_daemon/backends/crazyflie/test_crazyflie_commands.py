@@ -159,9 +159,9 @@ def test_a_daemon_killed_in_motion_is_followed_by_the_firmwares_time_outs(tmp_pa
     flown.fly(lambda t: place(0.5 * t, 0.0, 1.0, 0.0), 1.0)
     flown.crazyflie.is_silent = True
     flown.run(1.0)
-    assert flown.crazyflie.supervisor is Supervisor.LEVEL_OUT
+    assert flown.crazyflie.supervisor.value == "warningLevelOut"
     flown.run(2.0)
-    assert flown.crazyflie.supervisor is Supervisor.LOCKED
+    assert flown.crazyflie.supervisor.value == "locked"
     flown.crazyflie.is_silent = False
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
     assert "it is locked" in flown.backend.snapshot().status_text

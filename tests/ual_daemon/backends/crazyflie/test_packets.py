@@ -98,6 +98,11 @@ def test_external_poses() -> None:
     assert packets.external_pose(PLACE, orientation).encode() == theirs
 
 
+def test_external_positions() -> None:
+    theirs = sent_by_cflib(12, lambda cf: Localization(cf).send_extpos(list(PLACE)))
+    assert packets.external_position(PLACE).encode() == theirs
+
+
 def test_the_whole_motion() -> None:
     """But for the yaw rate: cflib takes degrees, and the firmware reads milliradians."""
     at, motion, turn = list(PLACE), [0.5, -0.25, 0.125], list(Quaternion.from_yaw(YAW_RAD))
