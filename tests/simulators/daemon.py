@@ -1,4 +1,4 @@
-"""``ual-daemon`` with three more backends: ``python -m tests.simulators.daemon --backend lockstep_px4``."""
+"""``ual-daemon`` with more backends: ``python -m tests.simulators.daemon --backend lockstep_px4``."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ PATIENCE_S = 60.0
 """How old what an autopilot said may become for `PatientBackend`."""
 _BACKENDS = (
     EntryPoint("lockstep_px4", "tests.simulators.lockstep:LockstepPx4", registry.GROUP),
+    EntryPoint("lockstep_crazyflie", "tests.simulators.lockstep_crazyflie:LockstepCrazyflie", registry.GROUP),
     EntryPoint("lockstep_ardupilot", "tests.simulators.lockstep:LockstepArduPilot", registry.GROUP),
     EntryPoint("patient_mavlink", "tests.simulators.daemon:PatientBackend", registry.GROUP),
 )

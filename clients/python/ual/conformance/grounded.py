@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
+from contextlib import suppress
 
 from ual.conformance.check import LANDED, Need, check
 from ual.conformance.flight import CEILING_M, HEIGHT_M, CannotRunError, Flight, position, require, speed
-from ual.errors import InvalidArgumentError, PermissionDeniedError, UnknownFrameError, WrongStateError
+from ual.errors import (
+    InvalidArgumentError,
+    PermissionDeniedError,
+    TaskAbortedError,
+    UnknownFrameError,
+    WrongStateError,
+)
 from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Twist, Vector3
 from ual.types import Capability, State, TaskKind, TaskStatus
 
@@ -135,14 +142,16 @@ def takes_off(flight: Flight) -> None:
 
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves=f"straight up to {HEIGHT_M:g} m")
 def a_take_off_is_not_aborted(flight: Flight) -> None:
-    """During a take-off all other commands are refused, and the take-off goes on."""
+    """During a take-off all other commands are refused, and the take-off goes on. Only a safety pilot can end it, or,
+    where there is none, a cancel.
+    """
     uav = flight.uav
     flight.remember_place()
     task = uav.take_off(HEIGHT_M, blocking=False)
     flight.wait_for_state(State.TAKING_OFF)
+    ends = ((task.cancel, "cancelling"), (uav.abort, "aborting"))
     for action, what in (
-        (task.cancel, "cancelling"),
-        (uav.abort, "aborting"),
+        *(ends if uav.info().has_safety_pilot else ()),
         (uav.pause, "pausing"),
         (uav.land, "landing"),
         (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
@@ -152,6 +161,11 @@ def a_take_off_is_not_aborted(flight: Flight) -> None:
         if task.done():
             break
         flight.refuses(WrongStateError, action, f"{what} in a take-off")
+    if not uav.info().has_safety_pilot:
+        task.cancel()
+        with suppress(TaskAbortedError):
+            task.wait()
+        return
     require(task.wait().status is TaskStatus.SUCCEEDED, "it did not go on")
 
 

@@ -61,14 +61,18 @@ def the_pilot_flies_and_gives_back(flight: Flight) -> None:
 
 @check(State.FLYING_AUTO, capabilities=(Capability.LAND,), moves="straight down")
 def lands(flight: Flight) -> None:
-    """A landing has the state LANDING, is not aborted by other commands, and ends on the ground."""
+    """A landing has the state LANDING, is not aborted by other commands, and ends on the ground. Only a safety pilot
+    can end it, or, where there is none, an abort.
+    """
     uav = flight.uav
+    if not uav.info().has_safety_pilot:
+        _lands_until_aborted(flight)
     with flight.recording() as recorded:
         task = uav.land(blocking=False)
         flight.wait_for_state(State.LANDING)
+        ends = ((task.cancel, "cancelling"), (uav.abort, "aborting"))
         for action, what in (
-            (task.cancel, "cancelling"),
-            (uav.abort, "aborting"),
+            *(ends if uav.info().has_safety_pilot else ()),
             (lambda: uav.go_to_waypoint(flight.start), "a waypoint"),
         ):
             if task.done():
@@ -82,6 +86,15 @@ def lands(flight: Flight) -> None:
     require(aside_m <= 3 * flight.tolerances.position_m, f"it landed {aside_m:.2f} m aside")
     height_m = abs(flight.position().z - flight.place.z)
     require(height_m <= 2 * flight.tolerances.position_m, f"it landed at a height of {height_m:.2f} m")
+
+
+def _lands_until_aborted(flight: Flight) -> None:
+    task = flight.uav.land(blocking=False)
+    flight.wait_for_state(State.LANDING)
+    flight.uav.abort()
+    flight.refuses(TaskAbortedError, task.wait, "waiting for the landing that was aborted")
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.require_stays("after an aborted landing")
 
 
 CHECKS = (the_pilot_takes_over, the_pilot_flies_and_gives_back, lands)

@@ -25,7 +25,7 @@ def flies_a_velocity_and_stops_without(flight: Flight) -> None:
     """It flies a velocity that is sent repeatedly; without a new one within 0.5 s it stops and holds its position."""
     uav, t = flight.uav, flight.tolerances
     start = flight.position()
-    wanted = Vector3(_SPEED_M_S, 0.0, 0.0)
+    wanted = Vector3(min(_SPEED_M_S, flight.info.limits.horizontal_speed_m_s), 0.0, 0.0)
     with flight.recording() as recorded:
         last = flight.fly_velocity(
             lambda: uav.set_velocity(Twist(wanted)), lambda sample: position(sample).x - start.x >= 3.5, "3.5 m ahead"

@@ -1,0 +1,127 @@
+"""The backend and a simulated Crazyflie in stepped time, without threads: the same run always has the same result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+
+from tests.simulators.crazyflie import Crazyflie
+from tests.simulators.faults import BadLink, Faults
+from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
+from tests.simulators.ports import MemoryPort
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, Snapshot
+from ual_daemon.flight.state import Estimate, estimate
+
+RATE_S = 0.02
+LIMITS = Limits()
+
+
+class Flown:
+    """One Crazyflie and its backend. `faults` are those of the link, both ways."""
+
+    def __init__(
+        self,
+        cache: Path,
+        crazyflie: Crazyflie | None = None,
+        faults: Faults | None = None,
+        **settings: object,
+    ) -> None:
+        self.memory = MemoryPort()
+        self.link = BadLink(self.memory, 1, faults or Faults(), faults or Faults())
+        self.crazyflie = crazyflie or Crazyflie(self.memory)
+        self.crazyflie.port = self.link
+        self._cache = cache
+        self._settings = settings
+        self.backend = self._make_backend()
+
+    def _make_backend(self) -> LockstepCrazyflie:
+        settings = {"cache_directory": str(self._cache), **self._settings}
+        backend = LockstepCrazyflie(BackendOptions("uav_1", None, settings), self.crazyflie, self.memory, math.inf)
+        self.updates: list[Snapshot] = []
+        backend._session = Session(backend._link, backend._settings, backend.clock, self.updates.append)
+        return backend
+
+    def restart_daemon(self) -> None:
+        """Another daemon begins, as after a kill."""
+        self.memory.arriving.clear()
+        self.memory.sent.clear()
+        self.backend = self._make_backend()
+
+    @property
+    def session(self) -> Session:
+        assert self.backend._session is not None
+        return self.backend._session
+
+    @property
+    def now_s(self) -> float:
+        return self.crazyflie.elapsed_s
+
+    def run(self, duration_s: float) -> None:
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            self._turn()
+
+    def until(self, holds: Callable[[], bool], limit_s: float = 10.0) -> float:
+        """Runs until it holds, and returns after how long."""
+        begin_s = self.now_s
+        while not holds():
+            assert self.now_s - begin_s < limit_s, (self.estimate(), self.backend.snapshot())
+            self._turn()
+        return self.now_s - begin_s
+
+    def _turn(self) -> None:
+        before_s = self.now_s
+        self.session._turn()
+        if self.now_s == before_s:  # the link is being opened
+            self.crazyflie.step()
+
+    def fly(self, setpoint: Callable[[float], Setpoint], duration_s: float) -> None:
+        """Sends setpoints at 50 Hz; they get the time since the beginning."""
+        begin_s = self.now_s
+        due_s = begin_s
+        while self.now_s < begin_s + duration_s:
+            if self.now_s >= due_s:
+                due_s += RATE_S
+                self.backend.send(setpoint(self.now_s - begin_s))
+            self._turn()
+
+    def ready(self) -> None:
+        """Runs until it is connected and has a state."""
+        self.until(lambda: self.session.is_connected and self.backend.snapshot().pose is not None)
+        self.run(0.5)
+
+    def arm(self) -> None:
+        self.end(self.backend.arm())
+
+    def take_off(self, height_m: float = 1.0) -> None:
+        """Connects, arms, and flies up."""
+        self.ready()
+        self.arm()
+        self.end(self.backend.take_off(height_m, LIMITS))
+        x, y, z = self.crazyflie.place
+        self.fly(lambda t: place(x, y, z + min(height_m, 0.5 * t), 0.5 if t < 2.0 * height_m else 0.0), 4.0)
+        assert self.crazyflie.place[2] > 0.8 * height_m
+
+    def end(self, future: Future[None]) -> None:
+        """Runs until a command has ended, and raises its error."""
+        self.until(future.done)
+        future.result(0)
+
+    def estimate(self) -> Estimate:
+        return estimate(self.backend.snapshot(), self.backend.freshness)
+
+    @property
+    def landed(self) -> LandedState:
+        landed = self.backend.snapshot().landed
+        assert landed is not None
+        return landed.value
+
+
+def place(x: float, y: float, z: float, climb_m_s: float = 0.0, yaw_rad: float = 0.0) -> PositionSetpoint:
+    return PositionSetpoint(Vector3(x, y, z), yaw_rad, Vector3(0.0, 0.0, climb_m_s))

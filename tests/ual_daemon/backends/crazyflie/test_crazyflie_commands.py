@@ -1,0 +1,275 @@
+"""Commands to a Crazyflie, its two commanders, and what its supervisor forbids."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.simulators.crazyflie import Crazyflie, Supervisor
+from tests.simulators.faults import Faults
+from tests.simulators.ports import MemoryPort
+from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
+from ual.errors import RejectedByAutopilotError
+from ual.geometry import Pose, Quaternion, Vector3
+from ual.types import State
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT
+from ual_daemon.backends.values import Control, ExternalPose, LandedState, VelocitySetpoint
+
+PROTOCOLS = pytest.mark.parametrize("protocol", [7, 12])
+
+
+def made(protocol: int = 7, *, arms_itself: bool = False) -> Crazyflie:
+    return Crazyflie(MemoryPort(), protocol=protocol, arms_itself=arms_itself)
+
+
+def setpoints(flown: Flown, since_s: float) -> int:
+    return sum(p.port == SETPOINT and p.channel == 0 and t >= since_s for t, p in flown.crazyflie.received)
+
+
+@PROTOCOLS
+def test_arms_and_disarms(tmp_path: Path, protocol: int) -> None:
+    flown = Flown(tmp_path, made(protocol))
+    flown.ready()
+    flown.arm()
+    assert flown.estimate().state is State.LANDED_ARMED
+    flown.end(flown.backend.disarm())
+    assert flown.estimate().state is State.LANDED_DISARMED
+
+
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [
+        ("is_tumbled", "it is tumbled"),
+        ("is_crashed", "it has crashed"),
+        ("locked", "it is locked"),
+        ("charging", "it is charging"),
+    ],
+)
+def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, words: str) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    if trouble == "locked":
+        flown.crazyflie.supervisor = Supervisor.LOCKED
+    elif trouble == "charging":
+        flown.crazyflie.power_state = 1
+    else:
+        setattr(flown.crazyflie, trouble, True)
+    flown.run(0.3)
+    with pytest.raises(RejectedByAutopilotError, match=words):
+        flown.arm()
+    health = flown.backend.snapshot().health
+    assert health is not None
+    assert words in "; ".join(health.failing_checks)
+    assert words in flown.backend.snapshot().status_text
+
+
+def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> None:
+    """The firmware refuses for 3 s after a landing, until its supervisor has left the state landed."""
+    flown = Flown(tmp_path)
+    flown.take_off(0.5)
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.crazyflie.supervisor is Supervisor.LANDED)
+    flown.end(flown.backend.disarm())
+    flown.arm()
+
+
+def test_a_refusal_of_the_firmware_ends_the_command(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    flown.crazyflie.supervisor = Supervisor.CRASHED  # a state that its bits do not show
+    with pytest.raises(RejectedByAutopilotError, match="the firmware refused"):
+        flown.arm()
+
+
+def test_a_withdrawn_command_is_not_sent_again(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    flown.crazyflie.ignored = {13}
+    future = flown.backend.arm()
+    flown.run(0.3)
+    future.cancel()
+    flown.crazyflie.ignored = set()
+    flown.run(1.0)
+    assert not flown.crazyflie.is_armed
+
+
+def test_is_not_disarmed_in_the_air(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    with pytest.raises(RejectedByAutopilotError, match="not on the ground"):
+        flown.end(flown.backend.disarm())
+    assert flown.crazyflie.is_armed
+
+
+def test_a_firmware_that_arms_itself_says_so(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, made(arms_itself=True))
+    flown.ready()
+    assert flown.estimate().state is State.LANDED_ARMED
+    with pytest.raises(RejectedByAutopilotError, match="arms itself"):
+        flown.end(flown.backend.disarm())
+
+
+def test_a_place_where_it_stays_is_held_without_the_daemon(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.5)
+    mode = flown.backend.snapshot().mode
+    assert mode is not None
+    assert (mode.value.name, mode.value.control) == ("hover (high-level commander)", Control.REFERENCES)
+    since_s = flown.now_s
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.0)
+    assert setpoints(flown, since_s) == 0
+    flown.crazyflie.is_silent = True  # the daemon is killed
+    flown.run(20.0)
+    assert flown.crazyflie.place == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+
+
+def test_it_flies_on_from_a_hover_at_the_next_setpoint(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.5)
+    flown.fly(lambda _: place(0.6, 0.0, 1.0), 0.2)
+    assert setpoints(flown, flown.now_s - 0.2) >= 9
+    flown.fly(lambda _: place(0.6, 0.0, 1.0), 4.0)
+    assert flown.crazyflie.place == pytest.approx((0.6, 0.0, 1.0), abs=0.05)
+
+
+def test_without_hovering_by_itself_setpoints_go_on(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, hovers_by_itself=False)
+    flown.take_off()
+    since_s = flown.now_s
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 2.0)
+    assert setpoints(flown, since_s) >= 95
+
+
+def test_setpoints_go_on_if_the_high_level_commander_does_not_answer(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.crazyflie.ignored = {HIGH_LEVEL}
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 5.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_daemon_killed_in_motion_is_followed_by_the_firmwares_time_outs(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0, 0.0), 1.0)
+    flown.crazyflie.is_silent = True
+    flown.run(1.0)
+    assert flown.crazyflie.supervisor.value == "warningLevelOut"
+    flown.run(2.0)
+    assert flown.crazyflie.supervisor.value == "locked"
+    flown.crazyflie.is_silent = False
+    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+    assert "it is locked" in flown.backend.snapshot().status_text
+
+
+def test_a_daemon_that_is_back_in_time_catches_it(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 1.0)
+    flown.restart_daemon()
+    flown.until(lambda: flown.estimate().state is State.FLYING_AUTO, 1.5)
+    x, y, z = flown.crazyflie.place
+    flown.fly(lambda _: place(x, y, z), 3.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+
+
+@pytest.mark.parametrize("faults", [Faults(), Faults(loss=0.3)], ids=["good", "lossy"])
+def test_holds_by_itself_until_control_is_taken(tmp_path: Path, faults: Faults) -> None:
+    flown = Flown(tmp_path, faults=faults)
+    flown.take_off()
+    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 1.0)
+    flown.end(flown.backend.hold())
+    flown.until(lambda: flown.estimate().state is State.FLYING_MANUAL, 0.2)
+    since_s = flown.now_s
+    flown.fly(lambda _: place(5.0, 0.0, 1.0), 3.0)  # ignored
+    assert setpoints(flown, since_s) == 0
+    x, _, z = flown.crazyflie.place
+    assert abs(x) < 1.5
+    assert z == pytest.approx(1.0, abs=0.1)
+    flown.end(flown.backend.take_control())
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 0.5)
+    assert flown.estimate().state is State.FLYING_AUTO
+
+
+@PROTOCOLS
+def test_lands_by_itself(tmp_path: Path, protocol: int) -> None:
+    flown = Flown(tmp_path, made(protocol))
+    flown.take_off()
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.estimate().state is State.LANDING, 0.2)
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+    assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
+    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+
+
+def test_a_landing_can_be_ended(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.end(flown.backend.land(LIMITS))
+    flown.run(0.5)
+    flown.end(flown.backend.take_control())
+    z = flown.crazyflie.place[2]
+    flown.fly(lambda _: place(0.0, 0.0, z), 2.0)
+    assert flown.estimate().state is State.FLYING_AUTO
+    assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
+
+
+def test_it_is_on_the_ground_soon_after_its_motors_have_stopped(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off(0.5)
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.crazyflie.thrust == 0)
+    assert flown.until(lambda: flown.landed is LandedState.ON_GROUND) < 0.5
+    assert flown.crazyflie.supervisor is Supervisor.FLYING  # as it says for 2 s
+
+
+@PROTOCOLS
+def test_velocities_fly_and_turn_to_the_left(tmp_path: Path, protocol: int) -> None:
+    flown = Flown(tmp_path, made(protocol))
+    flown.take_off()
+    flown.fly(lambda _: VelocitySetpoint(Vector3(0.3, 0.2, 0.0), 0.3), 2.0)
+    x, y, _ = flown.crazyflie.place
+    assert (x, y) == pytest.approx((0.6, 0.4), abs=0.15)
+    assert flown.crazyflie.yaw_rad == pytest.approx(0.6, abs=0.15)
+    pose = flown.backend.snapshot().pose
+    assert pose is not None
+    assert pose.value.yaw_rad == pytest.approx(flown.crazyflie.yaw_rad, abs=0.05)
+
+
+def test_names_what_tells_it_where_it_is_and_takes_poses_from_outside(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.crazyflie.has_positioning = False
+    flown.until(lambda: "needs a flow deck, Lighthouse or poses from outside" in flown.estimate().why)
+    measured = ExternalPose(Pose(Vector3(0.1, 0.2, 0.3), Quaternion.from_yaw(math.pi / 2)), 0.0, 0.0)
+    for _ in range(40):
+        flown.backend.set_external_pose(measured)
+        flown.run(0.02)
+    assert flown.estimate().state is State.LANDED_DISARMED
+    position, orientation = flown.crazyflie.external_poses[-1]
+    assert position == pytest.approx((0.1, 0.2, 0.3), abs=1e-6)
+    assert orientation.yaw_rad == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_a_deck_that_is_not_sure_is_named(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.crazyflie.has_positioning = False
+    letter, _, is_read_only = flown.crazyflie.parameters["deck.bcFlow2"]
+    flown.crazyflie.parameters["deck.bcFlow2"] = letter, 1, is_read_only
+    flown.until(lambda: "its position with the flow deck is not sure" in flown.estimate().why)
+
+
+def test_knows_that_the_complementary_estimator_has_no_position(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, parameters={"stabilizer.estimator": 1})
+    flown.until(lambda: "set stabilizer.estimator=2" in flown.estimate().why)
+
+
+def test_another_controller_gets_the_whole_motion(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, parameters={"stabilizer.controller": 2})
+    flown.take_off()
+    kinds = {p.data[0] for _, p in flown.crazyflie.received if p.port == SETPOINT and p.channel == 0}
+    assert kinds == {6}

@@ -1,0 +1,152 @@
+"""The link to a Crazyflie: connecting, losing, finding again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.simulators.crazyflie import Crazyflie
+from tests.simulators.faults import Faults
+from tests.simulators.ports import MemoryPort
+from tests.ual_daemon.backends.crazyflie.flown import Flown, place
+from ual.types import State
+from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, Packet
+
+BAD = Faults(loss=0.2, delay_s=0.01, jitter_s=0.03, duplication=0.2)
+
+
+def table_items(flown: Flown, since: int = 0) -> int:
+    """How many entries of the tables were asked for."""
+    packets = [packet for _, packet in flown.crazyflie.received[since:]]
+    return sum(p.port in (LOG, PARAMETER) and p.channel == 0 and p.data[:1] == b"\x02" for p in packets)
+
+
+def test_connects_and_knows_its_state(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    assert flown.estimate().state is State.LANDED_DISARMED
+    info = flown.backend.info()
+    assert (info.autopilot, info.autopilot_version, info.has_safety_pilot) == ("Crazyflie", "2024.2", False)
+    assert info.limits.horizontal_speed_m_s == 1.0
+    battery = flown.backend.snapshot().battery
+    assert battery is not None
+    assert battery.voltage_v == pytest.approx(3.9, abs=0.01)
+
+
+def test_says_what_it_is_doing_while_it_connects(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.until(lambda: "reading its table" in flown.estimate().why)
+    assert flown.estimate().state is State.UNINITIALIZED
+
+
+def test_the_tables_are_read_once(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    assert table_items(flown) >= len(flown.crazyflie.logged) + len(flown.crazyflie.parameters)
+    since = len(flown.crazyflie.received)
+    flown.restart_daemon()
+    flown.ready()
+    assert table_items(flown, since) == 0
+
+
+def test_a_damaged_cache_is_read_anew(tmp_path: Path) -> None:
+    Flown(tmp_path).ready()
+    for path in tmp_path.iterdir():
+        path.write_text('{"stateEstimate.x": [99999, "x", false]}')
+    flown = Flown(tmp_path)
+    flown.ready()
+    assert table_items(flown) > 0
+
+
+def test_connects_over_a_bad_link(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, faults=BAD)
+    flown.until(lambda: flown.session.is_connected, 30.0)
+    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+
+
+def test_arms_and_flies_over_a_bad_link(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, faults=BAD)
+    flown.take_off()
+    flown.fly(lambda _: place(0.5, 0.0, 1.0), 4.0)
+    x, _, z = flown.crazyflie.place
+    assert (x, z) == pytest.approx((0.5, 1.0), abs=0.1)
+
+
+def test_what_comes_late_or_twice_is_not_taken(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    flown.memory.sent.clear()
+    flown.crazyflie.run(0.02)
+    old = flown.memory.sent.copy()
+    flown.run(0.2)
+    before = flown.backend.snapshot().measured_s
+    flown.memory.sent.extend(old)
+    flown.run(0.01)
+    assert flown.backend.snapshot().measured_s >= before
+
+
+def test_out_of_reach_and_back_is_no_reboot(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    since = len(flown.crazyflie.received)
+    flown.crazyflie.is_silent = True
+    flown.until(lambda: not flown.estimate().is_link_up)
+    assert flown.estimate().state is State.UNINITIALIZED
+    flown.run(5.0)
+    flown.crazyflie.is_silent = False
+    assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 1.0
+    assert table_items(flown, since) == 0
+    assert flown.backend.snapshot().boots_count == 0
+
+
+def test_a_reboot_is_noticed_and_healed(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.crazyflie.is_silent = True
+    flown.run(1.0)
+    flown.crazyflie.boot()
+    flown.crazyflie.is_silent = False
+    took_s = flown.until(lambda: flown.backend.snapshot().boots_count == 1)
+    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+    assert took_s < 2.0
+    assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 1
+
+
+def test_another_client_that_took_the_log_is_no_reboot(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.memory.arriving.append(Packet(LOG, 1, b"\x05").encode())
+    flown.until(lambda: not flown.session.is_connected)
+    flown.until(lambda: flown.session.is_connected and flown.estimate().state is State.FLYING_AUTO)
+    assert flown.backend.snapshot().boots_count == 0
+
+
+def test_does_without_a_variable_that_is_missing(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, Crazyflie(MemoryPort(), has_battery=False))
+    flown.ready()
+    assert flown.estimate().state is State.LANDED_DISARMED
+    assert flown.backend.snapshot().battery is None
+
+
+def test_says_which_variable_it_cannot_do_without(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    del flown.crazyflie.logged["supervisor.info"]
+    flown.until(lambda: "does not log supervisor.info" in flown.estimate().why)
+    assert flown.estimate().state is State.UNINITIALIZED
+
+
+def test_sets_the_users_parameters_and_names_those_it_cannot(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    flown = Flown(tmp_path, parameters={"posCtlPid.xVelMax": 2.0, "posCtlPid.yVelMax": 2.0, "no.such": 1.0})
+    flown.ready()
+    assert flown.backend.info().limits.horizontal_speed_m_s == 2.0
+    fields = [record.__dict__.get("ual_fields") for record in caplog.records if record.message == "parameters_not_set"]
+    assert fields == [{"parameters": "no.such"}]
+
+
+def test_says_what_its_console_says(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.ready()
+    flown.crazyflie.say("KALMAN: a line that is longer than the thirty bytes of one packet")
+    flown.run(0.2)
+    assert flown.backend.snapshot().status_text == "KALMAN: a line that is longer than the thirty bytes of one packet"

@@ -1,0 +1,189 @@
+"""The links: real sockets, a stand-in for cflib's drivers, and what is said of wrong URLs and missing parts."""
+
+from __future__ import annotations
+
+import queue
+import socket
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from cflib.crtp.crtpstack import CRTPPacket
+
+from ual_daemon.backends import registry
+from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.crazyflie import CrazyflieBackend, links
+from ual_daemon.backends.crazyflie.links import CflibLink, LinkError, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.settings import ConfigError
+
+RADIO = "radio://0/80/2M/E7E7E7E7E7"
+PACKET = Packet(5, 1, b"\x05")
+LIMIT_S = 20.0
+
+
+def until(holds: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    while not holds():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.005)
+
+
+def received(link: links.Link) -> list[Packet]:
+    found: list[Packet] = []
+
+    def has_come() -> bool:
+        found.extend(link.receive(0.05))
+        return bool(found)
+
+    until(has_come)
+    return found
+
+
+def test_udp_both_ways() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as firmware:
+        firmware.bind(("127.0.0.1", 0))
+        firmware.settimeout(LIMIT_S)
+        link = UdpLink(*firmware.getsockname())
+        link.open()
+        link.send(PACKET)
+        data, client = firmware.recvfrom(64)
+        assert Packet.decode(data) == PACKET
+        firmware.sendto(b"\xff", client)  # empty
+        firmware.sendto(PACKET.encode(), client)
+        assert received(link) == [PACKET]
+        link.close()
+
+
+def test_udp_to_nobody_is_silence() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    link = UdpLink("127.0.0.1", port)
+    link.open()
+    for _ in range(5):
+        link.send(PACKET)
+        assert link.receive(0.01) == []
+    link.close()
+    link.send(PACKET)  # is lost
+
+
+class Driver:
+    """As cflib's."""
+
+    def __init__(self) -> None:
+        self.sent: queue.Queue[CRTPPacket] = queue.Queue()
+        self.arriving: queue.Queue[CRTPPacket] = queue.Queue()
+        self.is_closed = False
+
+    def receive_packet(self, wait: float) -> CRTPPacket | None:
+        try:
+            return self.arriving.get(wait > 0, wait or None)
+        except queue.Empty:
+            return None
+
+    def send_packet(self, packet: CRTPPacket) -> None:
+        self.sent.put(packet)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Crtp:
+    """Stands in for the module `cflib.crtp`."""
+
+    CLASSES = ("a driver",)
+
+    def __init__(self, found: tuple[str, ...] = ()) -> None:
+        self.driver = Driver()
+        self.found = found
+        self.error = ""
+
+    def get_link_driver(self, url: str, _: object, on_error: Callable[[str], None]) -> Driver:
+        if self.error:
+            raise OSError(self.error)
+        self.on_error = on_error
+        return self.driver
+
+    def scan_interfaces(self) -> list[list[str]]:
+        return [[url, ""] for url in self.found]
+
+
+@pytest.fixture
+def crtp(monkeypatch: pytest.MonkeyPatch) -> Crtp:
+    stand_in = Crtp()
+    monkeypatch.setattr(links, "load_cflib", lambda: stand_in)
+    return stand_in
+
+
+def test_a_radio_both_ways(crtp: Crtp) -> None:
+    link = make_link(RADIO)
+    assert isinstance(link, CflibLink)
+    link.open()
+    for send in (link.send, link.send_now):
+        send(PACKET)
+        sent = crtp.driver.sent.get(timeout=LIMIT_S)
+        assert (sent.port, sent.channel, bytes(sent.data)) == PACKET
+    crtp.driver.arriving.put(CRTPPacket(PACKET.encode()[0], PACKET.data))
+    assert received(link) == [PACKET]
+    link.close()
+    assert crtp.driver.is_closed
+
+
+def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
+    link = make_link(RADIO)
+    link.open()
+    crtp.on_error("Error communicating with crazy radio\nException: many lines")
+    with pytest.raises(LinkError, match=r"^Error communicating with crazy radio$"):
+        link.receive(0.01)
+    link.close()
+    crtp.error = "Cannot find a Crazyradio Dongle"
+    with pytest.raises(LinkError, match="Cannot find a Crazyradio Dongle"):
+        link.open()
+
+
+def test_the_only_crazyflie_of_a_scan_is_taken(crtp: Crtp) -> None:
+    crtp.found = (RADIO,)
+    link = ScannedLink()
+    link.open()
+    link.send(PACKET)
+    assert crtp.driver.sent.get(timeout=LIMIT_S).port == PACKET.port
+    link.close()
+
+
+def test_several_crazyflies_are_listed(crtp: Crtp) -> None:
+    crtp.found = (RADIO, "usb://0")
+    with pytest.raises(LinkError, match=f"several Crazyflies: give --url, one of {RADIO}, usb://0"):
+        ScannedLink().open()
+    crtp.found = ()
+    with pytest.raises(LinkError, match="no Crazyflie found"):
+        ScannedLink().open()
+
+
+@pytest.mark.parametrize("url", [RADIO, "usb://0", None])
+def test_without_cflib_the_extra_is_named(url: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cflib.crtp", None)
+    with pytest.raises(ConfigError, match=r"pip install 'ual-daemon\[crazyflie\]'"):
+        registry.make("crazyflie", BackendOptions("uav_1", url))
+
+
+def test_udp_needs_no_cflib(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cflib.crtp", None)
+    assert isinstance(registry.make("crazyflie", BackendOptions("uav_1", "udp://127.0.0.1:19850")), CrazyflieBackend)
+
+
+@pytest.mark.parametrize("url", ["tcp://127.0.0.1:1", "udp://127.0.0.1", "udp://127.0.0.1:x", "nonsense"])
+def test_wrong_urls_are_refused(url: str) -> None:
+    with pytest.raises(ConfigError, match="url"):
+        make_link(url)
+
+
+def test_a_fleet_has_a_url_for_each() -> None:
+    options = [BackendOptions(f"uav_{i}", f"udp://127.0.0.1:{19850 + i}") for i in (1, 2)]
+    fleet: list[Any] = list(registry.make_fleet("crazyflie", options, ()))
+    assert [each.url for each in fleet] == [each.url for each in options]
+    assert all(isinstance(each, Backend) for each in fleet)
+    with pytest.raises(ConfigError, match="--fleet-url"):
+        registry.make_fleet("crazyflie", [BackendOptions("uav_1")], ())

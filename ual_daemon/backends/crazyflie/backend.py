@@ -1,0 +1,163 @@
+"""The backend: commands go to the thread that receives, setpoints leave from the caller's thread."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, RejectedByAutopilotError
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.crazyflie import packets
+from ual_daemon.backends.crazyflie.clock import MonotonicClock
+from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
+from ual_daemon.backends.crazyflie.simulated_pilot import SimulatedPilot
+from ual_daemon.backends.crazyflie.vehicle import describe
+from ual_daemon.backends.mailbox import SetpointMailbox
+from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.settings import ConfigError, convert
+
+
+class CrazyflieBackend(Backend):
+    """Flies a Crazyflie over Crazyradio, USB, or UDP to its simulator. See ``docs/backends/crazyflie.md``."""
+
+    name = SECTION
+    clock: MonotonicClock
+    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+
+    def __init__(self, options: BackendOptions) -> None:
+        self._settings = convert(options.settings, CrazyflieSettings, SECTION)
+        self.url = options.url or self._settings.url
+        super().__init__(dataclasses.replace(options, url=self.url))
+        self.clock = MonotonicClock()
+        self._link = self._make_link()
+        self._is_simulation = isinstance(self._link, UdpLink)
+        self._mailbox: SetpointMailbox | None = None
+        self._session: Session | None = None
+        self._thread: threading.Thread | None = None
+
+    @classmethod
+    @override
+    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
+        if any(each.url is None for each in options):
+            raise ConfigError("a fleet of Crazyflies needs a --fleet-url for each", "fleet")
+        return [cls(each) for each in options]
+
+    def _make_link(self) -> Link:
+        return ScannedLink() if self.url is None else make_link(self.url)
+
+    @override
+    def open(self, on_update: UpdateCallback) -> None:
+        if self._link.is_slow:
+            self._mailbox = SetpointMailbox(self._send_now, self.clock, f"crazyflie setpoints {self.options.ns}")
+            self._mailbox.open()
+        self._session = Session(self._link, self._settings, self.clock, on_update)
+        self._thread = threading.Thread(target=self._session.run, name=f"crazyflie {self.options.ns}", daemon=True)
+        self._thread.start()
+
+    @override
+    def close(self) -> None:
+        session, thread, mailbox = self._session, self._thread, self._mailbox
+        if session is not None:
+            session.close()
+        if mailbox is not None:
+            mailbox.close()
+        if thread is not None and thread is not threading.current_thread():
+            thread.join()
+
+    @override
+    def info(self) -> VehicleInfo:
+        if self._session is None:
+            return describe({}, self._settings.yaw_rate_rad_s, is_simulation=self._is_simulation)
+        return self._session.info
+
+    @override
+    def snapshot(self) -> Snapshot:
+        now_s = self.clock.now_s()
+        return Snapshot(now_s) if self._session is None else self._session.snapshot.at(now_s)
+
+    @override
+    def send(self, setpoint: Setpoint) -> None:
+        session, mailbox = self._session, self._mailbox
+        if session is None or not session.is_connected:
+            return
+        if mailbox is None:
+            session.commander.send(setpoint, self.clock.now_s())
+        else:
+            mailbox.put(setpoint)
+
+    def _send_now(self, setpoint: Setpoint) -> None:
+        session = self._session
+        if session is not None and session.is_connected:
+            session.commander.send(setpoint, self.clock.now_s())
+
+    @override
+    def arm(self) -> Future[None]:
+        return self._set_armed(is_armed=True)
+
+    @override
+    def disarm(self) -> Future[None]:
+        return self._set_armed(is_armed=False)
+
+    @override
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
+        del height_m, limits  # UAL's setpoints fly the climb
+        return self._answer("take off", lambda session: session.take_off())
+
+    @override
+    def land(self, limits: Limits) -> Future[None]:
+        return self._answer("land", lambda session: session.land(limits.descent_speed_m_s))
+
+    @override
+    def take_control(self) -> Future[None]:
+        return self._answer("take control", lambda session: session.take_control())
+
+    @override
+    def hold(self) -> Future[None]:
+        return self._answer("hold", lambda session: session.hold())
+
+    @override
+    def set_external_pose(self, measured: ExternalPose) -> None:
+        session = self._session
+        if session is not None and session.is_connected:
+            position, orientation = measured.pose.position, measured.pose.orientation
+            has_orientation = self._settings.sends_orientation
+            self._link.send(
+                packets.external_pose(position, orientation) if has_orientation else packets.external_position(position)
+            )
+
+    @override
+    def utc_s(self) -> float:
+        return self.clock.utc_s()
+
+    @override
+    def safety_pilot(self) -> SafetyPilot | None:
+        return SimulatedPilot(self._may_arm, self.arm) if self._is_simulation else None
+
+    def _may_arm(self) -> bool:
+        health = self.snapshot().health
+        return health is not None and bool(health.is_ready_to_arm)
+
+    def _set_armed(self, *, is_armed: bool) -> Future[None]:
+        what = "arm" if is_armed else "disarm"
+        return self._answer(what, lambda session: session.set_armed(is_armed=is_armed))
+
+    def _answer(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
+        """Gives a command to the session; a refusal ends the future."""
+        session = self._session
+        refused: Future[None] = Future()
+        if session is None or not session.is_connected:
+            refused.set_exception(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
+            return refused
+        try:
+            return command(session)
+        except RejectedByAutopilotError as error:
+            refused.set_exception(error)
+            return refused

@@ -1,0 +1,237 @@
+"""Which of the firmware's two commanders flies, and the setpoints of the low-level one.
+
+Setpoints go to the low-level commander, whose silence stops the motors after 2 s. The high-level commander flies by
+itself, to a place or to the ground, and needs nobody. It takes over in two steps: first it gets its goal, and only when
+it has answered, the firmware is notified that setpoints stop. The other way round the motors would stop if the goal
+were lost. A setpoint ends what the high-level commander does, so none is sent meanwhile.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ual.errors import RejectedByAutopilotError
+from ual.geometry import wrap_angle
+from ual_daemon.backends.crazyflie import packets
+from ual_daemon.backends.crazyflie.encoder import Encoder
+from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.requests import Request, Requests
+from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
+
+HOVERS_AFTER_S = 0.5
+"""A Crazyflie that is to stay where it is for so long hovers by itself."""
+HOVER_PATIENCE_S = 0.25
+"""A hover without an answer for so long is given up: after 0.5 s without setpoints the firmware levels out."""
+NOTIFICATIONS = (0.0, 0.02, 0.05)
+"""The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`."""
+NOTIFY_AGAIN_S = 0.2
+_STILL = 1e-3
+"""Metres, radians and their rates: a setpoint that differs by less is the same."""
+_ALREADY_LANDING = 1
+
+
+class Phase(Enum):
+    """Who flies; the value is the mode's name."""
+
+    SETPOINTS = "setpoints"
+    HOVERING = "hover (high-level commander)"
+    """Until the next setpoint."""
+    HOLDING = "hold (high-level commander)"
+    """Until `Commander.take_control`."""
+    LANDING = "land (high-level commander)"
+
+
+MODES = {
+    Phase.SETPOINTS: Mode(Phase.SETPOINTS.value, Control.REFERENCES),
+    Phase.HOVERING: Mode(Phase.HOVERING.value, Control.REFERENCES),
+    Phase.HOLDING: Mode(Phase.HOLDING.value, Control.OTHER, is_autonomous=True),
+    Phase.LANDING: Mode(Phase.LANDING.value, Control.LAND),
+}
+
+
+@dataclass(slots=True)
+class _Handover:
+    """A command to the high-level commander that is on its way."""
+
+    phase: Phase
+    request: Request
+    future: Future[None] = field(default_factory=Future)
+    asked_s: float | None = None
+
+
+class Commander:
+    """`send` and the commands are for any thread; `step` and `on_lost` belong to the thread that receives.
+
+    `emit` sends a packet, and `emit_setpoint` one that is worth nothing later; both return at once.
+    """
+
+    def __init__(
+        self, emit: Callable[[Packet], None], emit_setpoint: Callable[[Packet], None], *, hovers_by_itself: bool
+    ) -> None:
+        self.encoder = Encoder(0, {})
+        self._emit = emit
+        self._emit_setpoint = emit_setpoint
+        self._hovers_by_itself = hovers_by_itself
+        self._lock = threading.Lock()
+        self._phase = Phase.SETPOINTS
+        self._handover: _Handover | None = None
+        self._last: Setpoint | None = None
+        self._still_since_s = math.inf
+        self._notify_s: list[float] = []
+
+    @property
+    def mode(self) -> Mode:
+        """The present mode."""
+        return MODES[self._phase]
+
+    # --- From any thread ----------------------------------------------------------------------------------------------
+
+    def send(self, setpoint: Setpoint, now_s: float) -> None:
+        """Sends a setpoint, unless the high-level commander flies and the setpoint is not what ends that."""
+        with self._lock:
+            if not self._passes(setpoint, now_s):
+                return
+            packet = self.encoder.encode(setpoint)
+        self._emit_setpoint(packet)
+
+    def _passes(self, setpoint: Setpoint, now_s: float) -> bool:
+        handover = self._handover
+        if self._phase in (Phase.HOLDING, Phase.LANDING) or (
+            handover is not None and handover.phase is not Phase.HOVERING
+        ):
+            return False
+        is_same = self._last is not None and _is_same(setpoint, self._last)
+        if not is_same:
+            self._last = setpoint
+            self._still_since_s = now_s if _is_still(setpoint) else math.inf
+            self._resume()
+        return self._phase is Phase.SETPOINTS and self._handover is None
+
+    def _resume(self) -> None:
+        """Takes setpoints again. Called with the lock held."""
+        self._phase, self._handover, self._notify_s = Phase.SETPOINTS, None, []
+
+    def take_control(self) -> None:
+        """Ends what the high-level commander does: the next setpoint is sent."""
+        with self._lock:
+            if self._phase is not Phase.SETPOINTS or self._handover is not None:
+                self._forget()
+
+    def hand_over(self, phase: Phase, request: Request) -> Future[None]:
+        """Has the high-level commander take over. The future ends with its answer."""
+        handover = _Handover(phase, request)
+        with self._lock:
+            self._handover = handover
+        return handover.future
+
+    # --- From the thread that receives --------------------------------------------------------------------------------
+
+    def step(self, requests: Requests, now_s: float, *, is_on_ground: bool) -> None:
+        """Does what is due."""
+        with self._lock:
+            if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
+                self._forget()
+            if self._is_hover_due(now_s) and not is_on_ground:
+                self._begin_hover()
+            withdrawn = self._drop_withdrawn(now_s)
+            handover = self._handover
+            due = bool(self._notify_s) and now_s >= self._notify_s[0]
+            if due:
+                self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
+        if withdrawn is not None:
+            requests.withdraw(withdrawn.request)
+        if due:
+            self._emit(packets.setpoints_stop())
+        if handover is not None and handover.asked_s is None:
+            self._ask(handover, requests, now_s)
+
+    def on_lost(self) -> None:
+        """Notes that requests which were on their way are forgotten."""
+        handover = self._handover
+        if handover is not None:
+            handover.asked_s = None
+
+    def on_reboot(self) -> None:
+        """Notes that the firmware has booted: nobody flies."""
+        with self._lock:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Forgets what was sent. Called with the lock held."""
+        self._last, self._still_since_s = None, math.inf
+        self._resume()
+
+    def _drop_withdrawn(self, now_s: float) -> _Handover | None:
+        """Drops a handover that is not wanted any more, or a hover that has no answer: setpoints must go on."""
+        handover = self._handover
+        if handover is None:
+            return None
+        is_hover = handover.phase is Phase.HOVERING
+        is_late = is_hover and handover.asked_s is not None and now_s - handover.asked_s > HOVER_PATIENCE_S
+        if not is_late and not handover.future.cancelled():
+            return None
+        self._handover, self._still_since_s = None, now_s if is_hover else math.inf
+        return handover
+
+    def _is_hover_due(self, now_s: float) -> bool:
+        return (
+            self._hovers_by_itself
+            and self._phase is Phase.SETPOINTS
+            and self._handover is None
+            and now_s - self._still_since_s >= HOVERS_AFTER_S
+        )
+
+    def _begin_hover(self) -> None:
+        place = self._last
+        assert isinstance(place, PositionSetpoint)
+        self._handover = _Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad))
+
+    def _ask(self, handover: _Handover, requests: Requests, now_s: float) -> None:
+        handover.asked_s = now_s
+
+        def on_answer(data: bytes) -> None:
+            self._on_answer(handover, data[3] if len(data) > 3 else 0, now_s)
+
+        requests.add(handover.request, on_answer)
+
+    def _on_answer(self, handover: _Handover, error: int, now_s: float) -> None:
+        is_fine = error == 0 or (handover.phase is Phase.LANDING and error == _ALREADY_LANDING)
+        with self._lock:
+            if self._handover is not handover:
+                return  # setpoints have come meanwhile
+            self._handover = None
+            if is_fine:
+                self._phase = handover.phase
+                self._notify_s = [now_s + delay_s for delay_s in NOTIFICATIONS]
+            else:
+                self._still_since_s = math.inf
+        if not handover.future.set_running_or_notify_cancel():
+            return
+        if is_fine:
+            handover.future.set_result(None)
+        else:
+            handover.future.set_exception(
+                RejectedByAutopilotError(f"the high-level commander refused (error {error})", {"error": str(error)})
+            )
+
+
+def _is_still(setpoint: Setpoint) -> bool:
+    if not isinstance(setpoint, PositionSetpoint):
+        return False
+    rates = (*setpoint.velocity, *setpoint.acceleration, setpoint.yaw_rate_rad_s)
+    return all(abs(each) < _STILL for each in rates)
+
+
+def _is_same(one: Setpoint, other: Setpoint) -> bool:
+    """Whether both are the same place, at rest."""
+    if one is other:
+        return _is_still(one)
+    if not (isinstance(one, PositionSetpoint) and isinstance(other, PositionSetpoint)):
+        return False
+    is_there = (one.position - other.position).norm() < _STILL
+    return is_there and abs(wrap_angle(one.yaw_rad - other.yaw_rad)) < _STILL and _is_still(one) and _is_still(other)

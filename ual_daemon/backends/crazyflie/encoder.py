@@ -1,0 +1,77 @@
+"""Setpoints and high-level commands for one firmware."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ual.geometry import Pose, Vector3, wrap_angle
+from ual_daemon.backends.crazyflie import packets
+from ual_daemon.backends.crazyflie.connecting import CONTROLLER, GAINS
+from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.requests import Request
+from ual_daemon.backends.values import PositionSetpoint, Setpoint
+
+_PID = (0, 1)
+"""Values of ``stabilizer.controller``: automatic (PID), PID. Others (Mellinger, INDI, ...) take the whole motion."""
+RESPONSE_S = 0.2
+"""The time in which the PID controller follows a step of the velocity."""
+STAY_S = 1.0
+"""The duration of the high-level flight to where it already is."""
+PEAK = 2.1875
+"""The highest speed of a polynomial of the 7th degree from rest to rest, for a mean speed of 1."""
+BRAKE_M_S2 = 1.0
+LANDING_M_S = 0.5
+SHORTEST_LANDING_S = 1.0
+TOUCH_M = 0.03
+"""A landing ends this far below the ground, so that the motors stop on it and not above."""
+
+
+class Encoder:
+    """Encodes setpoints for one firmware."""
+
+    def __init__(self, protocol: int, parameters: Mapping[str, float]) -> None:
+        self._protocol = protocol
+        self.is_pid = parameters.get(CONTROLLER, 1) in _PID
+        x, _, z, yaw = (
+            parameters.get(name, default) for name, default in zip(GAINS, (2.0, 2.0, 2.0, 6.0), strict=True)
+        )
+        self._lead_s, self._climb_lead_s, self._yaw_lead_s = 1.0 / max(x, 0.1), 1.0 / max(z, 0.1), 1.0 / max(yaw, 0.1)
+
+    def encode(self, setpoint: Setpoint) -> Packet:
+        """Returns the packet of a setpoint."""
+        if not isinstance(setpoint, PositionSetpoint):
+            return packets.velocity_setpoint(setpoint.velocity, setpoint.yaw_rate_rad_s, self._protocol)
+        if self.is_pid or not packets.fits_full_state(setpoint.position):
+            return self._leading(setpoint)
+        motion = setpoint.position, setpoint.velocity, setpoint.acceleration
+        return packets.full_state(*motion, setpoint.yaw_rad, setpoint.yaw_rate_rad_s)
+
+    def _leading(self, setpoint: PositionSetpoint) -> Packet:
+        """Returns a position that lies ahead by the controller's lag.
+
+        The PID controller takes no velocity with a position: it flies at its gain times the distance. So the position
+        is ahead by the velocity divided by the gain.
+        """
+        ahead = setpoint.velocity + setpoint.acceleration * RESPONSE_S
+        lead = Vector3(ahead.x * self._lead_s, ahead.y * self._lead_s, ahead.z * self._climb_lead_s)
+        yaw_rad = wrap_angle(setpoint.yaw_rad + setpoint.yaw_rate_rad_s * self._yaw_lead_s)
+        return packets.position_setpoint(setpoint.position + lead, yaw_rad)
+
+    def stay(self, position: Vector3, yaw_rad: float) -> Request:
+        """Returns the request to hover where it already does."""
+        return self._go_to(position, yaw_rad, STAY_S)
+
+    def stop(self, pose: Pose, velocity: Vector3) -> Request:
+        """Returns the request to come to rest, and to hover there."""
+        duration_s = max(STAY_S, PEAK * velocity.norm() / BRAKE_M_S2)
+        return self._go_to(pose.position + velocity * (duration_s / PEAK), pose.yaw_rad, duration_s)
+
+    def land(self, height_m: float, ground_m: float, descent_speed_m_s: float) -> Request:
+        """Returns the request to land from a height on the ground, with a speed that is nowhere exceeded."""
+        duration_s = max(SHORTEST_LANDING_S, PEAK * (height_m - ground_m) / min(descent_speed_m_s, LANDING_M_S))
+        packet = packets.land(ground_m - TOUCH_M, duration_s)
+        return Request(packet, packet.data[:2])
+
+    def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> Request:
+        packet = packets.go_to(position, yaw_rad, duration_s, self._protocol)
+        return Request(packet, packet.data[:2])

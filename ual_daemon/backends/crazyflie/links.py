@@ -1,0 +1,287 @@
+"""The links to Crazyflies: UDP to the firmware's simulator, Crazyradio and USB through the drivers of cflib.
+
+UDP needs no cflib, whose client cannot be used on it (docs/decisions/0023): it never repeats what is lost.
+"""
+
+from __future__ import annotations
+
+import importlib
+import queue
+import select
+import socket
+import threading
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+from typing_extensions import override
+
+from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.settings import ConfigError
+
+LARGEST_PACKET = 64
+_OUTBOX = 64
+_EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
+
+
+class LinkError(Exception):
+    """The link cannot be opened, or is gone; says why, for people."""
+
+
+class Link(ABC):
+    """A link to one Crazyflie. `send` may be called from any thread, everything else by the thread that receives.
+
+    `is_slow` says that `send_now` may block, so that setpoints need a mailbox.
+    """
+
+    is_slow = False
+
+    @abstractmethod
+    def open(self) -> None:
+        """Opens it. Raises `LinkError`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Closes it; it can be opened again."""
+
+    @abstractmethod
+    def receive(self, timeout_s: float) -> list[Packet]:
+        """Waits for packets, and returns those that have come. Raises `LinkError`."""
+
+    @abstractmethod
+    def send(self, packet: Packet) -> None:
+        """Sends a packet without blocking. What cannot be sent is lost."""
+
+    def send_now(self, packet: Packet) -> None:
+        """Sends a packet before it returns, which may take a while."""
+        self.send(packet)
+
+
+class UdpLink(Link):
+    """One CRTP packet for each datagram, to the simulator at a host and port."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = host, port
+        self._socket: socket.socket | None = None
+
+    @override
+    def open(self) -> None:
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(*self._address, type=socket.SOCK_DGRAM)[0]
+            opened = socket.socket(family, kind, protocol)
+            opened.setblocking(False)
+            opened.connect(address)
+        except OSError as error:
+            raise LinkError(str(error)) from error
+        self._socket = opened
+
+    @override
+    def close(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+
+    @override
+    def receive(self, timeout_s: float) -> list[Packet]:
+        opened = self._socket
+        if opened is None or not select.select([opened], [], [], timeout_s)[0]:
+            return []
+        found = []
+        with suppress(BlockingIOError, ConnectionError):  # nobody listens there now: it may come back
+            while True:
+                packet = Packet.decode(opened.recv(LARGEST_PACKET))
+                if packet is not None:
+                    found.append(packet)
+        return found
+
+    @override
+    def send(self, packet: Packet) -> None:
+        opened = self._socket
+        if opened is not None:
+            with suppress(OSError):
+                opened.send(packet.encode())
+
+
+class Driver(Protocol):
+    """What is used of a link driver of cflib."""
+
+    def receive_packet(self, wait: float) -> Any:  # noqa: ANN401  a CRTPPacket; cflib has no types
+        """Waits for a packet; None if none came."""
+
+    def send_packet(self, packet: Any) -> Any:  # noqa: ANN401
+        """Sends a packet; may block for 2 s."""
+
+    def close(self) -> None:
+        """Closes the link."""
+
+
+class CflibLink(Link):
+    """A Crazyradio or a USB cable, through a driver of cflib. Several links share one radio."""
+
+    is_slow = True
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._cflib = load_cflib()
+        self._driver: Driver | None = None
+        self._broken = ""
+        self._outbox: queue.Queue[Packet | None] = queue.Queue(_OUTBOX)
+        self._thread: threading.Thread | None = None
+
+    @override
+    def open(self) -> None:
+        self._broken = ""
+        try:
+            driver = self._cflib.get_link_driver(self._url, None, self._on_error)
+        except Exception as error:
+            raise LinkError(str(error) or repr(error)) from error
+        if driver is None:
+            raise LinkError(f"cflib has no driver for {self._url}")
+        self._driver, self._outbox = driver, queue.Queue(_OUTBOX)
+        self._thread = threading.Thread(
+            target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self._url}", daemon=True
+        )
+        self._thread.start()
+
+    @override
+    def close(self) -> None:
+        driver, self._driver = self._driver, None
+        if driver is None:
+            return
+        with suppress(queue.Full):
+            self._outbox.put_nowait(None)
+        with suppress(Exception):  # an unplugged device cannot be closed
+            driver.close()
+
+    @override
+    def receive(self, timeout_s: float) -> list[Packet]:
+        if self._broken:
+            raise LinkError(self._broken)
+        driver = self._driver
+        received = None if driver is None else driver.receive_packet(timeout_s)
+        found = []
+        while driver is not None and received is not None:
+            packet = Packet.decode(bytes((received.header,)) + bytes(received.data))
+            if packet is not None:
+                found.append(packet)
+            received = driver.receive_packet(0)
+        return found
+
+    @override
+    def send(self, packet: Packet) -> None:
+        with suppress(queue.Full):
+            self._outbox.put_nowait(packet)
+
+    @override
+    def send_now(self, packet: Packet) -> None:
+        driver = self._driver
+        if driver is not None:
+            self._send_through(driver, packet)
+
+    def _send_all(self, driver: Driver, outbox: queue.Queue[Packet | None]) -> None:
+        while self._driver is driver:
+            with suppress(queue.Empty):
+                packet = outbox.get(timeout=1.0)
+                if packet is not None:
+                    self._send_through(driver, packet)
+
+    def _send_through(self, driver: Driver, packet: Packet) -> None:
+        from cflib.crtp.crtpstack import CRTPPacket
+
+        try:
+            driver.send_packet(CRTPPacket(packet.encode()[0], packet.data))
+        except Exception as error:  # noqa: BLE001  USB errors of several libraries; the link is opened anew
+            self._on_error(str(error) or repr(error))
+
+    def _on_error(self, words: str) -> None:
+        self._broken = words.splitlines()[0] if words else "the link failed"
+
+
+def load_cflib() -> Any:  # noqa: ANN401  a module without types
+    """Imports the drivers of cflib.
+
+    Raises:
+        ConfigError: It is not installed; names the extra.
+    """
+    try:
+        crtp = importlib.import_module("cflib.crtp")
+    except ImportError as error:
+        raise ConfigError(f"Crazyradio and USB need cflib ({error}); {_EXTRA}", "url") from error
+    if not crtp.CLASSES:
+        crtp.init_drivers()
+    return crtp
+
+
+def make_link(url: str) -> Link:
+    """Returns the link for a URL; it is not open yet.
+
+    Raises:
+        ConfigError: The URL is none of a Crazyflie, or cflib is missing.
+    """
+    parts = urlsplit(url)
+    if parts.scheme in ("radio", "usb"):
+        return CflibLink(url)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise ConfigError(f"{url!r}: {error}", "url") from None
+    if parts.scheme != "udp" or not host or not port:
+        raise ConfigError(
+            f"{url!r} is no URL of a Crazyflie: radio://0/80/2M/E7E7E7E7E7, usb://0 or udp://HOST:PORT", "url"
+        )
+    return UdpLink(host, port)
+
+
+def scan() -> list[str]:
+    """Returns the URLs of the Crazyflies that are found. Takes some seconds.
+
+    Raises:
+        ConfigError: cflib is missing.
+        LinkError: The scan failed.
+    """
+    crtp = load_cflib()
+    try:
+        return [str(found[0]) for found in crtp.scan_interfaces()]
+    except Exception as error:
+        raise LinkError(str(error) or repr(error)) from error
+
+
+class ScannedLink(Link):
+    """The link to the only Crazyflie that a scan finds; scans whenever it is opened."""
+
+    is_slow = True
+
+    def __init__(self) -> None:
+        load_cflib()
+        self._link: Link | None = None
+
+    @override
+    def open(self) -> None:
+        found = scan()
+        if len(found) != 1:
+            listed = f"several Crazyflies: give --url, one of {', '.join(found)}" if found else "no Crazyflie found"
+            raise LinkError(listed)
+        link = make_link(found[0])
+        link.open()
+        self._link = link
+
+    @override
+    def close(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+
+    @override
+    def receive(self, timeout_s: float) -> list[Packet]:
+        return [] if self._link is None else self._link.receive(timeout_s)
+
+    @override
+    def send(self, packet: Packet) -> None:
+        if self._link is not None:
+            self._link.send(packet)
+
+    @override
+    def send_now(self, packet: Packet) -> None:
+        if self._link is not None:
+            self._link.send_now(packet)

@@ -1,0 +1,208 @@
+"""The conversation with one Crazyflie, and the thread that receives."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+
+from ual.errors import RejectedByAutopilotError
+from ual.geometry import Pose, Vector3
+from ual_daemon.backends.base import UpdateCallback
+from ual_daemon.backends.crazyflie import connecting
+from ual_daemon.backends.crazyflie.arming import Arming
+from ual_daemon.backends.crazyflie.clock import MonotonicClock
+from ual_daemon.backends.crazyflie.commander import Commander, Phase
+from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
+from ual_daemon.backends.crazyflie.encoder import Encoder
+from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink
+from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
+from ual_daemon.backends.crazyflie.requests import Requests
+from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
+from ual_daemon.backends.crazyflie.supervision import LinkState, Supervision
+from ual_daemon.backends.crazyflie.supervisor import troubles, why_not_disarm, why_not_fly
+from ual_daemon.backends.crazyflie.telemetry import Telemetry
+from ual_daemon.backends.crazyflie.toc import TocCache
+from ual_daemon.backends.crazyflie.values_reader import ValuesReader
+from ual_daemon.backends.crazyflie.vehicle import describe
+from ual_daemon.backends.values import Snapshot, VehicleInfo
+
+TICK_S = 0.02
+"""The longest wait for packets: commands of other threads wait for as long at most."""
+UPDATE_S = 0.05
+"""The longest interval between two updates, whatever comes."""
+
+_GROUND_Z = 0.0
+"""The height of a ground that was not seen: where the Crazyflie was switched on."""
+
+
+class Session:
+    """Runs on one thread until it is closed. `snapshot`, `firmware`, `version` and `post` are for any thread."""
+
+    def __init__(
+        self,
+        link: Link,
+        settings: CrazyflieSettings,
+        clock: MonotonicClock,
+        on_update: UpdateCallback,
+    ) -> None:
+        self.firmware = Firmware()
+        self.info = VehicleInfo()
+        self.telemetry = Telemetry(settings.largest_position_std_m)
+        self.commander = Commander(link.send, link.send_now, hovers_by_itself=settings.hovers_by_itself)
+        self._arming = Arming(link.send, self.telemetry)
+        self._settings = settings
+        self._is_simulation = isinstance(link, UdpLink)
+        self._describe("")
+        self._link = link
+        self._clock = clock
+        self._on_update = on_update
+        self._requests = Requests(link.send)
+        self._reader = ValuesReader(self.telemetry)
+        make_steps = partial(connecting.steps, settings, TocCache(settings.cache_directory))
+        self._supervision = Supervision(link, self._requests, make_steps, self._use)
+        self._updated_s = clock.now_s()
+        self._posted: deque[Callable[[float], None]] = deque()
+        self._closing = threading.Event()
+        self.snapshot = Snapshot(self._updated_s)
+
+    def run(self) -> None:
+        """Receives until it is closed."""
+        try:
+            while not self._closing.is_set():
+                self._turn()
+        finally:
+            self._link.close()
+
+    def close(self) -> None:
+        """Ends `run`."""
+        self._closing.set()
+
+    def post(self, action: Callable[[float], None]) -> None:
+        """Has an action done by the thread that receives; it gets the time."""
+        self._posted.append(action)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether its values come."""
+        return self._supervision.state is LinkState.CONNECTED
+
+    # --- Commands, from any thread ------------------------------------------------------------------------------------
+
+    def set_armed(self, *, is_armed: bool) -> Future[None]:
+        """Arms or disarms; the future ends with the effect. Raises `RejectedByAutopilotError`."""
+        telemetry = self.telemetry
+        info, power_state, is_on_ground = telemetry.supervisor, telemetry.power_state, telemetry.is_on_ground
+        _refuse("; ".join(troubles(info, power_state)) if is_armed else why_not_disarm(info, is_on_ground=is_on_ground))
+        future: Future[None] = Future()
+        self.post(lambda now_s: self._arming.begin(future, now_s, is_armed=is_armed))
+        return future
+
+    def take_off(self) -> Future[None]:
+        """Lets setpoints fly. Raises `RejectedByAutopilotError`."""
+        _refuse(why_not_fly(self.telemetry.supervisor, self.telemetry.power_state))
+        return self.take_control()
+
+    def take_control(self) -> Future[None]:
+        """Lets setpoints fly."""
+        self.commander.take_control()
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
+
+    def hold(self) -> Future[None]:
+        """Has it stop and hover by itself. Raises `RejectedByAutopilotError`."""
+        pose, velocity = self._motion()
+        return self.commander.hand_over(Phase.HOLDING, self.commander.encoder.stop(pose, velocity))
+
+    def land(self, descent_speed_m_s: float) -> Future[None]:
+        """Has it land by itself. Raises `RejectedByAutopilotError`."""
+        pose, _ = self._motion()
+        ground_z = self.telemetry.ground_z
+        ground_z = _GROUND_Z if ground_z is None else ground_z
+        request = self.commander.encoder.land(pose.position.z, ground_z, descent_speed_m_s)
+        return self.commander.hand_over(Phase.LANDING, request)
+
+    def _motion(self) -> tuple[Pose, Vector3]:
+        pose, velocity = self.telemetry.pose, self.telemetry.velocity
+        _refuse("its pose is not known" if pose is None or velocity is None else "")
+        assert pose is not None
+        assert velocity is not None
+        return pose.value, velocity.value.linear
+
+    # --- One turn -----------------------------------------------------------------------------------------------------
+
+    def _turn(self) -> None:
+        has_pose = self._receive()
+        now_s = self._clock.now_s()
+        while self._posted:
+            self._posted.popleft()(now_s)
+        was_connected = self.is_connected
+        self._supervision.step(now_s, self._reader.motion_s)
+        if was_connected and not self.is_connected:
+            self.commander.on_lost()
+        if self._reader.has_rebooted:
+            self._reader.has_rebooted = False
+            self.commander.on_reboot()
+        if self.is_connected:
+            self.commander.step(self._requests, now_s, is_on_ground=self.telemetry.is_on_ground)
+            self._arming.step(now_s, self.firmware.protocol)
+        self._requests.step(now_s)
+        if has_pose or now_s - self._updated_s >= UPDATE_S:
+            self._update(now_s)
+
+    def _receive(self) -> bool:
+        """Receives what has come. Returns whether a new pose was among it."""
+        before = self.telemetry.pose
+        if self._supervision.state is LinkState.OPENING:
+            self._closing.wait(TICK_S)
+            return False
+        try:
+            received = self._link.receive(TICK_S)
+        except LinkError as error:
+            self._supervision.reopen(str(error), self._clock.now_s())
+            return False
+        now_s = self._clock.now_s()
+        for packet in received:
+            self.telemetry.heard_s = now_s
+            self._take(packet, now_s)
+        return self.telemetry.pose is not before
+
+    def _take(self, packet: Packet, now_s: float) -> None:
+        if packet.port == LOG and packet.channel == LOG_DATA_CHANNEL:
+            self._reader.take(packet.data, now_s, self._clock.utc_s())
+        elif packet.port == CONSOLE:
+            self.telemetry.on_console(packet.data)
+        elif not self._requests.take(packet):
+            self._arming.take(packet)
+
+    def _use(self, firmware: Firmware, is_new: bool) -> None:
+        """Uses what was learned of a firmware."""
+        self.firmware = firmware
+        if is_new:
+            self.telemetry.parameters = firmware.parameters
+            self.commander.encoder = Encoder(firmware.protocol, firmware.parameters)
+            self._reader.use(firmware.blocks)
+            self._describe("")
+            self._requests.add(ASK_VERSION, self._take_version)
+
+    def _take_version(self, data: bytes) -> None:
+        self._describe(data[1:].split(b"\0")[0].decode("ascii", "replace"))
+
+    def _describe(self, version: str) -> None:
+        self.info = describe(
+            self.firmware.parameters, self._settings.yaw_rate_rad_s, version, is_simulation=self._is_simulation
+        )
+
+    def _update(self, now_s: float) -> None:
+        self._updated_s = now_s
+        connecting_words = "" if self.is_connected else self._supervision.words
+        self.snapshot = self.telemetry.snapshot(now_s, self.commander.mode, connecting_words)
+        self._on_update(self.snapshot)
+
+
+def _refuse(why: str) -> None:
+    if why:
+        raise RejectedByAutopilotError(f"the Crazyflie refuses: {why}", {"text": why})

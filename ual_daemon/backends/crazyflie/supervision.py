@@ -1,0 +1,157 @@
+"""The state of a link: opening, connecting, connected, lost, and round again for ever."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from enum import Enum
+
+from ual_daemon import logs
+from ual_daemon.backends.crazyflie.connecting import Firmware, Steps, UnfitError
+from ual_daemon.backends.crazyflie.links import Link, LinkError
+from ual_daemon.backends.crazyflie.requests import Request, Requests
+from ual_daemon.settings import ConfigError
+
+_log = logging.getLogger(__name__)
+
+LOST_S = 1.0
+"""Without values of the pose for so long the link is lost; the slowest rate is 5 a second."""
+RETRY_S = 1.0
+"""A link that cannot be opened, and a firmware that cannot be flown, are tried again after this time."""
+
+
+class LinkState(Enum):
+    """The state of the link; the value is for people."""
+
+    OPENING = "opening the link"
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    LOST = "lost"
+
+
+class Supervision:
+    """Supervises one link. Belongs to the thread that receives.
+
+    `make_steps` begins to connect; it gets what is called to tell, in words, what is being done, and the firmware
+    before the link was lost. `on_connected` gets the firmware, and whether it is another one than before.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        requests: Requests,
+        make_steps: Callable[[Callable[[str], None], Firmware | None], Steps],
+        on_connected: Callable[[Firmware, bool], None],
+    ) -> None:
+        self.state = LinkState.OPENING
+        self.words = LinkState.OPENING.value
+        """What it is doing, for people."""
+        self._link = link
+        self._requests = requests
+        self._make_steps = make_steps
+        self._on_connected = on_connected
+        self._firmware: Firmware | None = None
+        self._steps: Steps | None = None
+        self._answers: list[bytes | None] = []
+        self._opening: Future[None] | None = None
+        self._due_s = 0.0
+
+    def tell(self, words: str) -> None:
+        """Notes what is being done."""
+        self.words = words
+
+    def step(self, now_s: float, motion_s: float | None) -> None:
+        """Does what is due. `motion_s` is when the last values of the pose came."""
+        if self.state is LinkState.OPENING:
+            self._open(now_s)
+            return
+        is_flowing = motion_s is not None and now_s - motion_s <= LOST_S
+        if self.state is LinkState.CONNECTED and not is_flowing and now_s >= self._due_s:
+            self._change(LinkState.LOST, f"no values for {LOST_S:g} s")
+            self._begin()
+        elif self.state is LinkState.LOST and is_flowing:  # it was only out of reach
+            self._connected(self._firmware or Firmware(), now_s)
+        elif self._steps is None and self.state is not LinkState.CONNECTED and now_s >= self._due_s:
+            self._begin()
+        elif self._steps is not None and None not in self._answers:
+            self._advance(now_s)
+
+    def reopen(self, why: str, now_s: float) -> None:
+        """Closes the link, and opens it again after a while."""
+        self._requests.clear()
+        self._steps = None
+        self._link.close()
+        self._change(LinkState.OPENING, why)
+        self._due_s = now_s + RETRY_S
+
+    # --- Opening ------------------------------------------------------------------------------------------------------
+
+    def _open(self, now_s: float) -> None:
+        """Opens the link on a thread of its own, as a scan or a device takes seconds."""
+        opening = self._opening
+        if opening is None and now_s >= self._due_s:
+            self._opening = Future()
+            threading.Thread(target=_open, args=(self._link, self._opening), name="crazyflie open", daemon=True).start()
+        elif opening is not None and opening.done():
+            self._opening = None
+            error = opening.exception()
+            if error is None:
+                self._change(LinkState.CONNECTING, "")
+                self._begin()
+            else:
+                self._change(LinkState.OPENING, str(error))
+                self._due_s = now_s + RETRY_S
+
+    # --- Connecting ---------------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._requests.clear()
+        self._steps, self._answers = self._make_steps(self.tell, self._firmware), []
+        self._ask(next(self._steps))
+
+    def _ask(self, requests: Sequence[Request]) -> None:
+        answers: list[bytes | None] = [None] * len(requests)
+        self._answers = answers
+        for index, request in enumerate(requests):
+            self._requests.add(request, lambda data, index=index: answers.__setitem__(index, data))  # type: ignore[misc]
+
+    def _advance(self, now_s: float) -> None:
+        assert self._steps is not None
+        if self.state is LinkState.LOST:  # it answers: from now on values alone do not show that all is well
+            self._change(LinkState.CONNECTING, "")
+        try:
+            self._ask(self._steps.send([each for each in self._answers if each is not None]))
+        except StopIteration as finished:
+            self._connected(finished.value, now_s)
+        except (UnfitError, ValueError, LookupError) as error:
+            self._steps = None
+            self._requests.clear()
+            self._change(LinkState.CONNECTING, str(error))
+            self._due_s = now_s + RETRY_S
+
+    def _connected(self, firmware: Firmware, now_s: float) -> None:
+        self._requests.clear()
+        is_new, self._firmware, self._steps = firmware is not self._firmware, firmware, None
+        self._due_s = now_s + LOST_S  # the first values need a moment
+        self._change(LinkState.CONNECTED, "")
+        self._on_connected(firmware, is_new)
+
+    def _change(self, state: LinkState, why: str) -> None:
+        words = f"{state.value}: {why}" if why else state.value
+        if (state, words) != (self.state, self.words):
+            level = (
+                logging.INFO if state in (LinkState.CONNECTING, LinkState.CONNECTED) and not why else logging.WARNING
+            )
+            logs.event(_log, level, "crazyflie_link", state=state.value, why=why or None)
+        self.state, self.words = state, words
+
+
+def _open(link: Link, opening: Future[None]) -> None:
+    try:
+        link.open()
+    except (LinkError, ConfigError) as error:
+        opening.set_exception(error)
+    else:
+        opening.set_result(None)

@@ -1,0 +1,203 @@
+"""The newest data of one Crazyflie: from logged values to snapshots. No sockets, no clock of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import Battery, Health
+from ual_daemon.backends.crazyflie.packets import decompress
+from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
+from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
+
+REST_S = 0.3
+"""With its motors off and at rest for this long it stands on the ground: the supervisor says "flying" for 2 s more."""
+REST_M_S = 0.15
+HEARD_S = 0.5
+"""While it was heard within this time, what is missing of the connection is the reason of the state."""
+_WRAP_MS = 1 << 24
+_LATE_MS = 5000
+"""A packet of values that is older than the last one by less than this came late."""
+_MILLI = 1e-3
+_LARGEST_M = 1e4
+_DECKS = {
+    "deck.bcFlow2": "flow deck",
+    "deck.bcFlow": "flow deck",
+    "deck.bcLighthouse4": "Lighthouse deck",
+    "deck.bcDWM1000": "Loco positioning deck",
+    "deck.bcLoco": "Loco positioning deck",
+}
+POSITIONING_DECKS = tuple(_DECKS)
+"""The parameters that say which deck for positioning is there."""
+ESTIMATOR = "stabilizer.estimator"
+_COMPLEMENTARY = 1
+_VARIANCES = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
+
+
+class BoardTime:
+    """The firmware's milliseconds, which begin anew after 2^24, as seconds since it booted."""
+
+    def __init__(self) -> None:
+        self._last_ms: int | None = None
+        self._turns_ms = 0
+        self._last_heard_s = 0.0
+
+    def update(self, stamp_ms: int, now_s: float) -> float | None:
+        """Returns the time in seconds; None for a packet that came late, or for the second time."""
+        last = self._last_ms
+        if last is not None:
+            step_ms = (stamp_ms - last) % _WRAP_MS
+            if step_ms == 0 or step_ms > _WRAP_MS - _LATE_MS:
+                return None
+            if stamp_ms < last:
+                self._turns_ms += _WRAP_MS
+        self._last_ms, self._last_heard_s = stamp_ms, now_s
+        return (self._turns_ms + stamp_ms) * _MILLI
+
+    def fits(self, stamp_ms: int, now_s: float, tolerance_s: float) -> bool:
+        """Whether a stamp is what the firmware's clock must show now, if it has run on since the last one."""
+        if self._last_ms is None:
+            return True
+        expected_ms = self._last_ms + (now_s - self._last_heard_s) / _MILLI
+        error_ms = (stamp_ms - expected_ms + _WRAP_MS / 2) % _WRAP_MS - _WRAP_MS / 2
+        return abs(error_ms) <= tolerance_s / _MILLI
+
+
+class Telemetry:
+    """The newest of each value. Not thread-safe: belongs to the thread that receives. Times are the backend's clock."""
+
+    def __init__(self, largest_position_std_m: float) -> None:
+        self._largest_std_m = largest_position_std_m
+        self.boots_count = 0
+        self.heard_s: float | None = None
+        self.power_state: int | None = None
+        self.parameters: Mapping[str, float] = {}
+        """Those that were read when it was connected."""
+        self._console = _Console()
+        self._battery: Battery | None = None
+        self.rssi_dbm: float | None = None
+        self.discard()
+
+    def discard(self) -> None:
+        """Discards what may have changed while nothing was heard."""
+        self.info: Sample[Supervisor] | None = None
+        self.pose: Sample[Pose] | None = None
+        self.velocity: Sample[Twist] | None = None
+        self._rates = Vector3()
+        self._estimator: Sample[Estimator] | None = None
+        self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
+        self._moved_s = -math.inf
+        self._measured_s = self._stamp_s = 0.0
+        self.ground_z: float | None = None
+        """The height at which it last stood, in this boot; None if that was not seen."""
+
+    def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
+        """Takes the values of the block `MOTION`."""
+        position = Vector3(values["stateEstimate.x"], values["stateEstimate.y"], values["stateEstimate.z"])
+        if not all(math.isfinite(each) and abs(each) < _LARGEST_M for each in position):
+            return
+        linear = Vector3(*(values[f"stateEstimateZ.v{axis}"] * _MILLI for axis in "xyz"))
+        self.info = Sample(Supervisor(int(values["supervisor.info"])), now_s)
+        self.pose = Sample(Pose(position, decompress(int(values["stateEstimateZ.quat"]))), now_s)
+        self.velocity = Sample(Twist(linear, self._rates), now_s)
+        self._measured_s, self._stamp_s = measured_s, utc_s
+        self._judge_landed(values.get("stabilizer.thrust"), linear, now_s)
+
+    def _judge_landed(self, thrust: float | None, velocity: Vector3, now_s: float) -> None:
+        """Judges by several signals: the supervisor says "flying" for 2 s after the motors have stopped."""
+        assert self.info is not None
+        assert self.pose is not None
+        is_flying = bool(self.info.value & Supervisor.FLYING)
+        if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
+            self._moved_s = now_s
+        rests = now_s - self._moved_s >= REST_S
+        is_on_ground = not is_flying if thrust is None else thrust == 0 and (rests or not is_flying)
+        if is_on_ground and rests:
+            self.ground_z = self.pose.value.position.z
+        self._landed = Sample(LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR, now_s)
+
+    def on_status(self, values: Mapping[str, float], now_s: float) -> None:
+        """Takes the values of the block `STATUS`, as far as the firmware has them."""
+        rates = [values.get(f"stateEstimateZ.rate{axis}", 0.0) * _MILLI for axis in ("Roll", "Pitch", "Yaw")]
+        self._rates = Vector3(rates[0], -rates[1], rates[2])  # this pitch rate is positive upwards
+        self._estimator = Sample(self._judge_estimator(values), now_s)
+        if "pm.state" in values:
+            self.power_state = int(values["pm.state"])
+        if "pm.vbat" in values:
+            self._battery = Battery(values.get("pm.batteryLevel"), values["pm.vbat"])
+        if "radio.rssi" in values:
+            self.rssi_dbm = -values["radio.rssi"]
+
+    def _judge_estimator(self, values: Mapping[str, float]) -> Estimator:
+        decks = [words for name, words in _DECKS.items() if self.parameters.get(name)]
+        if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY:
+            return Estimator(False, f"its estimator knows no position: set {ESTIMATOR}=2 (Kalman)")
+        variances = [values[name] for name in _VARIANCES if name in values]
+        std_m = math.sqrt(max(0.0, *variances)) if len(variances) == len(_VARIANCES) else None
+        if std_m is not None and std_m <= self._largest_std_m:
+            return Estimator(True)
+        if not decks:
+            return Estimator(False, "no positioning: needs a flow deck, Lighthouse or poses from outside")
+        if std_m is None:
+            return Estimator(True)  # it does not say how sure it is
+        return Estimator(False, f"its position with the {decks[0]} is not sure (standard deviation {std_m:.2f} m)")
+
+    def on_console(self, data: bytes) -> None:
+        """Takes a piece of the firmware's console."""
+        self._console.update(data)
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether it stands on the ground."""
+        return self._landed.value is LandedState.ON_GROUND
+
+    @property
+    def supervisor(self) -> Supervisor:
+        """The newest state of the supervisor; empty if it is not known."""
+        return Supervisor(0) if self.info is None else self.info.value
+
+    @property
+    def words(self) -> str:
+        """What it says of itself: what keeps it from flying, or else the last line of its console."""
+        return "; ".join(troubles(self.supervisor, self.power_state)) or self._console.line
+
+    def snapshot(self, now_s: float, mode: Mode, connecting: str) -> Snapshot:
+        """Returns all values as of now. `connecting` says for people what is missing of the connection."""
+        info = self.info
+        found = troubles(self.supervisor, self.power_state)
+        is_heard = self.heard_s is not None and now_s - self.heard_s <= HEARD_S
+        return Snapshot(
+            time_s=now_s,
+            heard_s=self.heard_s,
+            stamp_s=self._stamp_s,
+            measured_s=self._measured_s,
+            armed=None if info is None else Sample(bool(info.value & Supervisor.ARMED), info.time_s),
+            landed=self._landed,
+            mode=None if info is None else Sample(mode, info.time_s),
+            estimator=self._estimator,
+            pose=self.pose,
+            velocity=self.velocity,
+            battery=self._battery,
+            status_text=connecting or self.words,
+            boots_count=self.boots_count,
+            conflict=connecting if is_heard else "",
+            health=None if info is None else self._health(info.value, found),
+        )
+
+    def _health(self, info: Supervisor, found: tuple[str, ...]) -> Health:
+        is_ready = bool(info & (Supervisor.CAN_ARM | Supervisor.ARMED)) and not found
+        return Health(is_ready, found)
+
+
+class _Console:
+    """The last whole line of the firmware's console, which comes in pieces."""
+
+    def __init__(self) -> None:
+        self.line = ""
+        self._part = ""
+
+    def update(self, data: bytes) -> None:
+        *lines, self._part = (self._part + data.decode("utf-8", "replace")).split("\n")
+        self._part = self._part[-200:]
+        self.line = next((each.strip("\0 ") for each in reversed(lines) if each.strip("\0 ")), self.line)

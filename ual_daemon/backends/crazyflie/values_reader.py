@@ -1,0 +1,56 @@
+"""Takes the packets of logged values: which block, how old, from which boot."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.crazyflie import log_blocks
+from ual_daemon.backends.crazyflie.log_blocks import Block
+from ual_daemon.backends.crazyflie.telemetry import BoardTime, Telemetry
+
+CLOCK_TOLERANCE_S = 1.0
+"""A firmware whose blocks are gone has booted if its clock is off by more than this; else another client took them."""
+MOTION_IDENT = 0
+
+
+class ValuesReader:
+    """Fills `Telemetry`. Belongs to the thread that receives."""
+
+    def __init__(self, telemetry: Telemetry) -> None:
+        self._telemetry = telemetry
+        self._blocks: dict[int, Block] = {}
+        self._times: dict[int, BoardTime] = {}
+        self._is_boot_open = False
+        self.motion_s: float | None = None
+        """When the last motion came."""
+        self.has_rebooted = False
+        """Whether it has booted since the last time; the caller sets it back."""
+
+    def use(self, blocks: tuple[Block, ...]) -> None:
+        """Reads these blocks from now on, which were made anew: the firmware may have booted."""
+        self._blocks = {block.ident: block for block in blocks}
+        self._is_boot_open = MOTION_IDENT in self._times
+
+    def take(self, data: bytes, now_s: float, utc_s: float) -> None:
+        """Takes a packet of values."""
+        block = self._blocks.get(log_blocks.block_of(data)) if len(data) >= log_blocks.HEADER else None
+        values = None if block is None else block.decode(data)
+        if block is None or values is None:
+            return
+        stamp_ms = log_blocks.milliseconds(data)
+        if self._is_boot_open:
+            self._judge_boot(stamp_ms, now_s)
+        measured_s = self._times.setdefault(block.ident, BoardTime()).update(stamp_ms, now_s)
+        if measured_s is None:
+            return
+        if block.ident == MOTION_IDENT:
+            self.motion_s = now_s
+            self._telemetry.on_motion(values, measured_s, now_s, utc_s)
+        else:
+            self._telemetry.on_status(values, now_s)
+
+    def _judge_boot(self, stamp_ms: int, now_s: float) -> None:
+        self._is_boot_open = False
+        if not self._times[MOTION_IDENT].fits(stamp_ms, now_s, CLOCK_TOLERANCE_S):
+            self._times.clear()
+            self._telemetry.discard()
+            self._telemetry.boots_count += 1
+            self.has_rebooted = True
