@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -14,6 +15,7 @@ from typing_extensions import Self, override
 
 from ual import _views
 from ual._callbacks import Callbacks, Listener
+from ual._setpoints import CONTINUES_S
 from ual._time_limit import time_limit
 from ual.errors import UalTimeoutError
 from ual.geometry import (
@@ -27,7 +29,7 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import DryRun, Simulation, Subscription, Task, Uav
-from ual.types import Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
+from ual.types import ExternalPose, Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
@@ -86,6 +88,8 @@ class UAL(Uav):
         self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
+        self._external_pose_s = -math.inf
+        """When the last pose from outside was given that was not refused."""
         self._is_closed = False
         self.vehicle.open()
 
@@ -190,6 +194,19 @@ class UAL(Uav):
     @override
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
         self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
+
+    @override
+    def set_external_pose(
+        self,
+        pose: PoseStamped | Pose,
+        *,
+        position_std_dev_m: float | None = None,
+        orientation_std_dev_rad: float | None = None,
+    ) -> None:
+        measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
+        poses, now_s = self.vehicle.external_poses, time.monotonic()
+        (poses.offer if now_s - self._external_pose_s < CONTINUES_S else poses.set)(measured)
+        self._external_pose_s = now_s
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:

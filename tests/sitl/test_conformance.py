@@ -23,7 +23,8 @@ from ual import _discovery, conformance
 from ual.conformance import Check, Flight, Need, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.errors import NotSupportedError
-from ual.interface import Uav
+from ual.interface import Simulation, Uav
+from ual.simulation import SimulationPart
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -41,11 +42,14 @@ WITH_PILOT = [check for check in conformance.CHECKS if Need.ARMING not in check.
 CANNOT_GIVE_BACK = "PX4's pilot cannot give back: PX4 takes OFFBOARD only while setpoints come"
 
 
-class PilotAtHand:
+class PilotAtHand(Simulation):
     """The safety pilot as `ual.interface.Simulation`; nothing else of a simulation is offered."""
 
     def __init__(self, pilot: Transmitter) -> None:
         self._pilot = pilot
+
+    def parts(self) -> frozenset[SimulationPart]:
+        return frozenset((SimulationPart.PILOT,))
 
     def pilot_arm(self) -> None:
         self._pilot.wait_until_ready()
@@ -65,9 +69,6 @@ class PilotAtHand:
         if not isinstance(self._pilot, CopterPilot):
             raise NotSupportedError(CANNOT_GIVE_BACK)
         self._pilot.stand_by()
-
-    def faults(self) -> dict[str, object]:
-        return {}
 
 
 class WithPilot:

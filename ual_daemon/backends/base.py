@@ -7,16 +7,18 @@ and commands (`ual_daemon.backends.values`). States, validation, tasks and track
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.interface import Simulation
 from ual.types import Limits
-from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
 
 
@@ -162,6 +164,21 @@ class Backend(ABC):
     @abstractmethod
     def hold(self) -> Future[None]:
         """Makes the autopilot hold its position by itself, without setpoints."""
+
+    def set_external_pose(self, measured: ExternalPose) -> None:
+        """Gives the autopilot's estimator a pose from outside, before it returns. Drops it while the link is down.
+
+        Only called if `VehicleInfo.capabilities` has EXTERNAL_POSE. Poses come as fast as their source measures,
+        usually 30 to 200 a second, from one thread at a time. They may come before the autopilot has a position.
+        """
+        raise NotSupportedError(f"the {self.name} backend takes no poses from outside")
+
+    def utc_s(self) -> float:
+        """Returns the present time as UTC since 1970, by which stamps from outside are judged.
+
+        In a simulation, it is the simulated time from which `Snapshot.stamp_s` is made.
+        """
+        return time.time()
 
     def safety_pilot(self) -> SafetyPilot | None:
         """Returns a simulated safety pilot if the vehicle is or may be simulated; None if it is known to be real."""

@@ -321,4 +321,22 @@ class VelocitySetpoint:
     yaw_rate_rad_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class ExternalPose:
+    """A pose of the body in the local frame, measured from outside: for the autopilot's estimator.
+
+    It is checked already: newer than the one before, not old, and not a jump. `time_s` is when it was measured on the
+    backend's clock, and `stamp_s` the same as UTC (`Backend.utc_s`). The standard deviations are those of each axis, in
+    metres and radians; None where they are not known. `resets_count` changes when the source of the poses has moved its
+    origin, or has come back elsewhere: the pose is then a jump that is to be taken.
+    """
+
+    pose: Pose
+    time_s: float
+    stamp_s: float
+    position_std_dev_m: float | None = None
+    orientation_std_dev_rad: float | None = None
+    resets_count: int = 0
+
+
 Setpoint = PositionSetpoint | VelocitySetpoint

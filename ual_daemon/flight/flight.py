@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import replace
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError, WrongStateError
@@ -22,6 +23,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
@@ -65,6 +67,7 @@ class Flight:
         self.geofence = geofence
         self.is_watch_only = watch_only
         self.authority = Authority()
+        self.external_silence = ExternalSilence()
         self.drift = DriftCorrection()
         """What is added to a commanded velocity."""
         self._note = ""
@@ -83,13 +86,21 @@ class Flight:
 
     def raw_estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data alone, without the manoeuvre that is under way."""
-        return estimate(snapshot, self._backend.freshness)
+        return self._explained(estimate(snapshot, self._backend.freshness), snapshot)
 
     def estimate(self, snapshot: Snapshot) -> Estimate:
         """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
         manoeuvre = self._manoeuvre
         declared = None if manoeuvre is None else manoeuvre.declares
-        return estimate(snapshot, self._backend.freshness, declared, self._note)
+        found = estimate(snapshot, self._backend.freshness, declared, self._note)
+        return found if found.state is not State.UNINITIALIZED else self._explained(found, snapshot)
+
+    def _explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
+        """Returns the same. Where there is no position, its reason says that the poses from outside have stopped."""
+        if found.state is not State.UNINITIALIZED or not found.is_link_up:
+            return found
+        silence = self.external_silence.words(snapshot.time_s)
+        return replace(found, why=found.why + silence) if silence else found
 
     @property
     def takes(self) -> Takes:

@@ -257,6 +257,40 @@ class FrameResolver:
             at_start.translation + start.local, at_start.rotation, at_start.frame_id, at_start.child_frame_id
         )
 
+    def external_pose(self, pose: PoseStamped, now_s: float) -> Pose:
+        """Validates a pose from outside, and converts it to the backend's local frame, also before that has a place.
+
+        ``map`` without an origin on Earth, and what lies below it, is then as it was before any `set_home`: whoever
+        measures from outside does not move with home.
+
+        Raises:
+            InvalidArgumentError: A value is out of range, the orientation is no rotation, or the frame is the body's.
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known where the frame is.
+            FrameLostError: It is not known any more.
+
+        """
+        validation.require_type(pose, PoseStamped, "pose")
+        validation.require_type(pose.pose, Pose, "pose.pose")
+        self._require_frame(pose.frame_id, "pose")
+        frame_id = pose.frame_id or self.tree.odom
+        if self.tree.is_below_body(frame_id):
+            raise validation.refuse("pose.header.frame_id", f"{frame_id} moves with the UAV, so it says nothing of it")
+        position = validation.position(pose.pose.position, "pose.pose.position")
+        rotation = validation.rotation(pose.pose.orientation, "pose.pose.orientation")
+        origin = self._external_origin(frame_id)
+        to_odom = self.tree.lookup(self.tree.odom, frame_id, None, now_s)
+        there = validation.position(to_odom.apply(position), f"pose.pose.position (in {self.tree.odom})")
+        return Pose(there + origin, to_odom.rotation * rotation)
+
+    def _external_origin(self, frame_id: str) -> Vector3:
+        """Returns where the origin of ``<ns>/odom`` is, for a pose from outside in a frame."""
+        if self.tree.is_below_odom(frame_id) or self._map_origin is not None:
+            self._require_known(frame_id)
+            return self._frame.home.local
+        start = self._frame.start
+        return Vector3() if start.geo is None else start.local
+
     def is_moved_by_set_home(self, frame_id: str) -> bool:
         """Returns whether `set_home` moves a fixed frame in the local frame.
 

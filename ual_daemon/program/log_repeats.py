@@ -13,8 +13,8 @@ from dataclasses import dataclass
 PERIOD_S = 10.0
 _MOST_KINDS = 100
 """So many different lines are remembered; further ones are written as they come."""
-_COUNTED_EVENTS = ("refused", "call_failed", "caller_gone", "autopilot_rebooted")
-_NOT_COMPARED = ("caller", "repeated", "reboots_count")
+_COUNTED_EVENTS = ("refused", "call_failed", "caller_gone", "autopilot_rebooted", "external_pose_dropped")
+_NOT_COMPARED = ("caller", "repeated", "reboots_count", "detail")
 
 
 @dataclass(slots=True)

@@ -50,6 +50,10 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     # Names and order are those of the contract.
 
     @override
+    async def ListParts(self, request: pb.ListPartsRequest, context: object) -> pb.ListPartsResponse:
+        return _convert.parts_to_proto(self._simulation.parts())
+
+    @override
     async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
         await self._act(self._simulation.pilot_arm)
         return pb.PilotArmResponse()
@@ -119,6 +123,11 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
         await self._act(self._simulation.set_wind, _convert.wind_from_proto(request))
         return pb.SetWindResponse()
+
+    @override
+    async def PlaceOnGround(self, request: pb.PlaceOnGroundRequest, context: object) -> pb.PlaceOnGroundResponse:
+        await self._act(self._simulation.place_on_ground, _convert.place_from_proto(request), request.yaw_rad)
+        return pb.PlaceOnGroundResponse()
 
 
 async def _on(workers: Executor, action: Callable[[], T]) -> T:

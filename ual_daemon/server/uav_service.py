@@ -45,6 +45,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._vehicle = vehicle
         self._commands = vehicle.commands
         self._setpoints = vehicle.commands.setpoints
+        self._external_poses = vehicle.external_poses
         self._updates = updates
         self._planning = Planning()
 
@@ -186,6 +187,23 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
                 setpoints.set_pose(setpoint)
             accepted_count += 1
         return pb.StreamSetpointsResponse(accepted_count=accepted_count)
+
+    @override
+    def SetExternalPose(self, request: pb.SetExternalPoseRequest, context: object) -> pb.SetExternalPoseResponse:
+        dropped = self._external_poses.set(_convert.external_pose_from_proto(request))
+        return pb.SetExternalPoseResponse(dropped=dropped)
+
+    @override
+    def StreamExternalPoses(  # type: ignore[override] # each is taken where it was received: see `dispatch`
+        self, request_iterator: None, context: object
+    ) -> Generator[None, pb.StreamExternalPosesRequest | None, pb.StreamExternalPosesResponse]:
+        accepted_count = dropped_count = 0
+        while (request := (yield)) is not None:
+            if self._external_poses.offer(_convert.external_pose_from_proto(request)):
+                dropped_count += 1
+            else:
+                accepted_count += 1
+        return pb.StreamExternalPosesResponse(accepted_count=accepted_count, dropped_count=dropped_count)
 
     @override
     def RecoverFromManual(

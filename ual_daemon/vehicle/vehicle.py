@@ -25,7 +25,9 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.external_poses import ExternalPoses
 from ual_daemon.vehicle.listeners import Listeners
+from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.telemetry import make_telemetry
 
 _log = logging.getLogger(__name__)
@@ -70,6 +72,10 @@ class Vehicle:
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
+        self.external_poses = ExternalPoses(
+            backend, self._resolver, Preconditions(backend, self._flight), self._flight.external_silence
+        )
+        """The poses that are measured from outside."""
         self._subscribers: Listeners[_Subscriber] = Listeners()
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._jumps = JumpDetector()
@@ -131,6 +137,7 @@ class Vehicle:
             ual_version=__version__,
             is_arming_allowed=self.commands.is_arming_allowed,
             url=self.backend.options.url or "",
+            has_safety_pilot=vehicle.has_safety_pilot,
         )
 
     def state(self) -> State:

@@ -18,8 +18,9 @@ from ual._time_limit import time_limit
 from ual._wrong_type import require, wrong_part
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3, checked_transform
-from ual.simulation import Fault
+from ual.simulation import Fault, SimulationPart
 from ual.types import (
+    ExternalPose,
     FollowPathRequest,
     Frame,
     GoToWaypointGeoRequest,
@@ -270,7 +271,28 @@ def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
     return Call(Service.UAL, "SetPose", pb.SetPoseRequest(pose=element.pose), _nothing)
 
 
+# Poses from outside
+
+
+def external_pose(measured: ExternalPose) -> pb.StreamExternalPosesRequest:
+    """A pose from outside as an element of the stream."""
+    try:
+        return _convert.external_pose_to_proto(measured)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise wrong_part(measured, "external_pose", error) from None
+
+
+def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
+    """One element of the stream as a call that is answered."""
+    request = pb.SetExternalPoseRequest(external_pose=element.external_pose)
+    return Call(Service.UAL, "SetExternalPose", request, _nothing)
+
+
 # Simulation
+
+
+def list_parts() -> Call[frozenset[SimulationPart]]:
+    return Call(Service.SIMULATION, "ListParts", sim_pb.ListPartsRequest(), _convert.parts_from_proto)
 
 
 def pilot_arm() -> Call[None]:
@@ -336,3 +358,11 @@ def set_wind(velocity_m_s: Vector3) -> Call[None]:
         lambda: sim_pb.SetWindRequest(velocity_m_s=_convert.vector3_to_proto(velocity_m_s)), "velocity_m_s"
     )
     return Call(Service.SIMULATION, "SetWind", request, _nothing)
+
+
+def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
+    require(position, Vector3, "position")
+    request = _built(
+        lambda: sim_pb.PlaceOnGroundRequest(position=_convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
+    )
+    return Call(Service.SIMULATION, "PlaceOnGround", request, _nothing)

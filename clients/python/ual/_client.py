@@ -10,13 +10,13 @@ from typing_extensions import override
 
 from ual import _calls, interface
 from ual._connection import Connection
-from ual._setpoints import Setpoints
+from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
-from ual.simulation import Fault
-from ual.types import Frame, Info, Plan, TaskRequest, Telemetry
+from ual.simulation import Fault, SimulationPart
+from ual.types import ExternalPose, Frame, Info, Plan, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
@@ -43,6 +43,7 @@ class Uav(interface.Uav):
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
+        self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)
         self._dry_run = interface.DryRun(lambda motion: self._connection.run(_calls.dry_run(motion)))
         self._simulation = Simulation(self._connection)
         self._is_simulation = False
@@ -66,6 +67,7 @@ class Uav(interface.Uav):
     def close(self) -> None:
         """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
         self._setpoints.settle()
+        self._external_poses.settle()
         self._subscriptions.close()
         self._connection.close()
 
@@ -124,6 +126,17 @@ class Uav(interface.Uav):
         self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
 
     @override
+    def set_external_pose(
+        self,
+        pose: PoseStamped | Pose,
+        *,
+        position_std_dev_m: float | None = None,
+        orientation_std_dev_rad: float | None = None,
+    ) -> None:
+        measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
+        self._external_poses.send(_calls.external_pose(measured))
+
+    @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
         self._command(_calls.recover_from_manual(force), timeout_s)
 
@@ -152,7 +165,7 @@ class Uav(interface.Uav):
     @override
     def simulation(self) -> Simulation:
         if not self._is_simulation:
-            self._simulation.faults()
+            self._simulation.parts()
             self._is_simulation = True
         return self._simulation
 
@@ -170,6 +183,10 @@ class Simulation(interface.Simulation):
 
     def __repr__(self) -> str:
         return f"<Simulation of {self._connection.described}>"
+
+    @override
+    def parts(self) -> frozenset[SimulationPart]:
+        return self._connection.run(_calls.list_parts())
 
     @override
     def pilot_arm(self) -> None:
@@ -218,3 +235,7 @@ class Simulation(interface.Simulation):
     @override
     def set_wind(self, velocity_m_s: Vector3) -> None:
         self._connection.run(_calls.set_wind(velocity_m_s))
+
+    @override
+    def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
+        self._connection.run(_calls.place_on_ground(position, yaw_rad))

@@ -82,6 +82,10 @@ class Connection:
         """Sends setpoints until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
         return self._begin(lambda stubs: stubs.ual.StreamSetpoints.future(setpoints, metadata=self.target.metadata))
 
+    def stream_external_poses(self, poses: Iterator[pb.StreamExternalPosesRequest]) -> Any:  # noqa: ANN401 (as above)
+        """Sends poses from outside, as `stream_setpoints`."""
+        return self._begin(lambda stubs: stubs.ual.StreamExternalPoses.future(poses, metadata=self.target.metadata))
+
     def error(self, error: grpc.RpcError) -> UalError:
         """Converts the error that a call of this connection ended with."""
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:

@@ -42,11 +42,13 @@ from ual.simulation import (
     LinkLost,
     MotorsWeak,
     PositionLost,
+    SimulationPart,
 )
 from ual.types import (
     AltitudeReference,
     Battery,
     Capability,
+    ExternalPose,
     FollowPathRequest,
     Frame,
     GeoPoint,
@@ -402,6 +404,36 @@ def setpoint_to_proto(setpoint: PoseStamped | TwistStamped) -> pb.StreamSetpoint
     return message
 
 
+def external_pose_to_proto(measured: ExternalPose) -> pb.StreamExternalPosesRequest:
+    """One pose from outside of the stream."""
+    message = pb.StreamExternalPosesRequest()
+    external, pose = message.external_pose, measured.pose
+    if pose.frame_id:
+        external.pose.header.frame_id = pose.frame_id
+    stamp_to_proto(pose.stamp_s, external.pose.header.stamp)
+    _write_pose(pose.pose, external.pose.pose)
+    if measured.position_std_dev_m is not None:
+        external.position_std_dev_m = measured.position_std_dev_m
+    if measured.orientation_std_dev_rad is not None:
+        external.orientation_std_dev_rad = measured.orientation_std_dev_rad
+    return message
+
+
+def external_pose_from_proto(request: pb.SetExternalPoseRequest | pb.StreamExternalPosesRequest) -> ExternalPose:
+    """One pose from outside. Without an orientation it has all zeros, which is no rotation."""
+    if not request.HasField("external_pose"):
+        raise _not_set("external_pose")
+    external = request.external_pose
+    if not external.HasField("pose"):
+        raise _not_set("external_pose.pose")
+    pose = pose_stamped_from_proto(external.pose, "external_pose.pose")
+    return ExternalPose(
+        PoseStamped(pose.pose, pose.frame_id, stamp_from_proto(external.pose.header.stamp)),
+        external.position_std_dev_m if external.HasField("position_std_dev_m") else None,
+        external.orientation_std_dev_rad if external.HasField("orientation_std_dev_rad") else None,
+    )
+
+
 def new_frame_from_proto(request: pb.AddFrameRequest) -> Transform:
     """The frame that AddFrame adds."""
     if not request.HasField("transform"):
@@ -714,6 +746,7 @@ def info_to_proto(info: Info) -> pb.GetInfoResponse:
         ual_version=info.ual_version,
         is_arming_allowed=info.is_arming_allowed,
         url=info.url,
+        has_safety_pilot=info.has_safety_pilot,
     )
 
 
@@ -739,6 +772,7 @@ def info_from_proto(message: pb.GetInfoResponse) -> Info:
         ual_version=message.ual_version,
         is_arming_allowed=message.is_arming_allowed,
         url=message.url,
+        has_safety_pilot=message.has_safety_pilot,
     )
 
 
@@ -800,6 +834,18 @@ def fault_from_proto(message: sim_pb.Fault, field: str = "fault") -> Fault:
             raise _not_set(f"{field}.kind")
 
 
+def parts_to_proto(parts: Iterable[SimulationPart]) -> sim_pb.ListPartsResponse:
+    """The parts of a simulation, in a fixed order."""
+    values = sorted(part.value for part in parts)
+    return sim_pb.ListPartsResponse(parts=[sim_pb.SimulationPart.ValueType(value) for value in values])
+
+
+def parts_from_proto(message: sim_pb.ListPartsResponse) -> frozenset[SimulationPart]:
+    """The parts of a simulation. Those that only a newer client knows are left out."""
+    known = {part.value for part in SimulationPart}
+    return frozenset(SimulationPart(value) for value in message.parts if value in known)
+
+
 def faults_to_proto(faults: Mapping[str, Fault]) -> sim_pb.ListFaultsResponse:
     """The faults under way, by their ids."""
     return sim_pb.ListFaultsResponse(
@@ -817,6 +863,13 @@ def wind_from_proto(request: sim_pb.SetWindRequest) -> Vector3:
     if not request.HasField("velocity_m_s"):
         raise _not_set("velocity_m_s")
     return vector3_from_proto(request.velocity_m_s)
+
+
+def place_from_proto(request: sim_pb.PlaceOnGroundRequest) -> Vector3:
+    """The place of PlaceOnGround."""
+    if not request.HasField("position"):
+        raise _not_set("position")
+    return vector3_from_proto(request.position)
 
 
 def _command(command: Command) -> sim_pb.Command.ValueType:

@@ -1,5 +1,7 @@
 """`set_velocity` and `set_pose` of the client: the first setpoint is sent by a call, those that follow by a stream.
 
+Poses from outside (`set_external_pose`) are sent in the same way, by a stream of their own.
+
 The first setpoint waits for the daemon's answer (a millisecond), so that the caller that began to fly gets the refusal.
 Setpoints that follow within `CONTINUES_S` only hand over the newest one and return. If the daemon refuses one of these,
 the next setpoint raises the refusal.
@@ -10,9 +12,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import grpc
 
@@ -20,9 +22,11 @@ from ual import _calls, _direct
 from ual._connection import Connection
 from ual._direct import Send
 from ual.errors import DaemonUnreachableError, UalError
-from ual.v1 import ual_pb2 as pb
 
 _log = logging.getLogger(__name__)
+
+Element: TypeAlias = Any
+"""A message of the stream: which one depends on its `Kind`."""
 
 CONTINUES_S = 0.5
 """A setpoint that comes later than this after the last one is sent by a call again. The daemon stops a UAV that gets no
@@ -34,10 +38,27 @@ CLOSE_S = 2.0
 """How long the daemon may take to read the last setpoints of a stream."""
 
 
+class Kind(NamedTuple):
+    """What is streamed: its name in the plural, the call of a single one, and how the stream is begun."""
+
+    name: str
+    single: Callable[[Any], _calls.Call[None]]
+    stream: Callable[[Connection, Iterator[Any]], Any]
+
+
+SETPOINTS = Kind("setpoints", _calls.single_setpoint, lambda connection, them: connection.stream_setpoints(them))
+EXTERNAL_POSES = Kind(
+    "poses from outside", _calls.single_external_pose, lambda connection, them: connection.stream_external_poses(them)
+)
+
+
 class Setpoints:
     """Sends setpoints; skips those that a newer one has replaced. May be used from any thread."""
 
-    def __init__(self, connection: Connection, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, connection: Connection, clock: Callable[[], float] = time.monotonic, kind: Kind = SETPOINTS
+    ) -> None:
+        self._kind = kind
         self._connection = connection
         self._clock = clock
         self._lock = threading.Lock()
@@ -45,7 +66,7 @@ class Setpoints:
         self._failure: UalError | None = None
         self._accepted_s: float | None = None
 
-    def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
+    def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
         with self._lock:
             failure, self._failure = self._failure, None
@@ -54,12 +75,12 @@ class Setpoints:
             self._accepted_s = now_s if continues else None
             stream, is_new = self._stream, False
             if continues and stream is None:
-                stream, is_new = _Stream(self._connection, self._on_end, self._clock), True
+                stream, is_new = _Stream(self._connection, self._on_end, self._clock, self._kind), True
                 self._stream = stream
         if failure is not None:
             raise failure
         if not continues or stream is None:
-            self._connection.run(_calls.single_setpoint(setpoint))
+            self._connection.run(self._kind.single(setpoint))
             with self._lock:
                 self._accepted_s = self._clock()
             return
@@ -78,7 +99,7 @@ class Setpoints:
         is_taken = stream is None or stream.close(CLOSE_S)
         with self._lock:
             failure, self._failure = self._failure, None
-        return log_settled(is_taken, failure)
+        return log_settled(is_taken, failure, self._kind)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         with self._lock:
@@ -87,15 +108,16 @@ class Setpoints:
                 self._failure = failure
 
 
-def log_settled(is_taken: bool, failure: UalError | None) -> bool:
+def log_settled(is_taken: bool, failure: UalError | None, kind: Kind = SETPOINTS) -> bool:
     """Logs what went wrong with the last setpoints of a stream; returns whether all of them were taken."""
     if not is_taken:
         _log.warning(
-            "the daemon did not take the last setpoints within %g s: it is not known whether the UAV follows them",
+            "the daemon did not take the last %s within %g s: it is not known whether the UAV follows them",
+            kind.name,
             CLOSE_S,
         )
     if failure is not None:
-        _log.warning("the last setpoints were refused: %s: %s", failure.reason, failure.message)
+        _log.warning("the last %s were refused: %s: %s", kind.name, failure.reason, failure.message)
     return is_taken and failure is None
 
 
@@ -111,22 +133,24 @@ class _Stream:
         connection: Connection,
         on_end: Callable[[_Stream, UalError | None], None],
         clock: Callable[[], float],
+        kind: Kind = SETPOINTS,
     ) -> None:
+        self._kind = kind
         self._connection = connection
         self._on_end = on_end
         self._clock = clock
         self._lock = threading.Lock()
-        self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
+        self._newest: tuple[Element, float] | None = None
         self._is_sending = True
         """Whether a setpoint is being sent, or the stream is not open yet."""
         self._is_ending = False
         self._ended = threading.Event()
-        self._iterated: SimpleQueue[tuple[pb.StreamSetpointsRequest, Callable[[], None]] | None] = SimpleQueue()
+        self._iterated: SimpleQueue[tuple[Element, Callable[[], None]] | None] = SimpleQueue()
         self._on_sent: Callable[[], None] | None = None
         self._send: Send = self._send_by_iterator
         self._call: Any = None
 
-    def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
+    def put(self, setpoint: Element) -> None:
         """Sends a setpoint, or lets it wait in place of the one that waits."""
         with self._lock:
             if self._is_sending:
@@ -138,7 +162,7 @@ class _Stream:
     def open(self) -> None:
         """Opens the stream and begins to send. Raises `UalError` if the daemon cannot be called."""
         try:
-            self._call = self._connection.stream_setpoints(self)
+            self._call = self._kind.stream(self._connection, self)
         except UalError:
             self._ended.set()
             self._on_end(self, None)
@@ -166,7 +190,7 @@ class _Stream:
     def __iter__(self) -> _Stream:
         return self
 
-    def __next__(self) -> pb.StreamSetpointsRequest:
+    def __next__(self) -> Element:
         if self._on_sent is not None:  # gRPC asks for the next one: the one before is sent
             self._on_sent()
         taken = self._iterated.get()
@@ -205,6 +229,6 @@ class _Stream:
         if call.code() is not grpc.StatusCode.OK:
             failure = None if call.cancelled() else self._connection.error(call)
         elif not was_asked:
-            failure = DaemonUnreachableError("the daemon ended the stream of setpoints")
+            failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}")
         self._on_end(self, failure)
         self._ended.set()

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ual import _views
 from ual._time_limit import time_limit
-from ual.errors import InvalidArgumentError
+from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.geometry import (
     PointStamped,
     Pose,
@@ -31,7 +31,7 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
-from ual.simulation import Fault
+from ual.simulation import Fault, SimulationPart
 from ual.types import (
     AltitudeReference,
     FollowPathRequest,
@@ -143,56 +143,78 @@ class Subscription(Protocol):
 class Simulation(Protocol):
     """The world around a simulated UAV. The manual is ``ual/v1/simulation.proto``.
 
-    A member raises `NotSupportedError` where this simulation has no such thing.
+    A simulation may offer any of its parts. A member of another part raises `NotSupportedError`, whose metadata `part`
+    names it; so does whatever a class that inherits from this one leaves out.
     """
+
+    def parts(self) -> frozenset[SimulationPart]:
+        """Returns the parts that this simulation offers."""
+        ...
 
     def pilot_arm(self) -> None:
         """Arms, as the safety pilot does. Returns when the UAV is armed."""
-        ...
+        raise _not_offered(self, SimulationPart.PILOT)
 
     def pilot_disarm(self) -> None:
         """Disarms, as the safety pilot does. Returns when the UAV is disarmed."""
-        ...
+        raise _not_offered(self, SimulationPart.PILOT)
 
     def pilot_take_over(self) -> None:
         """Switches to a mode in which the safety pilot flies. Tasks and references end."""
-        ...
+        raise _not_offered(self, SimulationPart.PILOT)
 
     def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
         """Moves the sticks, each from -1 to 1, and leaves them there. `turn` is counter-clockwise seen from above."""
-        ...
+        raise _not_offered(self, SimulationPart.PILOT)
 
     def pilot_give_back(self) -> None:
         """Switches back to the mode in which the autopilot takes references from UAL."""
-        ...
+        raise _not_offered(self, SimulationPart.PILOT)
 
     def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         """Begins a fault, for `duration_s` of the simulation's time (0: until it is ended). Returns its identifier."""
-        ...
+        raise _not_offered(self, SimulationPart.FAULTS)
 
     def end_fault(self, fault_id: str = "") -> None:
         """Ends a fault, or all faults where no identifier is given."""
-        ...
+        raise _not_offered(self, SimulationPart.FAULTS)
 
     def faults(self) -> dict[str, Fault]:
         """Returns the faults that are active, by their identifiers."""
-        ...
+        raise _not_offered(self, SimulationPart.FAULTS)
 
     def set_speed_factor(self, speed_factor: float) -> None:
         """Sets how fast simulated time passes: 1 as real time, 0 only by `step`."""
-        ...
+        raise _not_offered(self, SimulationPart.TIME)
 
     def step(self, duration_s: float) -> None:
         """Lets `duration_s` of simulated time pass. Returns when it has passed. Needs the speed factor 0."""
-        ...
+        raise _not_offered(self, SimulationPart.TIME)
 
     def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
         """Sets the noise of the estimate, as standard deviations in metres and metres a second."""
-        ...
+        raise _not_offered(self, SimulationPart.NOISE)
 
     def set_wind(self, velocity_m_s: Vector3) -> None:
         """Sets the wind: the velocity of the air, east, north and up, in metres a second."""
-        ...
+        raise _not_offered(self, SimulationPart.WIND)
+
+    def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
+        """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends.
+
+        Args:
+            position: Metres east, north and up of the autopilot's local origin, where ``<ns>/odom`` is before any
+                `Uav.set_home`. Where the simulation has a ground of its own, that decides the height.
+            yaw_rad: The heading, counter-clockwise from east.
+
+        """
+        raise _not_offered(self, SimulationPart.PLACE)
+
+
+def _not_offered(simulation: Simulation, part: SimulationPart) -> NotSupportedError:
+    offered = ", ".join(sorted(each.name.lower() for each in simulation.parts())) or "nothing of its own"
+    what = part.name.lower()
+    return NotSupportedError(f"this simulation does not offer the part {what} (it offers: {offered})", {"part": what})
 
 
 class DryRun(Generic[P]):
@@ -760,6 +782,41 @@ class Uav(TaskCommands[Task]):
             >>> for _ in range(100):
             ...     uav.set_velocity(ual.Twist(ual.Vector3(x=1.0)))
             ...     time.sleep(0.02)
+
+        """
+
+    @abstractmethod
+    def set_external_pose(
+        self,
+        pose: PoseStamped | Pose,
+        *,
+        position_std_dev_m: float | None = None,
+        orientation_std_dev_rad: float | None = None,
+    ) -> None:
+        """Gives the autopilot a pose of the UAV that was measured from outside: motion capture, vision, Lighthouse.
+
+        Allowed in every state; it commands nothing. Returns at once. Poses are to come at 20 Hz or more, each as soon
+        as it is measured: an autopilot without satellites that gets none for a moment loses its position.
+
+        A jump that no vehicle flies is dropped, and the log of the daemon says so. So is a pose that is old, unless it
+        is the first within 0.5 s, which is refused.
+
+        Args:
+            pose: Where the UAV is, with its whole orientation. `PoseStamped.stamp_s` is when it was measured, in UTC;
+                0: just now. In ``map``, or a frame below it that is not below ``<ns>/odom``, it is where the UAV is in
+                the autopilot's local frame as that was before any `set_home`, even before the autopilot has a position.
+            position_std_dev_m: The standard deviation in each axis, in metres. None where it is not known.
+            orientation_std_dev_rad: The standard deviation about each axis, in radians. None where it is not known.
+
+        Raises:
+            InvalidArgumentError: A value is not finite or out of range, the orientation is no rotation, or the pose is
+                older than 0.2 s or in the future.
+            UnknownFrameError: There is no such frame.
+            WrongStateError: It is not known where the frame is.
+            NotSupportedError: The autopilot takes no poses from outside.
+
+        Example:
+            >>> uav.set_external_pose(ual.PoseStamped(ual.Pose.at(0.3, 1.2, 0.8), "map"), position_std_dev_m=0.005)
 
         """
 

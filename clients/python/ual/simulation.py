@@ -8,6 +8,22 @@ from enum import Enum
 from ual.geometry import Vector3
 
 
+class SimulationPart(Enum):
+    """A part of a simulation. Each simulation offers some; see `ual.interface.Simulation`."""
+
+    PILOT = 1
+    """The safety pilot."""
+    FAULTS = 2
+    """What goes wrong below the interface."""
+    TIME = 3
+    """How fast it passes, and steps of it."""
+    NOISE = 4
+    """Of the estimates."""
+    WIND = 5
+    PLACE = 6
+    """The UAV is put on the ground anew."""
+
+
 class Command(Enum):
     """A command that can be refused or whose acknowledgement can be lost or late."""
 

@@ -73,6 +73,7 @@ class Capability(Enum):
     VELOCITY = 5
     GEO = 6
     RECOVER = 7
+    EXTERNAL_POSE = 8
 
 
 class GpsFix(IntEnum):
@@ -169,6 +170,18 @@ class RecoverFromManualRequest:
     """Take control back from the safety pilot, and hold the pose found; with `force` out of a failsafe, too."""
 
     force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalPose:
+    """Where the UAV was, measured from outside at `pose.stamp_s` (UTC since 1970; 0: just now).
+
+    The standard deviations are those of each axis, in metres and radians; None where they are not known.
+    """
+
+    pose: PoseStamped
+    position_std_dev_m: float | None = None
+    orientation_std_dev_rad: float | None = None
 
 
 TaskRequest = (
@@ -354,3 +367,4 @@ class Info:
     ual_version: str = ""
     is_arming_allowed: bool = False
     url: str = ""
+    has_safety_pilot: bool = True

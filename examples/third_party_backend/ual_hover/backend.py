@@ -33,7 +33,8 @@ from ual_hover.autopilot import HORIZONTAL_M_S, VERTICAL_M_S, YAW_RATE_DEG_S, Au
 CONTROLS = {"follow": Control.REFERENCES, "land": Control.LAND, "hold": Control.OTHER}
 INFO = VehicleInfo(
     autopilot="hover",
-    capabilities=frozenset(Capability) - {Capability.GEO},  # it does not know its position on Earth
+    capabilities=frozenset(Capability)
+    - {Capability.GEO, Capability.EXTERNAL_POSE},  # it does not know its position on Earth
     limits=Limits(HORIZONTAL_M_S, VERTICAL_M_S, VERTICAL_M_S, yaw_rate_rad_s=math.radians(YAW_RATE_DEG_S)),
 )
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
-from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
@@ -26,6 +26,7 @@ from ual_daemon.backends.values import (
     Cause,
     Control,
     Estimator,
+    ExternalPose,
     Freshness,
     LandedState,
     Mode,
@@ -39,6 +40,8 @@ from ual_daemon.backends.values import (
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import ConfigError, convert
 
+_EXTERNAL_POSE_TIMEOUT_S = 0.5
+"""Without satellites, the position is lost when no pose has come from outside for so long."""
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
 _SEED_DISTANCE = 1 << 40
@@ -88,6 +91,9 @@ class LightBackend(Backend):
         self._status_text = ""
         self._on_update: UpdateCallback | None = None
         self._info = _vehicle_info(settings)
+        self._external_pose: ExternalPose | None = None
+        self._applied_pose: ExternalPose | None = None
+        self._external_offset = Vector3()
         self._is_faulty = False
         self._holds_by: Cause | None = None
         """The failsafe by which it holds its position."""
@@ -169,6 +175,15 @@ class LightBackend(Backend):
         return self._command(None, lambda fleet: self._switch(fleet, FlightMode.HOLD))
 
     @override
+    def set_external_pose(self, measured: ExternalPose) -> None:
+        if not self._faults.is_link_lost:
+            self._external_pose = measured
+
+    @override
+    def utc_s(self) -> float:
+        return self.world.epoch_s + self.world.now_s()
+
+    @override
     def safety_pilot(self) -> SafetyPilot:
         return _LightPilot(self)
 
@@ -216,6 +231,19 @@ class LightBackend(Backend):
             return None
 
         self.pilot(hold)
+
+    def place_on_ground(self, position: Vector3, yaw_rad: float) -> None:
+        """Puts the vehicle on the ground, which is there at the height of the place."""
+        x, y, z = position
+
+        def place(fleet: Vehicles) -> None:
+            i = self._index
+            fleet.is_armed[i], fleet.has_flown[i], fleet.is_landed[i] = False, False, True
+            fleet.position[i], fleet.velocity[i] = (x, y, z), (0.0, 0.0, 0.0)
+            fleet.yaw[i], fleet.yaw_rate[i], fleet.ground[i] = wrap_angle(yaw_rad), 0.0, z
+            fleet.set_mode(i, FlightMode.HOLD)
+
+        self.pilot(place)
 
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
@@ -298,6 +326,7 @@ class LightBackend(Backend):
             if self._is_faulty or self._faults.any_active:
                 self._is_faulty = self._faults.any_active  # applies once more after the last fault has ended
                 self._faults.apply(self.world.fleet, self._index, now_s)
+                self._apply_external_pose(now_s)
             snapshot = self._update_snapshot()
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
@@ -306,6 +335,22 @@ class LightBackend(Backend):
                     ack.set_result(None)
         if self._on_update is not None:
             self._on_update(snapshot)
+
+    def _apply_external_pose(self, now_s: float) -> None:
+        """Takes the place of the satellites: the estimate is where the newest pose from outside says, while it is new.
+
+        The caller holds the world's lock.
+        """
+        measured, fleet, i = self._external_pose, self.world.fleet, self._index
+        if fleet.has_position[i] or measured is None or now_s - measured.time_s > _EXTERNAL_POSE_TIMEOUT_S:
+            return
+        fleet.has_position[i] = True
+        if measured is not self._applied_pose:
+            self._applied_pose = measured
+            now = measured.pose.position + Vector3(*fleet.velocity[i]) * (now_s - measured.time_s)
+            self._external_offset = now - Vector3(*fleet.position[i])
+        x, y, z = self._external_offset
+        fleet.estimate_offset[i] = (x, y, z)
 
     def _noise(self) -> tuple[Vector3, Vector3]:
         """Returns the errors of position and velocity at this step. They depend only on the seed and the step."""

@@ -9,7 +9,7 @@ from typing_extensions import override
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.interface import Simulation
-from ual.simulation import FailsafeTriggered, Fault
+from ual.simulation import FailsafeTriggered, Fault, SimulationPart
 from ual_daemon import validation
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.physics import FlightMode
@@ -30,6 +30,10 @@ class LightSimulation(Simulation):
         self._world = world
         self._index = index
         self._faults = faults
+
+    @override
+    def parts(self) -> frozenset[SimulationPart]:
+        return frozenset(SimulationPart)
 
     @override
     def pilot_arm(self) -> None:
@@ -107,3 +111,11 @@ class LightSimulation(Simulation):
     def set_wind(self, velocity_m_s: Vector3) -> None:
         """Sets a steady wind: the velocity of the air, along the axes of `map`."""
         self._world.set_wind(self._index, validation.vector(velocity_m_s, "velocity_m_s", at_most=100.0))
+
+    @override
+    def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
+        """Puts the vehicle on the ground, which is there at the height of the place."""
+        self._backend.place_on_ground(
+            validation.position(position, "position"),
+            validation.number(yaw_rad, "yaw_rad", at_most=validation.MAX_ANGLE_RAD),
+        )

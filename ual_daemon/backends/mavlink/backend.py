@@ -26,7 +26,7 @@ from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
-from ual_daemon.backends.values import Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
 HOME_PATIENCE_S = 2.0
@@ -120,6 +120,17 @@ class MavlinkBackend(Backend):
     @override
     def hold(self) -> Future[None]:
         return self._command("hold", lambda dialect: dialect.hold())
+
+    @override
+    def set_external_pose(self, measured: ExternalPose) -> None:
+        discovery, session = self._discovery, self._session_in_reach(self.clock.now_s())
+        if discovery is None or session is None or session.telemetry.conflict:
+            return
+        discovery.sender.send(session.dialect.encode_external_pose(measured), is_perishable=True)
+
+    @override
+    def utc_s(self) -> float:
+        return self.clock.utc_s()
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:

@@ -11,6 +11,7 @@ from typing_extensions import Self, override
 
 from ual import _calls, _views
 from ual._calls import Call
+from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
 from ual._time_limit import time_limit
 from ual.aio._connection import Connection
@@ -20,8 +21,8 @@ from ual.aio._task import Task
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.interface import DryRun, TaskCommands
-from ual.simulation import Fault
-from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
+from ual.simulation import Fault, SimulationPart
+from ual.types import ExternalPose, Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
@@ -43,6 +44,7 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
     def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
         self._connection = Connection(Target(ns, address, tls_ca))
         self._setpoints = Setpoints(self._connection)
+        self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
         self._simulation = Simulation(self._connection)
         self._subscriptions: set[Subscription] = set()
@@ -70,6 +72,7 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
     async def close(self) -> None:
         """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
         await self._setpoints.settle()
+        await self._external_poses.settle()
         for subscription in tuple(self._subscriptions):
             await subscription.close()
         await self._connection.close()
@@ -215,6 +218,17 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         """Sends a velocity as the reference, in FLYING_AUTO; see `ual.interface.Uav.set_velocity`."""
         await self._setpoints.send(_calls.setpoint(stamped_twist(velocity), "velocity"))
 
+    async def set_external_pose(
+        self,
+        pose: PoseStamped | Pose,
+        *,
+        position_std_dev_m: float | None = None,
+        orientation_std_dev_rad: float | None = None,
+    ) -> None:
+        """Gives the autopilot a pose that was measured from outside; see `ual.interface.Uav.set_external_pose`."""
+        measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
+        await self._external_poses.send(_calls.external_pose(measured))
+
     async def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
         """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
         await self._command(_calls.recover_from_manual(force), timeout_s)
@@ -268,6 +282,10 @@ class Simulation:
     def __repr__(self) -> str:
         return f"<Simulation of {self._connection.described}>"
 
+    async def parts(self) -> frozenset[SimulationPart]:
+        """Returns the parts that this simulation offers; see `ual.interface.Simulation.parts`."""
+        return await self._connection.run(_calls.list_parts())
+
     async def pilot_arm(self) -> None:
         """Arms, as the safety pilot does; see `ual.interface.Simulation.pilot_arm`."""
         await self._connection.run(_calls.pilot_arm())
@@ -317,3 +335,7 @@ class Simulation:
     async def set_wind(self, velocity_m_s: Vector3) -> None:
         """Sets the wind; see `ual.interface.Simulation.set_wind`."""
         await self._connection.run(_calls.set_wind(velocity_m_s))
+
+    async def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
+        """Puts the UAV on the ground at a place; see `ual.interface.Simulation.place_on_ground`."""
+        await self._connection.run(_calls.place_on_ground(position, yaw_rad))

@@ -1,4 +1,4 @@
-"""`set_velocity` and `set_pose` of the asyncio client; see `ual._setpoints`."""
+"""`set_velocity`, `set_pose` and `set_external_pose` of the asyncio client; see `ual._setpoints`."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ from typing import Any
 
 import grpc.aio
 
-from ual import _calls
-from ual._setpoints import CLOSE_S, CONTINUES_S, STALE_S, log_settled
+from ual._setpoints import CLOSE_S, CONTINUES_S, SETPOINTS, STALE_S, Element, Kind, log_settled
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
-from ual.v1 import ual_pb2 as pb
 
 
 class Setpoints:
     """Sends setpoints; skips those that a newer one has replaced."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, kind: Kind = SETPOINTS) -> None:
+        self._kind = kind
         self._connection = connection
         self._accepted_s: float | None = None
         self._failure: UalError | None = None
         self._stream: _Stream | None = None
 
-    async def send(self, setpoint: pb.StreamSetpointsRequest) -> None:
+    async def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""
         failure, self._failure = self._failure, None
         if failure is not None:
@@ -32,12 +31,12 @@ class Setpoints:
             raise failure
         now_s = asyncio.get_running_loop().time()
         if self._accepted_s is None or now_s - self._accepted_s >= CONTINUES_S:
-            await self._connection.run(_calls.single_setpoint(setpoint))
+            await self._connection.run(self._kind.single(setpoint))
             self._accepted_s = asyncio.get_running_loop().time()
             return
         self._accepted_s = now_s
         if self._stream is None or self._stream.is_ending:
-            self._stream = _Stream(self._connection, self._on_end)
+            self._stream = _Stream(self._connection, self._on_end, self._kind)
         self._stream.put(setpoint)
         # Lets the writing task run even in a program that awaits nothing else.
         await asyncio.sleep(0)
@@ -47,7 +46,7 @@ class Setpoints:
         self._accepted_s = None
         is_taken = self._stream is None or await self._stream.close(CLOSE_S)
         failure, self._failure = self._failure, None
-        return log_settled(is_taken, failure)
+        return log_settled(is_taken, failure, self._kind)
 
     def _on_end(self, stream: _Stream, failure: UalError | None) -> None:
         if self._stream is stream:
@@ -58,15 +57,16 @@ class Setpoints:
 class _Stream:
     """One stream of setpoints, written by a task of its own: the newest waits, those between are dropped."""
 
-    def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None]) -> None:
+    def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None], kind: Kind) -> None:
+        self._kind = kind
         self.is_ending = False
         self._connection = connection
         self._on_end = on_end
         self._changed = asyncio.Event()
-        self._newest: tuple[pb.StreamSetpointsRequest, float] | None = None
+        self._newest: tuple[Element, float] | None = None
         self._writing = asyncio.create_task(self._write())
 
-    def put(self, setpoint: pb.StreamSetpointsRequest) -> None:
+    def put(self, setpoint: Element) -> None:
         """Sends a setpoint, or lets it wait in place of the one that waits."""
         self._newest = (setpoint, asyncio.get_running_loop().time())
         self._changed.set()
@@ -85,7 +85,7 @@ class _Stream:
         failure: UalError | None = None
         try:
             with self._connection.calling() as route:
-                call = route.stubs.ual.StreamSetpoints(metadata=self._connection.target.metadata)
+                call = self._open(route.stubs.ual)
                 try:
                     await self._write_newest(call)
                     await call.done_writing()
@@ -95,13 +95,17 @@ class _Stream:
                 finally:
                     call.cancel()
             if not self.is_ending:
-                failure = DaemonUnreachableError("the daemon ended the stream of setpoints")
+                failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}")
         except grpc.aio.AioRpcError as error:
             failure = self._connection.error(error)
         except UalError as error:
             failure = error
         finally:
             self._on_end(self, failure)
+
+    def _open(self, stub: Any) -> Any:  # noqa: ANN401 (gRPC's stub and call)
+        method = stub.StreamSetpoints if self._kind is SETPOINTS else stub.StreamExternalPoses
+        return method(metadata=self._connection.target.metadata)
 
     async def _write_newest(self, call: Any) -> None:  # noqa: ANN401 (gRPC's call)
         loop = asyncio.get_running_loop()

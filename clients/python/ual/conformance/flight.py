@@ -16,6 +16,7 @@ from typing import TypeVar
 from ual.errors import NotSupportedError, UalError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
 from ual.interface import Uav
+from ual.simulation import SimulationPart
 from ual.types import State, Telemetry
 
 E = TypeVar("E", bound=UalError)
@@ -439,7 +440,6 @@ def describe(sample: Telemetry) -> str:
 
 def _has_pilot(uav: Uav) -> bool:
     try:
-        uav.simulation.faults()
+        return SimulationPart.PILOT in uav.simulation.parts()
     except NotSupportedError:
         return False
-    return True

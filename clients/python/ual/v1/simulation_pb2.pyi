@@ -23,6 +23,44 @@ else:
 
 DESCRIPTOR: google.protobuf.descriptor.FileDescriptor
 
+class _SimulationPart:
+    ValueType = typing.NewType("ValueType", builtins.int)
+    V: typing_extensions.TypeAlias = ValueType
+
+class _SimulationPartEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumTypeWrapper[_SimulationPart.ValueType], builtins.type):
+    DESCRIPTOR: google.protobuf.descriptor.EnumDescriptor
+    SIMULATION_PART_UNSPECIFIED: _SimulationPart.ValueType  # 0
+    SIMULATION_PART_PILOT: _SimulationPart.ValueType  # 1
+    """PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
+    SIMULATION_PART_FAULTS: _SimulationPart.ValueType  # 2
+    """BeginFault, EndFault, ListFaults."""
+    SIMULATION_PART_TIME: _SimulationPart.ValueType  # 3
+    """SetSpeedFactor, Step."""
+    SIMULATION_PART_NOISE: _SimulationPart.ValueType  # 4
+    """SetNoise."""
+    SIMULATION_PART_WIND: _SimulationPart.ValueType  # 5
+    """SetWind."""
+    SIMULATION_PART_PLACE: _SimulationPart.ValueType  # 6
+    """PlaceOnGround."""
+
+class SimulationPart(_SimulationPart, metaclass=_SimulationPartEnumTypeWrapper):
+    """A part of a simulation, and the methods that belong to it."""
+
+SIMULATION_PART_UNSPECIFIED: SimulationPart.ValueType  # 0
+SIMULATION_PART_PILOT: SimulationPart.ValueType  # 1
+"""PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
+SIMULATION_PART_FAULTS: SimulationPart.ValueType  # 2
+"""BeginFault, EndFault, ListFaults."""
+SIMULATION_PART_TIME: SimulationPart.ValueType  # 3
+"""SetSpeedFactor, Step."""
+SIMULATION_PART_NOISE: SimulationPart.ValueType  # 4
+"""SetNoise."""
+SIMULATION_PART_WIND: SimulationPart.ValueType  # 5
+"""SetWind."""
+SIMULATION_PART_PLACE: SimulationPart.ValueType  # 6
+"""PlaceOnGround."""
+Global___SimulationPart: typing_extensions.TypeAlias = SimulationPart
+
 class _Command:
     ValueType = typing.NewType("ValueType", builtins.int)
     V: typing_extensions.TypeAlias = ValueType
@@ -285,6 +323,32 @@ class ActiveFault(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["fault", b"fault", "fault_id", b"fault_id"]) -> None: ...
 
 Global___ActiveFault: typing_extensions.TypeAlias = ActiveFault
+
+@typing.final
+class ListPartsRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___ListPartsRequest: typing_extensions.TypeAlias = ListPartsRequest
+
+@typing.final
+class ListPartsResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    PARTS_FIELD_NUMBER: builtins.int
+    @property
+    def parts(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___SimulationPart.ValueType]: ...
+    def __init__(
+        self,
+        *,
+        parts: collections.abc.Iterable[Global___SimulationPart.ValueType] | None = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["parts", b"parts"]) -> None: ...
+
+Global___ListPartsResponse: typing_extensions.TypeAlias = ListPartsResponse
 
 @typing.final
 class PilotArmRequest(google.protobuf.message.Message):
@@ -604,3 +668,38 @@ class SetWindResponse(google.protobuf.message.Message):
     ) -> None: ...
 
 Global___SetWindResponse: typing_extensions.TypeAlias = SetWindResponse
+
+@typing.final
+class PlaceOnGroundRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    POSITION_FIELD_NUMBER: builtins.int
+    YAW_RAD_FIELD_NUMBER: builtins.int
+    yaw_rad: builtins.float
+    """Heading, counter-clockwise from east."""
+    @property
+    def position(self) -> ual.v1.ual_pb2.Vector3:
+        """In metres east, north and up of the autopilot's local origin, where `<ns>/odom` is before any SetHome. Where the
+        simulation has a ground of its own, that decides the height.
+        """
+
+    def __init__(
+        self,
+        *,
+        position: ual.v1.ual_pb2.Vector3 | None = ...,
+        yaw_rad: builtins.float = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["position", b"position"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["position", b"position", "yaw_rad", b"yaw_rad"]) -> None: ...
+
+Global___PlaceOnGroundRequest: typing_extensions.TypeAlias = PlaceOnGroundRequest
+
+@typing.final
+class PlaceOnGroundResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___PlaceOnGroundResponse: typing_extensions.TypeAlias = PlaceOnGroundResponse

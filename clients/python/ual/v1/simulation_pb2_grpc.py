@@ -26,7 +26,8 @@ if _version_not_supported:
 
 
 class SimulationServiceStub(object):
-    """What lies below the interface of one simulated UAV.
+    """What lies below the interface of one simulated UAV. A simulation may offer any of its parts; what belongs to another
+    is refused with NOT_SUPPORTED, whose metadata `part` names it.
     """
 
     def __init__(self, channel):
@@ -35,6 +36,11 @@ class SimulationServiceStub(object):
         Args:
             channel: A grpc.Channel.
         """
+        self.ListParts = channel.unary_unary(
+                '/ual.v1.SimulationService/ListParts',
+                request_serializer=ual_dot_v1_dot_simulation__pb2.ListPartsRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_simulation__pb2.ListPartsResponse.FromString,
+                _registered_method=True)
         self.PilotArm = channel.unary_unary(
                 '/ual.v1.SimulationService/PilotArm',
                 request_serializer=ual_dot_v1_dot_simulation__pb2.PilotArmRequest.SerializeToString,
@@ -95,11 +101,24 @@ class SimulationServiceStub(object):
                 request_serializer=ual_dot_v1_dot_simulation__pb2.SetWindRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_simulation__pb2.SetWindResponse.FromString,
                 _registered_method=True)
+        self.PlaceOnGround = channel.unary_unary(
+                '/ual.v1.SimulationService/PlaceOnGround',
+                request_serializer=ual_dot_v1_dot_simulation__pb2.PlaceOnGroundRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_simulation__pb2.PlaceOnGroundResponse.FromString,
+                _registered_method=True)
 
 
 class SimulationServiceServicer(object):
-    """What lies below the interface of one simulated UAV.
+    """What lies below the interface of one simulated UAV. A simulation may offer any of its parts; what belongs to another
+    is refused with NOT_SUPPORTED, whose metadata `part` names it.
     """
+
+    def ListParts(self, request, context):
+        """The parts that this simulation offers.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
 
     def PilotArm(self, request, context):
         """The safety pilot arms, as with his transmitter. Refused by the autopilot as it would refuse him.
@@ -187,9 +206,21 @@ class SimulationServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def PlaceOnGround(self, request, context):
+        """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_SimulationServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
+            'ListParts': grpc.unary_unary_rpc_method_handler(
+                    servicer.ListParts,
+                    request_deserializer=ual_dot_v1_dot_simulation__pb2.ListPartsRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_simulation__pb2.ListPartsResponse.SerializeToString,
+            ),
             'PilotArm': grpc.unary_unary_rpc_method_handler(
                     servicer.PilotArm,
                     request_deserializer=ual_dot_v1_dot_simulation__pb2.PilotArmRequest.FromString,
@@ -250,6 +281,11 @@ def add_SimulationServiceServicer_to_server(servicer, server):
                     request_deserializer=ual_dot_v1_dot_simulation__pb2.SetWindRequest.FromString,
                     response_serializer=ual_dot_v1_dot_simulation__pb2.SetWindResponse.SerializeToString,
             ),
+            'PlaceOnGround': grpc.unary_unary_rpc_method_handler(
+                    servicer.PlaceOnGround,
+                    request_deserializer=ual_dot_v1_dot_simulation__pb2.PlaceOnGroundRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_simulation__pb2.PlaceOnGroundResponse.SerializeToString,
+            ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
             'ual.v1.SimulationService', rpc_method_handlers)
@@ -259,8 +295,36 @@ def add_SimulationServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class SimulationService(object):
-    """What lies below the interface of one simulated UAV.
+    """What lies below the interface of one simulated UAV. A simulation may offer any of its parts; what belongs to another
+    is refused with NOT_SUPPORTED, whose metadata `part` names it.
     """
+
+    @staticmethod
+    def ListParts(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.SimulationService/ListParts',
+            ual_dot_v1_dot_simulation__pb2.ListPartsRequest.SerializeToString,
+            ual_dot_v1_dot_simulation__pb2.ListPartsResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
 
     @staticmethod
     def PilotArm(request,
@@ -576,6 +640,33 @@ class SimulationService(object):
             '/ual.v1.SimulationService/SetWind',
             ual_dot_v1_dot_simulation__pb2.SetWindRequest.SerializeToString,
             ual_dot_v1_dot_simulation__pb2.SetWindResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def PlaceOnGround(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.SimulationService/PlaceOnGround',
+            ual_dot_v1_dot_simulation__pb2.PlaceOnGroundRequest.SerializeToString,
+            ual_dot_v1_dot_simulation__pb2.PlaceOnGroundResponse.FromString,
             options,
             channel_credentials,
             insecure,

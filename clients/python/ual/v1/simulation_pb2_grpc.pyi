@@ -28,6 +28,22 @@ class _ServicerContext(grpc.ServicerContext, grpc.aio.ServicerContext):  # type:
 
 GRPC_GENERATED_VERSION: str
 GRPC_VERSION: str
+_SimulationServiceListPartsType = typing_extensions.TypeVar(
+    '_SimulationServiceListPartsType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.ListPartsRequest,
+        ual.v1.simulation_pb2.ListPartsResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.ListPartsRequest,
+        ual.v1.simulation_pb2.ListPartsResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.ListPartsRequest,
+        ual.v1.simulation_pb2.ListPartsResponse,
+    ],
+)
+
 _SimulationServicePilotArmType = typing_extensions.TypeVar(
     '_SimulationServicePilotArmType',
     grpc.UnaryUnaryMultiCallable[
@@ -220,11 +236,33 @@ _SimulationServiceSetWindType = typing_extensions.TypeVar(
     ],
 )
 
-class SimulationServiceStub(typing.Generic[_SimulationServicePilotArmType, _SimulationServicePilotDisarmType, _SimulationServicePilotTakeOverType, _SimulationServicePilotMoveSticksType, _SimulationServicePilotGiveBackType, _SimulationServiceBeginFaultType, _SimulationServiceEndFaultType, _SimulationServiceListFaultsType, _SimulationServiceSetSpeedFactorType, _SimulationServiceStepType, _SimulationServiceSetNoiseType, _SimulationServiceSetWindType]):
-    """What lies below the interface of one simulated UAV."""
+_SimulationServicePlaceOnGroundType = typing_extensions.TypeVar(
+    '_SimulationServicePlaceOnGroundType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.PlaceOnGroundRequest,
+        ual.v1.simulation_pb2.PlaceOnGroundResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.PlaceOnGroundRequest,
+        ual.v1.simulation_pb2.PlaceOnGroundResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.PlaceOnGroundRequest,
+        ual.v1.simulation_pb2.PlaceOnGroundResponse,
+    ],
+)
+
+class SimulationServiceStub(typing.Generic[_SimulationServiceListPartsType, _SimulationServicePilotArmType, _SimulationServicePilotDisarmType, _SimulationServicePilotTakeOverType, _SimulationServicePilotMoveSticksType, _SimulationServicePilotGiveBackType, _SimulationServiceBeginFaultType, _SimulationServiceEndFaultType, _SimulationServiceListFaultsType, _SimulationServiceSetSpeedFactorType, _SimulationServiceStepType, _SimulationServiceSetNoiseType, _SimulationServiceSetWindType, _SimulationServicePlaceOnGroundType]):
+    """What lies below the interface of one simulated UAV. A simulation may offer any of its parts; what belongs to another
+    is refused with NOT_SUPPORTED, whose metadata `part` names it.
+    """
 
     @typing.overload
     def __init__(self: SimulationServiceStub[
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.simulation_pb2.ListPartsRequest,
+            ual.v1.simulation_pb2.ListPartsResponse,
+        ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.simulation_pb2.PilotArmRequest,
             ual.v1.simulation_pb2.PilotArmResponse,
@@ -272,12 +310,20 @@ class SimulationServiceStub(typing.Generic[_SimulationServicePilotArmType, _Simu
         grpc.UnaryUnaryMultiCallable[
             ual.v1.simulation_pb2.SetWindRequest,
             ual.v1.simulation_pb2.SetWindResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.simulation_pb2.PlaceOnGroundRequest,
+            ual.v1.simulation_pb2.PlaceOnGroundResponse,
         ],
     ], channel: grpc.Channel) -> None: ...
 
     @typing.overload
     def __init__(self: SimulationServiceStub[
         grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.simulation_pb2.ListPartsRequest,
+            ual.v1.simulation_pb2.ListPartsResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.simulation_pb2.PilotArmRequest,
             ual.v1.simulation_pb2.PilotArmResponse,
         ],
@@ -325,7 +371,14 @@ class SimulationServiceStub(typing.Generic[_SimulationServicePilotArmType, _Simu
             ual.v1.simulation_pb2.SetWindRequest,
             ual.v1.simulation_pb2.SetWindResponse,
         ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.simulation_pb2.PlaceOnGroundRequest,
+            ual.v1.simulation_pb2.PlaceOnGroundResponse,
+        ],
     ], channel: grpc.aio.Channel) -> None: ...
+
+    ListParts: _SimulationServiceListPartsType
+    """The parts that this simulation offers."""
 
     PilotArm: _SimulationServicePilotArmType
     """The safety pilot arms, as with his transmitter. Refused by the autopilot as it would refuse him."""
@@ -367,7 +420,14 @@ class SimulationServiceStub(typing.Generic[_SimulationServicePilotArmType, _Simu
     SetWind: _SimulationServiceSetWindType
     """Steady wind."""
 
+    PlaceOnGround: _SimulationServicePlaceOnGroundType
+    """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends."""
+
 SimulationServiceAsyncStub: typing_extensions.TypeAlias = SimulationServiceStub[
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.ListPartsRequest,
+        ual.v1.simulation_pb2.ListPartsResponse,
+    ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.simulation_pb2.PilotArmRequest,
         ual.v1.simulation_pb2.PilotArmResponse,
@@ -416,10 +476,24 @@ SimulationServiceAsyncStub: typing_extensions.TypeAlias = SimulationServiceStub[
         ual.v1.simulation_pb2.SetWindRequest,
         ual.v1.simulation_pb2.SetWindResponse,
     ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.simulation_pb2.PlaceOnGroundRequest,
+        ual.v1.simulation_pb2.PlaceOnGroundResponse,
+    ],
 ]
 
 class SimulationServiceServicer(metaclass=abc.ABCMeta):
-    """What lies below the interface of one simulated UAV."""
+    """What lies below the interface of one simulated UAV. A simulation may offer any of its parts; what belongs to another
+    is refused with NOT_SUPPORTED, whose metadata `part` names it.
+    """
+
+    @abc.abstractmethod
+    def ListParts(
+        self,
+        request: ual.v1.simulation_pb2.ListPartsRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.simulation_pb2.ListPartsResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.ListPartsResponse]]:
+        """The parts that this simulation offers."""
 
     @abc.abstractmethod
     def PilotArm(
@@ -520,5 +594,13 @@ class SimulationServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.simulation_pb2.SetWindResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.SetWindResponse]]:
         """Steady wind."""
+
+    @abc.abstractmethod
+    def PlaceOnGround(
+        self,
+        request: ual.v1.simulation_pb2.PlaceOnGroundRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.simulation_pb2.PlaceOnGroundResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.PlaceOnGroundResponse]]:
+        """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends."""
 
 def add_SimulationServiceServicer_to_server(servicer: SimulationServiceServicer, server: typing.Union[grpc.Server, grpc.aio.Server]) -> None: ...

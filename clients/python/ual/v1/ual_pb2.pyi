@@ -240,6 +240,8 @@ class _CapabilityEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._Enu
     CAPABILITY_GEO: _Capability.ValueType  # 6
     """GoToWaypointGeo."""
     CAPABILITY_RECOVER: _Capability.ValueType  # 7
+    CAPABILITY_EXTERNAL_POSE: _Capability.ValueType  # 8
+    """SetExternalPose and StreamExternalPoses."""
 
 class Capability(_Capability, metaclass=_CapabilityEnumTypeWrapper):
     """Something a backend can do. What is missing here is answered with NOT_SUPPORTED."""
@@ -254,6 +256,8 @@ CAPABILITY_VELOCITY: Capability.ValueType  # 5
 CAPABILITY_GEO: Capability.ValueType  # 6
 """GoToWaypointGeo."""
 CAPABILITY_RECOVER: Capability.ValueType  # 7
+CAPABILITY_EXTERNAL_POSE: Capability.ValueType  # 8
+"""SetExternalPose and StreamExternalPoses."""
 Global___Capability: typing_extensions.TypeAlias = Capability
 
 class _GpsFix:
@@ -345,7 +349,7 @@ class Header(google.protobuf.message.Message):
     """Empty means `<ns>/odom`."""
     @property
     def stamp(self) -> google.protobuf.timestamp_pb2.Timestamp:
-        """Ignored in requests, but AddFrame's: when the frame was there."""
+        """Ignored in requests, but AddFrame's (when the frame was there) and an ExternalPose's (when it was measured)."""
 
     def __init__(
         self,
@@ -996,6 +1000,7 @@ class GetInfoResponse(google.protobuf.message.Message):
     UAL_VERSION_FIELD_NUMBER: builtins.int
     IS_ARMING_ALLOWED_FIELD_NUMBER: builtins.int
     URL_FIELD_NUMBER: builtins.int
+    HAS_SAFETY_PILOT_FIELD_NUMBER: builtins.int
     namespace: builtins.str
     backend: builtins.str
     """Name of the backend: "light", "mavlink", ..."""
@@ -1011,6 +1016,10 @@ class GetInfoResponse(google.protobuf.message.Message):
     """True where Arm and Disarm are permitted."""
     url: builtins.str
     """The autopilot's address, for people."""
+    has_safety_pilot: builtins.bool
+    """Whether a person can take over at any time (a transmitter, a simulated pilot). Where nobody can, Abort ends take-offs
+    and landings, too.
+    """
     @property
     def capabilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___Capability.ValueType]: ...
     @property
@@ -1028,9 +1037,10 @@ class GetInfoResponse(google.protobuf.message.Message):
         ual_version: builtins.str = ...,
         is_arming_allowed: builtins.bool = ...,
         url: builtins.str = ...,
+        has_safety_pilot: builtins.bool = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["limits", b"limits"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["autopilot", b"autopilot", "autopilot_version", b"autopilot_version", "backend", b"backend", "capabilities", b"capabilities", "is_arming_allowed", b"is_arming_allowed", "is_simulation", b"is_simulation", "limits", b"limits", "namespace", b"namespace", "ual_version", b"ual_version", "url", b"url"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["autopilot", b"autopilot", "autopilot_version", b"autopilot_version", "backend", b"backend", "capabilities", b"capabilities", "has_safety_pilot", b"has_safety_pilot", "is_arming_allowed", b"is_arming_allowed", "is_simulation", b"is_simulation", "limits", b"limits", "namespace", b"namespace", "ual_version", b"ual_version", "url", b"url"]) -> None: ...
 
 Global___GetInfoResponse: typing_extensions.TypeAlias = GetInfoResponse
 
@@ -1759,6 +1769,109 @@ class StreamSetpointsResponse(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["accepted_count", b"accepted_count"]) -> None: ...
 
 Global___StreamSetpointsResponse: typing_extensions.TypeAlias = StreamSetpointsResponse
+
+@typing.final
+class ExternalPose(google.protobuf.message.Message):
+    """Where the UAV was, measured from outside."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    POSE_FIELD_NUMBER: builtins.int
+    POSITION_STD_DEV_M_FIELD_NUMBER: builtins.int
+    ORIENTATION_STD_DEV_RAD_FIELD_NUMBER: builtins.int
+    position_std_dev_m: builtins.float
+    """One standard deviation in each axis; not set: not known."""
+    orientation_std_dev_rad: builtins.float
+    """One standard deviation about each axis; not set: not known."""
+    @property
+    def pose(self) -> Global___PoseStamped:
+        """The stamp is when it was measured, in UTC; not set: just now. Its orientation must be set."""
+
+    def __init__(
+        self,
+        *,
+        pose: Global___PoseStamped | None = ...,
+        position_std_dev_m: builtins.float | None = ...,
+        orientation_std_dev_rad: builtins.float | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_orientation_std_dev_rad", b"_orientation_std_dev_rad", "_position_std_dev_m", b"_position_std_dev_m", "orientation_std_dev_rad", b"orientation_std_dev_rad", "pose", b"pose", "position_std_dev_m", b"position_std_dev_m"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_orientation_std_dev_rad", b"_orientation_std_dev_rad", "_position_std_dev_m", b"_position_std_dev_m", "orientation_std_dev_rad", b"orientation_std_dev_rad", "pose", b"pose", "position_std_dev_m", b"position_std_dev_m"]) -> None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_orientation_std_dev_rad", b"_orientation_std_dev_rad"]) -> typing.Literal["orientation_std_dev_rad"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_position_std_dev_m", b"_position_std_dev_m"]) -> typing.Literal["position_std_dev_m"] | None: ...
+
+Global___ExternalPose: typing_extensions.TypeAlias = ExternalPose
+
+@typing.final
+class SetExternalPoseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    EXTERNAL_POSE_FIELD_NUMBER: builtins.int
+    @property
+    def external_pose(self) -> Global___ExternalPose: ...
+    def __init__(
+        self,
+        *,
+        external_pose: Global___ExternalPose | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["external_pose", b"external_pose"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["external_pose", b"external_pose"]) -> None: ...
+
+Global___SetExternalPoseRequest: typing_extensions.TypeAlias = SetExternalPoseRequest
+
+@typing.final
+class SetExternalPoseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    DROPPED_FIELD_NUMBER: builtins.int
+    dropped: builtins.str
+    """Why it was dropped, for people; empty: it was given to the autopilot."""
+    def __init__(
+        self,
+        *,
+        dropped: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["dropped", b"dropped"]) -> None: ...
+
+Global___SetExternalPoseResponse: typing_extensions.TypeAlias = SetExternalPoseResponse
+
+@typing.final
+class StreamExternalPosesRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    EXTERNAL_POSE_FIELD_NUMBER: builtins.int
+    @property
+    def external_pose(self) -> Global___ExternalPose: ...
+    def __init__(
+        self,
+        *,
+        external_pose: Global___ExternalPose | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["external_pose", b"external_pose"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["external_pose", b"external_pose"]) -> None: ...
+
+Global___StreamExternalPosesRequest: typing_extensions.TypeAlias = StreamExternalPosesRequest
+
+@typing.final
+class StreamExternalPosesResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    ACCEPTED_COUNT_FIELD_NUMBER: builtins.int
+    DROPPED_COUNT_FIELD_NUMBER: builtins.int
+    accepted_count: builtins.int
+    """How many poses were given to the autopilot."""
+    dropped_count: builtins.int
+    """How many were old, or jumped."""
+    def __init__(
+        self,
+        *,
+        accepted_count: builtins.int = ...,
+        dropped_count: builtins.int = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["accepted_count", b"accepted_count", "dropped_count", b"dropped_count"]) -> None: ...
+
+Global___StreamExternalPosesResponse: typing_extensions.TypeAlias = StreamExternalPosesResponse
 
 @typing.final
 class RecoverFromManualRequest(google.protobuf.message.Message):

@@ -125,6 +125,16 @@ class UalServiceStub(object):
                 request_serializer=ual_dot_v1_dot_ual__pb2.StreamSetpointsRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.StreamSetpointsResponse.FromString,
                 _registered_method=True)
+        self.SetExternalPose = channel.unary_unary(
+                '/ual.v1.UalService/SetExternalPose',
+                request_serializer=ual_dot_v1_dot_ual__pb2.SetExternalPoseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.SetExternalPoseResponse.FromString,
+                _registered_method=True)
+        self.StreamExternalPoses = channel.stream_unary(
+                '/ual.v1.UalService/StreamExternalPoses',
+                request_serializer=ual_dot_v1_dot_ual__pb2.StreamExternalPosesRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.StreamExternalPosesResponse.FromString,
+                _registered_method=True)
         self.RecoverFromManual = channel.unary_unary(
                 '/ual.v1.UalService/RecoverFromManual',
                 request_serializer=ual_dot_v1_dot_ual__pb2.RecoverFromManualRequest.SerializeToString,
@@ -314,6 +324,26 @@ class UalServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def SetExternalPose(self, request, context):
+        """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
+        autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
+        older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
+        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
+        autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+        Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def StreamExternalPoses(self, request_iterator, context):
+        """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+        refusal ends the stream with its error.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def RecoverFromManual(self, request, context):
         """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
         Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
@@ -462,6 +492,16 @@ def add_UalServiceServicer_to_server(servicer, server):
                     servicer.StreamSetpoints,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.StreamSetpointsRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.StreamSetpointsResponse.SerializeToString,
+            ),
+            'SetExternalPose': grpc.unary_unary_rpc_method_handler(
+                    servicer.SetExternalPose,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.SetExternalPoseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.SetExternalPoseResponse.SerializeToString,
+            ),
+            'StreamExternalPoses': grpc.stream_unary_rpc_method_handler(
+                    servicer.StreamExternalPoses,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.StreamExternalPosesRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.StreamExternalPosesResponse.SerializeToString,
             ),
             'RecoverFromManual': grpc.unary_unary_rpc_method_handler(
                     servicer.RecoverFromManual,
@@ -986,6 +1026,60 @@ class UalService(object):
             '/ual.v1.UalService/StreamSetpoints',
             ual_dot_v1_dot_ual__pb2.StreamSetpointsRequest.SerializeToString,
             ual_dot_v1_dot_ual__pb2.StreamSetpointsResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def SetExternalPose(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/SetExternalPose',
+            ual_dot_v1_dot_ual__pb2.SetExternalPoseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.SetExternalPoseResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def StreamExternalPoses(request_iterator,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.stream_unary(
+            request_iterator,
+            target,
+            '/ual.v1.UalService/StreamExternalPoses',
+            ual_dot_v1_dot_ual__pb2.StreamExternalPosesRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.StreamExternalPosesResponse.FromString,
             options,
             channel_credentials,
             insecure,

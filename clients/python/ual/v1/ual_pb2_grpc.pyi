@@ -360,6 +360,38 @@ _UalServiceStreamSetpointsType = typing_extensions.TypeVar(
     ],
 )
 
+_UalServiceSetExternalPoseType = typing_extensions.TypeVar(
+    '_UalServiceSetExternalPoseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.SetExternalPoseRequest,
+        ual.v1.ual_pb2.SetExternalPoseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.SetExternalPoseRequest,
+        ual.v1.ual_pb2.SetExternalPoseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.SetExternalPoseRequest,
+        ual.v1.ual_pb2.SetExternalPoseResponse,
+    ],
+)
+
+_UalServiceStreamExternalPosesType = typing_extensions.TypeVar(
+    '_UalServiceStreamExternalPosesType',
+    grpc.StreamUnaryMultiCallable[
+        ual.v1.ual_pb2.StreamExternalPosesRequest,
+        ual.v1.ual_pb2.StreamExternalPosesResponse,
+    ],
+    grpc.aio.StreamUnaryMultiCallable[
+        ual.v1.ual_pb2.StreamExternalPosesRequest,
+        ual.v1.ual_pb2.StreamExternalPosesResponse,
+    ],
+    default=grpc.StreamUnaryMultiCallable[
+        ual.v1.ual_pb2.StreamExternalPosesRequest,
+        ual.v1.ual_pb2.StreamExternalPosesResponse,
+    ],
+)
+
 _UalServiceRecoverFromManualType = typing_extensions.TypeVar(
     '_UalServiceRecoverFromManualType',
     grpc.UnaryUnaryMultiCallable[
@@ -472,7 +504,7 @@ _UalServiceWatchTaskType = typing_extensions.TypeVar(
     ],
 )
 
-class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
+class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceSetExternalPoseType, _UalServiceStreamExternalPosesType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
     """Flies one UAV."""
 
     @typing.overload
@@ -548,6 +580,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.StreamUnaryMultiCallable[
             ual.v1.ual_pb2.StreamSetpointsRequest,
             ual.v1.ual_pb2.StreamSetpointsResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.SetExternalPoseRequest,
+            ual.v1.ual_pb2.SetExternalPoseResponse,
+        ],
+        grpc.StreamUnaryMultiCallable[
+            ual.v1.ual_pb2.StreamExternalPosesRequest,
+            ual.v1.ual_pb2.StreamExternalPosesResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.RecoverFromManualRequest,
@@ -652,6 +692,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.aio.StreamUnaryMultiCallable[
             ual.v1.ual_pb2.StreamSetpointsRequest,
             ual.v1.ual_pb2.StreamSetpointsResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.SetExternalPoseRequest,
+            ual.v1.ual_pb2.SetExternalPoseResponse,
+        ],
+        grpc.aio.StreamUnaryMultiCallable[
+            ual.v1.ual_pb2.StreamExternalPosesRequest,
+            ual.v1.ual_pb2.StreamExternalPosesResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.RecoverFromManualRequest,
@@ -772,6 +820,20 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     error. When the stream ends the last reference stands, as after SetPose or SetVelocity.
     """
 
+    SetExternalPose: _UalServiceSetExternalPoseType
+    """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
+    autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
+    older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
+    response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
+    autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+    Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
+    """
+
+    StreamExternalPoses: _UalServiceStreamExternalPosesType
+    """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+    refusal ends the stream with its error.
+    """
+
     RecoverFromManual: _UalServiceRecoverFromManualType
     """Takes control back from the safety pilot (or another mode of the autopilot) and holds the pose it has then.
     Allowed in FLYING_MANUAL. Ends when the state is FLYING_AUTO. Also allowed in LANDED_ARMED after others have flown the
@@ -875,6 +937,14 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
     grpc.aio.StreamUnaryMultiCallable[
         ual.v1.ual_pb2.StreamSetpointsRequest,
         ual.v1.ual_pb2.StreamSetpointsResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.SetExternalPoseRequest,
+        ual.v1.ual_pb2.SetExternalPoseResponse,
+    ],
+    grpc.aio.StreamUnaryMultiCallable[
+        ual.v1.ual_pb2.StreamExternalPosesRequest,
+        ual.v1.ual_pb2.StreamExternalPosesResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.RecoverFromManualRequest,
@@ -1086,6 +1156,30 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.ual_pb2.StreamSetpointsResponse, collections.abc.Awaitable[ual.v1.ual_pb2.StreamSetpointsResponse]]:
         """The fast way for SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
         error. When the stream ends the last reference stands, as after SetPose or SetVelocity.
+        """
+
+    @abc.abstractmethod
+    def SetExternalPose(
+        self,
+        request: ual.v1.ual_pb2.SetExternalPoseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.SetExternalPoseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.SetExternalPoseResponse]]:
+        """A pose of the UAV that was measured from outside (motion capture, vision, Lighthouse computed elsewhere), for the
+        autopilot's estimator. Allowed in every state; it commands nothing. Not taken, with INVALID_ARGUMENT, where it is
+        older than 0.2 s, in the future, or older than the newest one; a jump that no vehicle flies is dropped, and the
+        response says so. A pose in `map`, or in a frame below it but not below `<ns>/odom`, says where the UAV is in the
+        autopilot's local frame as it was before any SetHome; that holds before the autopilot has a position, too.
+        Errors: UNKNOWN_FRAME; WRONG_STATE (it is not known where the frame is); NOT_SUPPORTED.
+        """
+
+    @abc.abstractmethod
+    def StreamExternalPoses(
+        self,
+        request_iterator: _MaybeAsyncIterator[ual.v1.ual_pb2.StreamExternalPosesRequest],
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.StreamExternalPosesResponse, collections.abc.Awaitable[ual.v1.ual_pb2.StreamExternalPosesResponse]]:
+        """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+        refusal ends the stream with its error.
         """
 
     @abc.abstractmethod

@@ -31,6 +31,7 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     fence_limit,
     positive_parameter,
 )
+from ual_daemon.backends.mavlink.autopilots.external_pose import encode_vision_position_estimate
 from ual_daemon.backends.mavlink.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -39,6 +40,7 @@ from ual_daemon.backends.values import (
     Cause,
     Control,
     Estimator,
+    ExternalPose,
     Freshness,
     LandedState,
     Mode,
@@ -298,6 +300,10 @@ class ArduCopter(Dialect):
         if isinstance(setpoint, PositionSetpoint):
             setpoint = replace(setpoint, velocity=velocity_lead(setpoint, parameters))
         return encode_position_target(setpoint, system_id, time_ms, with_acceleration=False)
+
+    @override
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        return encode_vision_position_estimate(measured)
 
     @override
     def arm(self, snapshot: Snapshot) -> CommandLong:

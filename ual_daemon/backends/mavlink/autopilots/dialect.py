@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from ual.errors import WrongStateError
+from ual.errors import NotSupportedError, WrongStateError
 from ual.types import Capability, Limits
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, arm_or_disarm
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -17,6 +17,7 @@ from ual_daemon.backends.values import (
     NO_FENCE,
     Cause,
     Estimator,
+    ExternalPose,
     FenceLimit,
     Freshness,
     Mode,
@@ -211,6 +212,10 @@ class Dialect(ABC):
             NotSupportedError: UAL does not fly this autopilot. The same holds for the commands below.
 
         """
+
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        """Returns the message of a pose from outside, for an autopilot whose `capabilities` have EXTERNAL_POSE."""
+        raise NotSupportedError(f"{self.name} takes no poses from outside")
 
     @abstractmethod
     def arm(self, snapshot: Snapshot) -> CommandLong:

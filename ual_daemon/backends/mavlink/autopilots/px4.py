@@ -27,10 +27,11 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     fence_limit,
     positive_parameter,
 )
+from ual_daemon.backends.mavlink.autopilots.external_pose import encode_odometry
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NO_FENCE, Cause, Control, Mode, OwnFence, Setpoint, Snapshot
+from ual_daemon.backends.values import NO_FENCE, Cause, Control, ExternalPose, Mode, OwnFence, Setpoint, Snapshot
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -226,6 +227,10 @@ class Px4(Dialect):
         self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         return encode_position_target(setpoint, system_id, time_ms)
+
+    @override
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        return encode_odometry(measured)
 
     @override
     def arm(self, snapshot: Snapshot) -> CommandLong:

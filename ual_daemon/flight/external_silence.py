@@ -1,0 +1,28 @@
+"""How long no pose has come from outside: the reason why an autopilot that lives on them has no position."""
+
+from __future__ import annotations
+
+import math
+
+_NOTICED_S = 0.5
+"""Sources send 20 poses a second, or more."""
+
+
+class ExternalSilence:
+    """The time of the last pose from outside. Any thread may call."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+
+    def heard(self, now_s: float) -> None:
+        """Notes that a pose was given to the autopilot."""
+        self._last_s = now_s
+
+    def passed_s(self, now_s: float) -> float:
+        """Returns how long ago that was; infinity if it never was."""
+        return math.inf if self._last_s is None else now_s - self._last_s
+
+    def words(self, now_s: float) -> str:
+        """Returns what the reason of UNINITIALIZED adds, for people; empty while poses come, and if none ever came."""
+        passed_s = self.passed_s(now_s)
+        return f"; no poses from outside for {passed_s:.1f} s" if _NOTICED_S < passed_s < math.inf else ""

@@ -1,0 +1,101 @@
+"""Poses of the UAV that are measured from outside (motion capture, vision): checked here, used by the autopilot."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from dataclasses import replace
+
+from ual.errors import UalError
+from ual.types import Capability, ExternalPose
+from ual_daemon import logs, validation
+from ual_daemon.backends import values
+from ual_daemon.backends.base import Backend
+from ual_daemon.flight.external_silence import ExternalSilence
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.vehicle.pose_gate import Drop, PoseGate
+from ual_daemon.vehicle.preconditions import Preconditions
+
+_log = logging.getLogger(__name__)
+
+_MOST_STD_DEV = 1000.0
+_NAME = "set_external_pose"
+
+
+class ExternalPoses:
+    """The poses from outside of one UAV. Any thread may call; poses are passed on one at a time."""
+
+    def __init__(
+        self, backend: Backend, resolver: FrameResolver, preconditions: Preconditions, silence: ExternalSilence
+    ) -> None:
+        self._backend = backend
+        self._resolver = resolver
+        self._preconditions = preconditions
+        self._silence = silence
+        self._gate = PoseGate()
+        self._lock = threading.Lock()
+
+    def set(self, measured: ExternalPose) -> str:
+        """Gives the autopilot a pose. Returns why it was dropped (a jump), or an empty text.
+
+        Raises:
+            UalError: As `ual.interface.Uav.set_external_pose`, also for a pose that is old.
+
+        """
+        return self._take(measured, is_stream=False)
+
+    def offer(self, measured: ExternalPose) -> str:
+        """Gives the autopilot a pose of a stream. Returns why it was dropped (also for its age), or an empty text.
+
+        Raises:
+            UalError: As `set`, but not for a pose that is old.
+
+        """
+        return self._take(measured, is_stream=True)
+
+    def _take(self, measured: ExternalPose, *, is_stream: bool) -> str:
+        try:
+            self._preconditions.require_flying_allowed(_NAME)
+            self._preconditions.require_capability(Capability.EXTERNAL_POSE, _NAME)
+            with self._lock:
+                drop = self._pass_on(measured, is_stream=is_stream)
+        except UalError as error:
+            self._preconditions.log_refusal(_NAME, error)
+            raise
+        if drop is None:
+            return ""
+        logs.event(_log, logging.WARNING, "external_pose_dropped", why=drop.why, detail=drop.detail)
+        return str(drop)
+
+    def _pass_on(self, measured: ExternalPose, *, is_stream: bool) -> Drop | None:
+        """Gives the backend a valid pose. Returns why it did not. Called with the lock held."""
+        now_s = self._backend.clock.now_s()
+        local = self._to_local(measured, now_s)
+        drop = self._gate.untimely(local.time_s, now_s)
+        if drop is not None and not is_stream:
+            raise validation.refuse("pose.header.stamp", str(drop))
+        resets_count = self._gate.resets_count
+        drop = drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
+        if drop is not None:
+            return drop
+        if self._gate.resets_count != resets_count:
+            logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
+        self._backend.set_external_pose(replace(local, resets_count=self._gate.resets_count))
+        self._silence.heard(now_s)
+        return None
+
+    def _to_local(self, measured: ExternalPose, now_s: float) -> values.ExternalPose:
+        """Validates a pose, and converts it to the backend's frame and clock. `now_s` is that clock's present time."""
+        utc_s, stamp_s = self._backend.utc_s(), measured.pose.stamp_s
+        stamp_s = validation.not_negative(stamp_s, "pose.header.stamp", at_most=validation.MAX_STAMP_S) or utc_s
+        return values.ExternalPose(
+            self._resolver.external_pose(measured.pose, now_s),
+            now_s - (utc_s - stamp_s),
+            stamp_s,
+            _std_dev(measured.position_std_dev_m, "position_std_dev_m"),
+            _std_dev(measured.orientation_std_dev_rad, "orientation_std_dev_rad"),
+        )
+
+
+def _std_dev(value: float | None, field: str) -> float | None:
+    return None if value is None else validation.positive(value, field, at_most=_MOST_STD_DEV)

@@ -1,0 +1,95 @@
+"""Which of the poses that come from outside go to the autopilot: new ones, in order, that a vehicle can have flown."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ual.geometry import Pose
+
+OLDEST_S = 0.2
+"""An older pose says where the UAV was. Autopilots keep about so much of the past."""
+FUTURE_S = 0.05
+"""How far the clock of the source may be ahead."""
+_TICK_S = 0.001
+"""The time of a stamp is taken on another clock, so that the same stamp comes out a little differently each time."""
+_FASTEST_M_S = 30.0
+_FASTEST_RAD_S = 35.0
+_MARGIN_M = 0.25
+_MARGIN_RAD = 0.35
+_SIGMAS = 3.0
+SETTLED_S = 1.0
+"""Poses that go on elsewhere for so long are no mistake: the source has moved its origin, or the UAV was carried."""
+
+
+class Drop(NamedTuple):
+    """Why a pose is not given to the autopilot: `why` is one of few texts, `detail` has the figures."""
+
+    why: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.why}: {self.detail}"
+
+
+class _Seen(NamedTuple):
+    pose: Pose
+    time_s: float
+
+
+class PoseGate:
+    """Judges the poses of one UAV, one after the other. Times are of one clock. Not thread-safe."""
+
+    def __init__(self) -> None:
+        self.resets_count = 0
+        """Changes with a pose that is taken although it is a jump."""
+        self._last: _Seen | None = None
+        self._elsewhere: _Seen | None = None
+        self._elsewhere_since_s = 0.0
+
+    def untimely(self, time_s: float, now_s: float) -> Drop | None:
+        """Returns why a pose that was measured at a time cannot be used; None if it can."""
+        age_s = now_s - time_s
+        if age_s > OLDEST_S:
+            return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_S:g} s; compare the clocks")
+        if age_s < -FUTURE_S:
+            return Drop("it is in the future", f"its stamp is {-age_s:.2f} s ahead; compare the clocks")
+        if self._last is not None and time_s < self._last.time_s - _TICK_S:
+            before_s = self._last.time_s - time_s
+            return Drop("it is older than the one before", f"by {before_s:.3f} s; is there another source?")
+        return None
+
+    def jump(self, pose: Pose, time_s: float, std_dev_m: float) -> Drop | None:
+        """Notes a timely pose. Returns how it jumps, if it is not to be used; None if it is."""
+        seen = _Seen(pose, time_s)
+        last = self._last
+        if last is None or _is_flown(last, seen, std_dev_m):
+            self._last, self._elsewhere = seen, None
+            return None
+        before, self._elsewhere = self._elsewhere, seen
+        if before is None or not _is_flown(before, seen, std_dev_m):
+            self._elsewhere_since_s = time_s
+        elif time_s - self._elsewhere_since_s >= SETTLED_S:
+            self._last, self._elsewhere = seen, None
+            self.resets_count += 1
+            return None
+        return Drop("it jumps as no vehicle flies", _apart(last, seen))
+
+
+def _is_flown(begin: _Seen, end: _Seen, std_dev_m: float) -> bool:
+    """Whether a vehicle can have moved from one to the other."""
+    passed_s = end.time_s - begin.time_s
+    way_m = _MARGIN_M + _SIGMAS * std_dev_m + _FASTEST_M_S * passed_s
+    if (end.pose.position - begin.pose.position).norm() > way_m:
+        return False
+    return _angle_rad(begin.pose, end.pose) <= _MARGIN_RAD + _FASTEST_RAD_S * passed_s
+
+
+def _apart(begin: _Seen, end: _Seen) -> str:
+    distance_m = (end.pose.position - begin.pose.position).norm()
+    return f"{distance_m:.2f} m and {_angle_rad(begin.pose, end.pose):.2f} rad in {end.time_s - begin.time_s:.3f} s"
+
+
+def _angle_rad(begin: Pose, end: Pose) -> float:
+    cosine = abs(sum(a * b for a, b in zip(begin.orientation, end.orientation, strict=True)))
+    return 2.0 * math.acos(min(1.0, cosine))
