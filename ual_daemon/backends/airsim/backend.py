@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import time
 from concurrent.futures import Future
 
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
+from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends.airsim.clock import SimulatorClock
@@ -15,9 +17,11 @@ from ual_daemon.backends.airsim.collisions import CollisionWatch
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
 from ual_daemon.backends.airsim.landing import Landing
 from ual_daemon.backends.airsim.link import SimulatorLink
+from ual_daemon.backends.airsim.pilot import Pilot
 from ual_daemon.backends.airsim.procedures import Procedures
 from ual_daemon.backends.airsim.setpoints import SetpointSender
 from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, AirsimSettings, parse_address
+from ual_daemon.backends.airsim.simulation import AirsimSimulation
 from ual_daemon.backends.airsim.snapshots import (
     API,
     COLLISION,
@@ -27,7 +31,7 @@ from ual_daemon.backends.airsim.snapshots import (
     projection_of,
 )
 from ual_daemon.backends.airsim.state import Report
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import (
     Freshness,
@@ -48,11 +52,11 @@ _LIMITS = Limits(
     horizontal_speed_m_s=5.0,
     climb_speed_m_s=3.0,
     descent_speed_m_s=2.0,
-    horizontal_acceleration_m_s2=2.5,
+    horizontal_acceleration_m_s2=1.7,
     vertical_acceleration_m_s2=1.5,
     yaw_rate_rad_s=1.0,
 )
-_GAINS = VelocityGains(position_per_s=0.6, yaw_per_s=1.5, response_s=0.95)
+_GAINS = VelocityGains(position_per_s=1.0, yaw_per_s=1.5, response_s=0.4)
 _CAPABILITIES = frozenset(
     {
         Capability.ARM,
@@ -66,6 +70,21 @@ _CAPABILITIES = frozenset(
 )
 _AGAIN_S = 1.0
 """A disarming after a landing that had no effect is commanded again after so long."""
+
+
+class _AirsimPilot(SafetyPilot):
+    """See `ual_daemon.backends.base.SafetyPilot`: every vehicle of this backend is simulated."""
+
+    def __init__(self, backend: AirsimBackend) -> None:
+        self._backend = backend
+
+    @override
+    def may_arm(self) -> bool:
+        return self._backend.is_ready()
+
+    @override
+    def arm(self) -> None:
+        self._backend.simulation().pilot_arm()
 
 
 class AirsimBackend(Backend):
@@ -86,6 +105,7 @@ class AirsimBackend(Backend):
         self._procedures = Procedures(self._vehicle)
         self._sender = SetpointSender(self._address, self._vehicle, self._newest)
         self._mailbox = SetpointMailbox(self._sender.send, self.clock, f"airsim setpoints {options.ns}")
+        self._pilot = Pilot(self._address, self._vehicle, self._newest)
         self._collisions = CollisionWatch()
         self._on_update: UpdateCallback | None = None
         self._report: Report | None = None
@@ -108,6 +128,7 @@ class AirsimBackend(Backend):
     @override
     def close(self) -> None:
         self._link.close()
+        self._pilot.let_go()
         self._sender.close()
         self._mailbox.close()
         self._commands.close()
@@ -178,11 +199,34 @@ class AirsimBackend(Backend):
     def hold(self) -> Future[None]:
         return _refusal("Hold: simple_flight has no such mode; it hovers when nothing is sent")
 
+    @override
+    def safety_pilot(self) -> SafetyPilot:
+        return _AirsimPilot(self)
+
+    @override
+    def simulation(self) -> Simulation:
+        return AirsimSimulation(
+            self._commands.submit, self._procedures, self._pilot, self._newest, self._is_on_ground, self._own_speed
+        )
+
+    @override
+    def utc_s(self) -> float:
+        report = self._report
+        return time.time() if report is None else report.time_s
+
+    def is_ready(self) -> bool:
+        """Whether the vehicle stands on the ground and is heard."""
+        return self._is_on_ground()
+
     # --- Data ---------------------------------------------------------------------------------------------------------
 
     def _vehicle(self) -> str:
         assert self._link.simulator is not None
         return self._link.simulator.vehicle
+
+    def _own_speed(self) -> float:
+        simulator = self._link.simulator
+        return 1.0 if simulator is None else simulator.clock_speed
 
     def _newest(self) -> Report | None:
         return self._report if self._link.is_up else None

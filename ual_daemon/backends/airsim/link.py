@@ -97,15 +97,12 @@ class SimulatorLink:
             connection.close()
 
     def _poll(self, connection: Connection, vehicle: str) -> None:
-        """Reads the state once. The three requests are answered in one round trip."""
-        numbers = [
-            connection.request(method, vehicle)
-            for method in ("getMultirotorState", "getRotorStates", "isApiControlEnabled")
-        ]
-        self._wait(connection, numbers[0])
-        state = connection.answer(State, numbers[0], _CALL_S)
-        rotors = connection.answer(Rotors, numbers[1], _CALL_S)
-        has_api_control = connection.answer(bool, numbers[2], _CALL_S)
+        """Reads the state once: one request after another, as the simulator delays answers that follow each other."""
+        number = connection.request("getMultirotorState", vehicle)
+        self._wait(connection, number)
+        state = connection.answer(State, number, _CALL_S)
+        rotors = connection.call(Rotors, _CALL_S, "getRotorStates", vehicle)
+        has_api_control = connection.call(bool, _CALL_S, "isApiControlEnabled", vehicle)
         self.on_report(Report(state, rotors, has_api_control))
 
     def _wait(self, connection: Connection, number: int) -> None:

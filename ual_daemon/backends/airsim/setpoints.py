@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
+from ual.geometry import Vector3
 from ual_daemon.backends.airsim.rpc import Connection
 from ual_daemon.backends.airsim.settings import Address
 from ual_daemon.backends.airsim.state import Report
@@ -18,6 +20,22 @@ _MOST_UNANSWERED = 3
 of the simulator: it has four more than vehicles."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
+
+
+_LEAD, _MOST_LEAD_M_S = 1.5, 4.0
+"""What is sent leads horizontally by so much of what is missing: `simple_flight` follows a velocity in 1.0 s by itself,
+and so in 0.4 s."""
+_CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.5, 2.0
+"""Vertically it follows in 0.3 s by itself, but rises by 0.6 m when it levels out after it has accelerated."""
+
+
+def led(setpoint: VelocitySetpoint, flown: Vector3) -> VelocitySetpoint:
+    """Returns the velocity to send so that the vehicle soon flies the one that is wanted."""
+    missing = setpoint.velocity - flown
+    lead = min(_LEAD, _MOST_LEAD_M_S / max(missing.horizontal_norm(), 1e-9))
+    up = min(max(missing.z * _CLIMB_LEAD, -_MOST_CLIMB_LEAD_M_S), _MOST_CLIMB_LEAD_M_S)
+    wanted = setpoint.velocity + Vector3(missing.x * lead, missing.y * lead, up)
+    return replace(setpoint, velocity=wanted)
 
 
 def move_arguments(setpoint: VelocitySetpoint, vehicle: str, duration_s: float = DURATION_S) -> tuple[object, ...]:
@@ -57,7 +75,9 @@ class SetpointSender:
             connection = self._connected()
             connection.drain()
             if connection.unwanted_count < _MOST_UNANSWERED:
-                connection.post("moveByVelocity", *move_arguments(setpoint, self._vehicle()))
+                connection.post(
+                    "moveByVelocity", *move_arguments(led(setpoint, report.velocity.linear), self._vehicle())
+                )
                 self._sent_at = report.state.timestamp
         except (OSError, ValueError):
             self._disconnect()

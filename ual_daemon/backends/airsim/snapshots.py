@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ual.types import GpsFix, GpsInfo
 from ual_daemon.backends.airsim.link import Simulator
 from ual_daemon.backends.airsim.state import Report
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
@@ -14,6 +15,8 @@ COLLISION = Mode("COLLISION", Control.OTHER, is_autonomous=True)
 REMOTE_CONTROL = Mode("REMOTE_CONTROL", Control.OTHER)
 """API control is off: who holds the remote control flies, and without one the vehicle falls."""
 
+_GPS = GpsInfo(GpsFix.FIX_3D)
+"""`simple_flight` flies by the simulator's truth."""
 _GOOD, _NO_POSE = Estimator(True), Estimator(False, "the simulator has no position of the vehicle")
 _HELD_BY = {COLLISION.name: Cause.COLLISION, REMOTE_CONTROL.name: Cause.SAFETY_PILOT}
 
@@ -41,6 +44,7 @@ def make_snapshot(
         pose=Sample(report.pose, heard_s) if is_good else None,
         velocity=Sample(report.velocity, heard_s),
         projection=projection,
+        gps=_GPS,
         home_altitude_amsl_m=projection.altitude_amsl_m,
         held_by=_HELD_BY.get(mode.name),
     )

@@ -124,6 +124,11 @@ class Report(msgspec.Struct, frozen=True):
         return any(abs(rotor.speed) > _TURNING_RAD_S for rotor in self.rotors.rotors)
 
     @property
+    def is_flying(self) -> bool:
+        """What ``landed_state`` says: see `is_on_ground`."""
+        return self.state.landed_state != _LANDED
+
+    @property
     def pose(self) -> Pose:
         """The pose in the local frame, which begins where the vehicle was placed."""
         motion = self.state.kinematics_estimated
@@ -150,4 +155,4 @@ class Report(msgspec.Struct, frozen=True):
         if motion.linear_velocity.norm() > _STILL_M_S or motion.linear_acceleration.norm() > _STILL_M_S2:
             return False
         thrust_n = sum(rotor.thrust for rotor in self.rotors.rotors)
-        return self.state.landed_state == _LANDED or thrust_n < _SUPPORTED * mass_kg * _STANDARD_GRAVITY_M_S2
+        return not self.is_flying or thrust_n < _SUPPORTED * mass_kg * _STANDARD_GRAVITY_M_S2
