@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 GROUP = "ual_daemon.backends"
 
 _BUILT_IN = {
+    "airsim": ("ual_daemon.backends.airsim", "AirsimBackend"),
     "crazyflie": ("ual_daemon.backends.crazyflie", "CrazyflieBackend"),
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),

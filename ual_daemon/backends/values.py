@@ -59,6 +59,8 @@ class Cause(Enum):
     """The estimator has no good position."""
     SETPOINTS = "setpoint failsafe"
     """No setpoints came: taking control back is the remedy, so it needs no force."""
+    COLLISION = "collision"
+    """It has hit something (a simulator tells)."""
     FAILSAFE = "failsafe"
     """A failsafe whose reason the autopilot does not say."""
     OPEN = ""
@@ -83,6 +85,7 @@ _FAILSAFES = frozenset(
         Cause.GROUND_STATION_LOST,
         Cause.POSITION,
         Cause.SETPOINTS,
+        Cause.COLLISION,
         Cause.FAILSAFE,
     }
 )

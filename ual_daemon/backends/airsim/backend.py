@@ -1,0 +1,302 @@
+"""AirSim's `simple_flight` as a backend."""
+
+from __future__ import annotations
+
+import logging
+import time
+from concurrent.futures import Future
+
+from typing_extensions import override
+
+from ual.errors import RejectedByAutopilotError
+from ual.interface import Simulation
+from ual.types import Capability, Limits
+from ual_daemon import logs
+from ual_daemon.backends.airsim.clock import SimulatorClock
+from ual_daemon.backends.airsim.collisions import CollisionWatch
+from ual_daemon.backends.airsim.commands import Action, CommandQueue
+from ual_daemon.backends.airsim.landing import Landing
+from ual_daemon.backends.airsim.link import SimulatorLink
+from ual_daemon.backends.airsim.pilot import Pilot
+from ual_daemon.backends.airsim.procedures import Procedures
+from ual_daemon.backends.airsim.setpoints import SetpointSender
+from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, AirsimSettings, parse_address
+from ual_daemon.backends.airsim.simulation import AirsimSimulation
+from ual_daemon.backends.airsim.snapshots import (
+    API,
+    COLLISION,
+    LAND,
+    REMOTE_CONTROL,
+    make_snapshot,
+    projection_of,
+)
+from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.mailbox import SetpointMailbox
+from ual_daemon.backends.values import (
+    Freshness,
+    LandedState,
+    Mode,
+    Setpoint,
+    SetpointLoss,
+    Snapshot,
+    Takes,
+    VehicleInfo,
+    VelocityGains,
+)
+from ual_daemon.settings import convert
+
+_log = logging.getLogger(__name__)
+
+_LIMITS = Limits(
+    horizontal_speed_m_s=5.0,
+    climb_speed_m_s=3.0,
+    descent_speed_m_s=2.0,
+    horizontal_acceleration_m_s2=1.7,
+    vertical_acceleration_m_s2=1.5,
+    yaw_rate_rad_s=1.0,
+)
+_GAINS = VelocityGains(position_per_s=1.0, yaw_per_s=1.5, response_s=0.4)
+_CAPABILITIES = frozenset(
+    {
+        Capability.ARM,
+        Capability.TAKE_OFF,
+        Capability.LAND,
+        Capability.POSITION,
+        Capability.VELOCITY,
+        Capability.GEO,
+        Capability.RECOVER,
+    }
+)
+_AGAIN_S = 1.0
+"""A disarming after a landing that had no effect is commanded again after so long."""
+
+
+class _AirsimPilot(SafetyPilot):
+    """See `ual_daemon.backends.base.SafetyPilot`: every vehicle of this backend is simulated."""
+
+    def __init__(self, backend: AirsimBackend) -> None:
+        self._backend = backend
+
+    @override
+    def may_arm(self) -> bool:
+        return self._backend.is_ready()
+
+    @override
+    def arm(self) -> None:
+        self._backend.simulation().pilot_arm()
+
+
+class AirsimBackend(Backend):
+    """One vehicle of a simulator."""
+
+    name = "airsim"
+    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+    outlived = True
+
+    def __init__(self, options: BackendOptions) -> None:
+        super().__init__(options)
+        self._settings = convert(options.settings, AirsimSettings, SECTION)
+        self._address = parse_address(options.url or DEFAULT_URL)
+        self.clock = self._clock = SimulatorClock()
+        self._link = SimulatorLink(self._address, self._settings.vehicle_name, self._settings.rate_hz, self._update)
+        self._link.on_report = self._take
+        self._commands = CommandQueue(self._address, f"airsim commands {options.ns}")
+        self._procedures = Procedures(self._vehicle)
+        self._sender = SetpointSender(self._address, self._vehicle, self._newest)
+        self._mailbox = SetpointMailbox(self._sender.send, self.clock, f"airsim setpoints {options.ns}")
+        self._pilot = Pilot(self._address, self._vehicle, self._newest)
+        self._collisions = CollisionWatch()
+        self._on_update: UpdateCallback | None = None
+        self._report: Report | None = None
+        self._snapshot = Snapshot(0.0)
+        self._landing: Landing | None = None
+        self._has_collided = False
+        self._ground_z_m = 0.0
+        self._disarmed_s = 0.0
+        self._status_text = ""
+
+    # --- The backend --------------------------------------------------------------------------------------------------
+
+    @override
+    def open(self, on_update: UpdateCallback) -> None:
+        self._on_update = on_update
+        self._commands.open()
+        self._mailbox.open()
+        self._link.open()
+
+    @override
+    def close(self) -> None:
+        self._link.close()
+        self._pilot.let_go()
+        self._sender.close()
+        self._mailbox.close()
+        self._commands.close()
+
+    @override
+    def info(self) -> VehicleInfo:
+        simulator = self._link.simulator
+        identity = "" if simulator is None else f"airsim {self._address} {simulator.vehicle}"
+        return VehicleInfo(
+            autopilot="AirSim simple_flight",
+            autopilot_version="" if simulator is None else simulator.version,
+            is_simulation=True,
+            capabilities=_CAPABILITIES,
+            limits=_LIMITS,
+            takes=Takes.VELOCITY,
+            velocity_gains=_GAINS,
+            setpoint_rate_hz=self._settings.rate_hz,
+            setpoint_loss=SetpointLoss.HOLDS,
+            identity=identity,
+        )
+
+    @override
+    def snapshot(self) -> Snapshot:
+        conflict = self._link.why_not
+        if conflict:  # the simulator answers, but not for our vehicle
+            now_s = self.clock.now_s()
+            return self._snapshot._replace(time_s=now_s, heard_s=now_s, conflict=conflict)
+        return self._snapshot.at(self.clock.now_s())
+
+    @override
+    def send(self, setpoint: Setpoint) -> None:
+        if self._link.is_up and self._landing is None and not self._has_collided:
+            self._mailbox.put(setpoint)
+
+    @override
+    def arm(self) -> Future[None]:
+        if not self._is_on_ground():
+            return _refusal("Arm: not on the ground")
+        return self._command(self._procedures.arm)
+
+    @override
+    def disarm(self) -> Future[None]:
+        if not self._is_on_ground():
+            return _refusal("Disarm: not on the ground")
+        return self._command(self._procedures.disarm)
+
+    @override
+    def take_off(self, height_m: float, limits: Limits) -> Future[None]:
+        del height_m, limits  # UAL's setpoints fly the climb
+        return self.take_control()
+
+    @override
+    def land(self, limits: Limits) -> Future[None]:
+        pose = self._snapshot.pose
+        if pose is None or self._report is None or not self._report.has_api_control:
+            return _refusal("Land: the API has no control of the vehicle")
+        self._mailbox.drop()
+        self._has_collided = False
+        self._landing = Landing(pose.value.position, self._ground_z_m, limits)
+        return _done()
+
+    @override
+    def take_control(self) -> Future[None]:
+        self._landing, self._has_collided = None, False
+        return self._command(self._procedures.take_control)
+
+    @override
+    def hold(self) -> Future[None]:
+        return _refusal("Hold: simple_flight has no such mode; it hovers when nothing is sent")
+
+    @override
+    def safety_pilot(self) -> SafetyPilot:
+        return _AirsimPilot(self)
+
+    @override
+    def simulation(self) -> Simulation:
+        return AirsimSimulation(
+            self._commands.submit, self._procedures, self._pilot, self._newest, self._is_on_ground, self._own_speed
+        )
+
+    @override
+    def utc_s(self) -> float:
+        report = self._report
+        return time.time() if report is None else report.time_s
+
+    def is_ready(self) -> bool:
+        """Whether the vehicle stands on the ground and is heard."""
+        return self._is_on_ground()
+
+    # --- Data ---------------------------------------------------------------------------------------------------------
+
+    def _vehicle(self) -> str:
+        assert self._link.simulator is not None
+        return self._link.simulator.vehicle
+
+    def _own_speed(self) -> float:
+        simulator = self._link.simulator
+        return 1.0 if simulator is None else simulator.clock_speed
+
+    def _newest(self) -> Report | None:
+        return self._report if self._link.is_up else None
+
+    def _is_on_ground(self) -> bool:
+        report = self._newest()
+        return report is not None and report.is_on_ground(self._settings.mass_kg)
+
+    def _take(self, report: Report) -> None:
+        """Takes what the simulator reports; runs on the link's thread."""
+        assert self._link.simulator is not None
+        now_s = self._clock.advance(report.time_s)
+        self._report = report
+        is_on_ground = report.is_on_ground(self._settings.mass_kg)
+        if is_on_ground:
+            self._ground_z_m = report.pose.position.z
+        self._note_collision(report, is_on_ground)
+        if self._landing is not None:
+            self._land(self._landing, report, is_on_ground, now_s)
+        landed = LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR
+        if self._landing is not None:
+            landed = LandedState.LANDING  # until it is disarmed
+        snapshot = make_snapshot(report, now_s, self._mode(report), landed, projection_of(self._link.simulator))
+        self._snapshot = snapshot._replace(status_text=self._status_text, boots_count=self._link.starts_count)
+
+    def _mode(self, report: Report) -> Mode:
+        if not report.has_api_control:
+            return REMOTE_CONTROL
+        if self._landing is not None:
+            return LAND
+        return COLLISION if self._has_collided else API
+
+    def _note_collision(self, report: Report, is_on_ground: bool) -> None:
+        what = self._collisions.observe(report)
+        if what:
+            self._status_text = f"collision with {what}"
+            logs.event(_log, logging.WARNING, "collision", object=what)
+            self._mailbox.drop()
+            self._has_collided = not is_on_ground
+        elif is_on_ground:
+            self._has_collided = False
+
+    def _land(self, landing: Landing, report: Report, is_on_ground: bool, now_s: float) -> None:
+        """Leads the landing on, and ends it once the vehicle is disarmed or another controls it."""
+        if not report.is_armed or not report.has_api_control or self._has_collided:
+            self._landing = None
+            return
+        if not landing.is_disarming:
+            self._mailbox.put(landing.setpoint(report.pose.position))
+        if is_on_ground and (not landing.is_disarming or now_s - self._disarmed_s > _AGAIN_S):
+            self._mailbox.drop()
+            landing.is_disarming, self._disarmed_s = True, now_s
+            self._command(self._procedures.disarm)
+
+    def _update(self) -> None:
+        if self._on_update is not None:
+            self._on_update(self.snapshot())
+
+    def _command(self, action: Action) -> Future[None]:
+        """Has a command executed; while the link is down it is dropped, and its future stays open."""
+        return Future() if not self._link.is_up else self._commands.submit(action)
+
+
+def _done() -> Future[None]:
+    answer: Future[None] = Future()
+    answer.set_result(None)
+    return answer
+
+
+def _refusal(words: str) -> Future[None]:
+    answer: Future[None] = Future()
+    answer.set_exception(RejectedByAutopilotError(f"refused: {words}", {"text": words}))
+    return answer

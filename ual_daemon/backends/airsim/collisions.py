@@ -1,0 +1,26 @@
+"""Watches for collisions."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.airsim.state import Report
+
+_GROUND = -0.7
+"""What it touches is below it where the normal (north, east, down) points up: it stands there, or lands."""
+_APART_S = 1.0
+"""A contact is reported at each frame of the simulator; after so long without one, the next is another collision."""
+
+
+class CollisionWatch:
+    """Tells new collisions with anything but the ground below."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+
+    def observe(self, report: Report) -> str:
+        """Returns with what the vehicle has just collided; empty if with nothing."""
+        collision = report.state.collision
+        touched_s = collision.time_stamp * 1e-9
+        last_s, self._last_s = self._last_s, touched_s
+        if last_s is None or touched_s <= last_s or collision.normal.z_val < _GROUND:
+            return ""  # it may be old where this is the first report
+        return "" if touched_s - last_s < _APART_S else collision.object_name or "something"

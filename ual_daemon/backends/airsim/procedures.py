@@ -1,0 +1,104 @@
+"""The commands as calls of the simulator. Each is executed on the thread of `CommandQueue`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ual.geometry import Vector3
+from ual_daemon.backends.airsim.commands import RefusedError
+from ual_daemon.backends.airsim.rpc import Connection
+from ual_daemon.backends.airsim.setpoints import move_arguments
+from ual_daemon.backends.values import VelocitySetpoint
+
+_ANSWER_S = 2.0
+_STILL = VelocitySetpoint(Vector3())
+
+
+def _vector(north: float, east: float, down: float) -> dict[str, float]:
+    return {"x_val": north, "y_val": east, "z_val": down}
+
+
+_STANDING = {
+    name: _vector(0.0, 0.0, 0.0)
+    for name in ("linear_velocity", "angular_velocity", "linear_acceleration", "angular_acceleration")
+}
+
+
+class Procedures:
+    """The commands to one vehicle."""
+
+    def __init__(self, vehicle: Callable[[], str]) -> None:
+        self._vehicle = vehicle
+
+    def arm(self, connection: Connection) -> None:
+        """Arms; the API must have control for that."""
+        self._require_api_control(connection)
+        self._arm_or_disarm(connection, True)
+
+    def disarm(self, connection: Connection) -> None:
+        """Disarms. The simulator does it in the air, too: the caller refuses that.
+
+        A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended
+        first, and the vehicle armed, which makes a second attempt possible.
+        """
+        self._require_api_control(connection)
+        connection.call(bool, _ANSWER_S, "moveByVelocity", *move_arguments(_STILL, self._vehicle(), 0.0))
+        self._arm_or_disarm(connection, True)
+        self._arm_or_disarm(connection, False)
+
+    def take_control(self, connection: Connection) -> None:
+        """Gives the API control, and hovers.
+
+        A vehicle that gets API control in the air falls until a command comes, also if it had it already.
+        """
+        if self._require_api_control(connection):
+            connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
+
+    def place(self, connection: Connection, position: Vector3, yaw_rad: float) -> None:
+        """Puts the vehicle somewhere, at rest, and disarms it."""
+        self._require_api_control(connection)
+        connection.call(bool, _ANSWER_S, "moveByVelocity", *move_arguments(_STILL, self._vehicle(), 0.0))
+        self._arm_or_disarm(connection, True)
+        self._arm_or_disarm(connection, False)
+        half = (math.pi / 2.0 - yaw_rad) / 2.0
+        pose = {
+            "position": _vector(position.y, position.x, -position.z),
+            "orientation": {"w_val": math.cos(half), "x_val": 0.0, "y_val": 0.0, "z_val": math.sin(half)},
+        }
+        still = {**_STANDING, **pose}
+        connection.call(object, _ANSWER_S, "simSetKinematics", still, True, self._vehicle())
+
+    def set_wind(self, connection: Connection, wind: Vector3) -> None:
+        """Sets the wind of the whole simulator."""
+        connection.call(object, _ANSWER_S, "simSetWind", _vector(wind.y, wind.x, -wind.z))
+
+    def pause(self, connection: Connection, stands_still: bool) -> None:
+        """Pauses the simulator, or lets it run on."""
+        connection.call(object, _ANSWER_S, "simPause", stands_still)
+
+    def is_paused(self, connection: Connection) -> bool:
+        """Whether the simulator is paused."""
+        return connection.call(bool, _ANSWER_S, "simIsPaused")
+
+    def step(self, connection: Connection, duration_s: float) -> None:
+        """Lets a paused simulator run on for a while. Returns when it has."""
+        connection.call(object, _ANSWER_S + 20.0 * duration_s, "simContinueForTime", duration_s)
+
+    def _require_api_control(self, connection: Connection) -> bool:
+        """Gives the API control unless it has it. Returns whether it had none.
+
+        Raises:
+            RefusedError: The simulator's settings or the switch of a remote control do not allow it.
+        """
+        vehicle = self._vehicle()
+        if connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
+            return False
+        connection.call(object, _ANSWER_S, "enableApiControl", True, vehicle)
+        if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
+            raise RefusedError("API control is not allowed: see AllowAPIAlways in the simulator's settings.json")
+        return True
+
+    def _arm_or_disarm(self, connection: Connection, arms: bool) -> None:
+        if not connection.call(bool, _ANSWER_S, "armDisarm", arms, self._vehicle()):
+            raise RefusedError("armDisarm returned False")

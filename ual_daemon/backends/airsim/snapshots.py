@@ -1,0 +1,50 @@
+"""Makes snapshots of what the simulator reports."""
+
+from __future__ import annotations
+
+from ual.types import GpsFix, GpsInfo
+from ual_daemon.backends.airsim.link import Simulator
+from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+from ual_daemon.geodesy import EllipsoidProjection
+
+API = Mode("API", Control.REFERENCES)
+LAND = Mode("LAND", Control.LAND)
+COLLISION = Mode("COLLISION", Control.OTHER, is_autonomous=True)
+"""It hovers: no setpoints are sent to a vehicle that has hit something until control is taken again."""
+REMOTE_CONTROL = Mode("REMOTE_CONTROL", Control.OTHER)
+"""API control is off: who holds the remote control flies, and without one the vehicle falls."""
+
+_GPS = GpsInfo(GpsFix.FIX_3D)
+"""`simple_flight` flies by the simulator's truth."""
+_GOOD, _NO_POSE = Estimator(True), Estimator(False, "the simulator has no position of the vehicle")
+_HELD_BY = {COLLISION.name: Cause.COLLISION, REMOTE_CONTROL.name: Cause.SAFETY_PILOT}
+
+
+def projection_of(simulator: Simulator) -> EllipsoidProjection:
+    """Returns the relation of the local frame to Earth: it begins at the vehicle's home."""
+    home = simulator.home
+    return EllipsoidProjection(home.latitude, home.longitude, home.altitude)
+
+
+def make_snapshot(
+    report: Report, heard_s: float, mode: Mode, landed: LandedState, projection: EllipsoidProjection
+) -> Snapshot:
+    """Returns what a report says that was received at `heard_s`."""
+    is_good = report.is_finite()
+    return Snapshot(
+        time_s=heard_s,
+        heard_s=heard_s,
+        stamp_s=report.time_s,
+        measured_s=report.time_s,
+        armed=Sample(report.is_armed, heard_s),
+        landed=Sample(landed, heard_s),
+        mode=Sample(mode, heard_s),
+        estimator=Sample(_GOOD if is_good else _NO_POSE, heard_s),
+        pose=Sample(report.pose, heard_s) if is_good else None,
+        velocity=Sample(report.velocity, heard_s),
+        projection=projection,
+        gps=_GPS,
+        home_altitude_amsl_m=projection.altitude_amsl_m,
+        held_by=_HELD_BY.get(mode.name),
+    )

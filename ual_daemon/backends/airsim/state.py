@@ -1,0 +1,158 @@
+"""What the simulator reports, in its own terms: north, east, down, as it names them on the wire."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from ual.geometry import Pose, Quaternion, Twist, Vector3
+
+_STANDARD_GRAVITY_M_S2 = 9.80665
+_STILL_M_S, _STILL_M_S2 = 0.05, 1.0
+_SUPPORTED = 0.8
+"""The part of its weight below which the thrust of a vehicle that stands still shows that something carries it."""
+_TURNING_RAD_S = 1.0
+"""An armed rotor turns at 173 rad/s at least, a disarmed one stands."""
+_LANDED = 0
+
+
+class Vector(msgspec.Struct, frozen=True):
+    """A vector: north, east, down, or forward, right, down."""
+
+    x_val: float = 0.0
+    y_val: float = 0.0
+    z_val: float = 0.0
+
+    def to_enu(self) -> Vector3:
+        """Converts north, east, down to east, north, up."""
+        return Vector3(self.y_val, self.x_val, -self.z_val)
+
+    def to_flu(self) -> Vector3:
+        """Converts forward, right, down to forward, left, up."""
+        return Vector3(self.x_val, -self.y_val, -self.z_val)
+
+    def norm(self) -> float:
+        """Returns the length."""
+        return math.sqrt(self.x_val**2 + self.y_val**2 + self.z_val**2)
+
+
+class Rotation(msgspec.Struct, frozen=True):
+    """The rotation from forward, right, down to north, east, down."""
+
+    w_val: float
+    x_val: float
+    y_val: float
+    z_val: float
+
+    def to_enu(self) -> Quaternion:
+        """Returns the rotation from forward, left, up to east, north, up."""
+        w, x, y, z, half = self.w_val, self.x_val, self.y_val, self.z_val, math.sqrt(0.5)
+        return Quaternion(half * (x + y), half * (x - y), half * (w - z), half * (w + z)).normalized()
+
+
+class Kinematics(msgspec.Struct, frozen=True):
+    """How the vehicle moves: along its local axes, the rotation about its body's."""
+
+    position: Vector
+    orientation: Rotation
+    linear_velocity: Vector
+    angular_velocity: Vector
+    linear_acceleration: Vector
+
+
+class Collision(msgspec.Struct, frozen=True):
+    """The last collision. `time_stamp` is 0 if there was none."""
+
+    time_stamp: int
+    normal: Vector
+    object_name: str
+
+
+class Location(msgspec.Struct, frozen=True):
+    """A place on Earth."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+
+
+class RemoteControl(msgspec.Struct, frozen=True):
+    """What is known of the remote control."""
+
+    is_valid: bool
+
+
+class State(msgspec.Struct, frozen=True):
+    """The answer to ``getMultirotorState``."""
+
+    collision: Collision
+    kinematics_estimated: Kinematics
+    timestamp: int
+    landed_state: int
+    rc_data: RemoteControl
+
+
+class Rotor(msgspec.Struct, frozen=True):
+    """One rotor: its thrust in newtons, and its speed in rad/s."""
+
+    thrust: float
+    speed: float
+
+
+class Rotors(msgspec.Struct, frozen=True):
+    """The answer to ``getRotorStates``."""
+
+    rotors: list[Rotor]
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What one poll has read."""
+
+    state: State
+    rotors: Rotors
+    has_api_control: bool
+
+    @property
+    def time_s(self) -> float:
+        """The simulator's time."""
+        return self.state.timestamp * 1e-9
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the motors run: the simulator has no other sign of it."""
+        return any(abs(rotor.speed) > _TURNING_RAD_S for rotor in self.rotors.rotors)
+
+    @property
+    def is_flying(self) -> bool:
+        """What ``landed_state`` says: see `is_on_ground`."""
+        return self.state.landed_state != _LANDED
+
+    @property
+    def pose(self) -> Pose:
+        """The pose in the local frame, which begins where the vehicle was placed."""
+        motion = self.state.kinematics_estimated
+        return Pose(motion.position.to_enu(), motion.orientation.to_enu())
+
+    @property
+    def velocity(self) -> Twist:
+        """The velocity: linear along the local axes, angular in the body."""
+        motion = self.state.kinematics_estimated
+        return Twist(motion.linear_velocity.to_enu(), motion.angular_velocity.to_flu())
+
+    def is_finite(self) -> bool:
+        """Whether the simulator knows where the vehicle is."""
+        pose = self.pose
+        return all(math.isfinite(value) for value in (*pose.position, *pose.orientation))
+
+    def is_on_ground(self, mass_kg: float) -> bool:
+        """Whether it stands on something.
+
+        ``landed_state`` says "flying" from the first lift-off until the vehicle is disarmed, and "landed" at once where
+        it is disarmed in the air. So the forces tell: what stands still with less thrust than its weight is carried.
+        """
+        motion = self.state.kinematics_estimated
+        if motion.linear_velocity.norm() > _STILL_M_S or motion.linear_acceleration.norm() > _STILL_M_S2:
+            return False
+        thrust_n = sum(rotor.thrust for rotor in self.rotors.rotors)
+        return not self.is_flying or thrust_n < _SUPPORTED * mass_kg * _STANDARD_GRAVITY_M_S2
