@@ -193,3 +193,11 @@ def test_a_backend_without_them_says_so(lab: Lab) -> None:
     lab.backend.info = lambda: replace(info, capabilities=frozenset({Capability.LAND}))  # type: ignore[method-assign]
     with pytest.raises(NotSupportedError, match="set_external_pose"):
         lab.uav.set_external_pose(PoseStamped(Pose.at(0.0, 0.0, 0.0, 0.0), "map"))
+
+
+def test_a_flood_is_thinned_without_a_line_in_the_log(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    assert not lab.measure(Vector3())
+    with caplog.at_level(logging.WARNING):
+        for _ in range(100):
+            assert lab.offer(Vector3()).startswith("it comes too soon")
+    assert caplog.records == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import pytest
@@ -17,7 +17,10 @@ from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned_yaw, ned_to_e
 
 NOISE_M = 0.005
 PERIOD_S = 0.02
-_SET_UP = {"px4": {"EKF2_EV_CTRL": 11}, "ardupilot": {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0}}
+_SET_UP: Mapping[str, Mapping[str, float]] = {
+    "px4": {"EKF2_EV_CTRL": 11},
+    "ardupilot": {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0},
+}
 
 
 class MotionCapture:
