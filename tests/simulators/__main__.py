@@ -12,6 +12,7 @@ import threading
 
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.autopilot import Autopilot
+from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import Port, TcpPort, UdpPort
 from tests.simulators.px4 import Px4
@@ -23,6 +24,9 @@ HOST = "127.0.0.1"
 def main(arguments: list[str] | None = None) -> None:
     """Runs one until its standard input ends."""
     options = _parser().parse_args(arguments)
+    if options.kind == "crazyflie":
+        _run_crazyflie(options)
+        return
     if options.udp is not None:
         link: Port = UdpPort((HOST, options.listen), (HOST, options.udp))
     elif options.tcp is not None:
@@ -63,9 +67,20 @@ def main(arguments: list[str] | None = None) -> None:
     stopped.set()
 
 
+def _run_crazyflie(options: argparse.Namespace) -> None:
+    port = UdpPort((HOST, options.listen))
+    faults = Faults(options.loss, options.delay, options.jitter, options.duplication, options.corruption)
+    crazyflie = Crazyflie(port if faults == Faults() else BadLink(port, options.seed, faults, faults))
+    print(json.dumps({"link": port.address[1]}), flush=True)
+    stopped = threading.Event()
+    threading.Thread(target=run, args=(crazyflie, stopped, options.speed), daemon=True).start()
+    sys.stdin.read()
+    stopped.set()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.simulators", description=__doc__)
-    parser.add_argument("kind", choices=("px4", "ardupilot"))
+    parser.add_argument("kind", choices=("px4", "ardupilot", "crazyflie"))
     parser.add_argument("--udp", type=int, metavar="PORT", help="sends to this UDP port, as PX4's onboard link does")
     parser.add_argument("--listen", type=int, default=0, metavar="PORT", help="its own UDP port (0: any)")
     parser.add_argument("--tcp", type=int, metavar="PORT", help="a TCP server instead (0: any port)")

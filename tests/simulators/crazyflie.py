@@ -145,7 +145,8 @@ class Crazyflie:
             self._fixed_s = 0.0
             self.blocks: dict[int, Block] = {}
             for name, entry in _PARAMETERS.items():
-                self.parameters[name] = entry
+                if not entry[2]:
+                    self.parameters[name] = entry
             self.say("SYS: Crazyflie is up and running!")
 
     # --- Time ---------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from tests.simulators.autopilot import STEP_S, Autopilot
 
@@ -14,7 +15,14 @@ _LATE_S = 0.3
 """The most lost time that is caught up. More (of a process that was stopped or got no processor) is skipped."""
 
 
-def run(autopilot: Autopilot, stopped: threading.Event, speed: float = 1.0) -> None:
+class Stepped(Protocol):
+    """What has a time of its own."""
+
+    def step(self) -> None:
+        """Advances it by `STEP_S`."""
+
+
+def run(autopilot: Stepped, stopped: threading.Event, speed: float = 1.0) -> None:
     """Steps it until stopped, `speed` times as fast as real time."""
     due_s = time.monotonic()
     while not stopped.is_set():

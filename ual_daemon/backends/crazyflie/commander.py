@@ -83,6 +83,7 @@ class Commander:
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
         self._notify_s: list[float] = []
+        self._answered: tuple[_Handover, int] | None = None
 
     @property
     def mode(self) -> Mode:
@@ -205,14 +206,25 @@ class Commander:
             if self._handover is not handover:
                 return  # setpoints have come meanwhile
             self._handover = None
+            self._answered = handover, error
             if is_fine:
                 self._phase = handover.phase
                 self._notify_s = [now_s + delay_s for delay_s in NOTIFICATIONS]
             else:
                 self._still_since_s = math.inf
-        if not handover.future.set_running_or_notify_cancel():
+
+    def finish(self) -> None:
+        """Ends the future of a command that was answered, once the snapshot with its effect is published.
+
+        A command that was withdrawn before is undone: until then nobody could see that it had an effect.
+        """
+        answered, self._answered = self._answered, None
+        if answered is None:
             return
-        if is_fine:
+        handover, error = answered
+        if not handover.future.set_running_or_notify_cancel():
+            self.take_control()
+        elif self._phase is handover.phase:
             handover.future.set_result(None)
         else:
             handover.future.set_exception(

@@ -13,8 +13,8 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 _PID = (0, 1)
 """Values of ``stabilizer.controller``: automatic (PID), PID. Others (Mellinger, INDI, ...) take the whole motion."""
-RESPONSE_S = 0.2
-"""The time in which the PID controller follows a step of the velocity."""
+RESPONSE_S, CLIMB_RESPONSE_S = 0.3, 0.1
+"""The times in which the PID controller follows a step of the velocity, horizontally and vertically."""
 STAY_S = 1.0
 """The duration of the high-level flight to where it already is."""
 PEAK = 2.1875
@@ -52,8 +52,12 @@ class Encoder:
         The PID controller takes no velocity with a position: it flies at its gain times the distance. So the position
         is ahead by the velocity divided by the gain.
         """
-        ahead = setpoint.velocity + setpoint.acceleration * RESPONSE_S
-        lead = Vector3(ahead.x * self._lead_s, ahead.y * self._lead_s, ahead.z * self._climb_lead_s)
+        velocity, acceleration = setpoint.velocity, setpoint.acceleration
+        lead = Vector3(
+            (velocity.x + acceleration.x * RESPONSE_S) * self._lead_s,
+            (velocity.y + acceleration.y * RESPONSE_S) * self._lead_s,
+            (velocity.z + acceleration.z * CLIMB_RESPONSE_S) * self._climb_lead_s,
+        )
         yaw_rad = wrap_angle(setpoint.yaw_rad + setpoint.yaw_rate_rad_s * self._yaw_lead_s)
         return packets.position_setpoint(setpoint.position + lead, yaw_rad)
 

@@ -152,6 +152,7 @@ class Session:
         self._requests.step(now_s)
         if has_pose or now_s - self._updated_s >= UPDATE_S:
             self._update(now_s)
+            self.commander.finish()
 
     def _receive(self) -> bool:
         """Receives what has come. Returns whether a new pose was among it."""

@@ -21,9 +21,10 @@ _LATE_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
 _MILLI = 1e-3
 _LARGEST_M = 1e4
+_FLOW = "flow deck"
 _DECKS = {
-    "deck.bcFlow2": "flow deck",
-    "deck.bcFlow": "flow deck",
+    "deck.bcFlow2": _FLOW,
+    "deck.bcFlow": _FLOW,
     "deck.bcLighthouse4": "Lighthouse deck",
     "deck.bcDWM1000": "Loco positioning deck",
     "deck.bcLoco": "Loco positioning deck",
@@ -146,6 +147,12 @@ class Telemetry:
     def on_console(self, data: bytes) -> None:
         """Takes a piece of the firmware's console."""
         self._console.update(data)
+
+    @property
+    def begins_anew(self) -> bool:
+        """Whether its local frame begins anew when it boots: with a flow deck alone, which knows no place."""
+        decks = {words for name, words in _DECKS.items() if self.parameters.get(name)}
+        return decks == {_FLOW}
 
     @property
     def is_on_ground(self) -> bool:

@@ -52,5 +52,6 @@ class ValuesReader:
         if not self._times[MOTION_IDENT].fits(stamp_ms, now_s, CLOCK_TOLERANCE_S):
             self._times.clear()
             self._telemetry.discard()
-            self._telemetry.boots_count += 1
+            if self._telemetry.begins_anew:
+                self._telemetry.boots_count += 1
             self.has_rebooted = True

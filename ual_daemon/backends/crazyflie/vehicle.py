@@ -11,6 +11,8 @@ from ual_daemon.backends.values import SetpointLoss, Takes, VehicleInfo
 _SPEED_M_S = 1.0
 """The firmware's default, where it does not say its own."""
 _PID = (0, 1)
+_PID_SHARE = 0.8
+"""The part of its own largest velocity that the PID controller is asked for: it corrects with the rest."""
 _HORIZONTAL_M_S2, _VERTICAL_M_S2 = 1.5, 1.0
 CAPABILITIES = frozenset(Capability) - {Capability.GEO}
 """It does not know where it is on Earth."""
@@ -20,10 +22,11 @@ def describe(
     parameters: Mapping[str, float], yaw_rate_rad_s: float, version: str = "", *, is_simulation: bool
 ) -> VehicleInfo:
     """Returns the description of a vehicle with these parameters."""
-    x, y, z = (parameters.get(name, _SPEED_M_S) for name in SPEEDS)
+    is_pid = parameters.get(CONTROLLER, 1) in _PID
+    share = _PID_SHARE if is_pid else 1.0
+    x, y, z = (share * parameters.get(name, _SPEED_M_S) for name in SPEEDS)
     horizontal_m_s, vertical_m_s = max(0.1, min(x, y)), max(0.1, z)
     limits = Limits(horizontal_m_s, vertical_m_s, vertical_m_s, _HORIZONTAL_M_S2, _VERTICAL_M_S2, yaw_rate_rad_s)
-    is_pid = parameters.get(CONTROLLER, 1) in _PID
     return VehicleInfo(
         autopilot="Crazyflie",
         autopilot_version=version,

@@ -30,12 +30,15 @@ class Flown:
         cache: Path,
         crazyflie: Crazyflie | None = None,
         faults: Faults | None = None,
+        positioning_deck: str = "",
         **settings: object,
     ) -> None:
         self.memory = MemoryPort()
         self.link = BadLink(self.memory, 1, faults or Faults(), faults or Faults())
         self.crazyflie = crazyflie or Crazyflie(self.memory)
         self.crazyflie.port = self.link
+        if positioning_deck:
+            self.crazyflie.parameters[positioning_deck] = "B", 1, True
         self._cache = cache
         self._settings = settings
         self.backend = self._make_backend()

@@ -219,6 +219,23 @@ def test_a_landing_can_be_ended(tmp_path: Path) -> None:
     assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
 
 
+@pytest.mark.parametrize("turns", range(1, 6))
+def test_a_landing_that_is_withdrawn_is_undone_whenever_that_is(tmp_path: Path, turns: int) -> None:
+    """Also if the firmware has just answered, and nobody can have seen it yet."""
+    flown = Flown(tmp_path)
+    flown.take_off()
+    landing = flown.backend.land(LIMITS)
+    for _ in range(turns):
+        flown._turn()
+    if landing.cancel():
+        x, y, z = flown.crazyflie.place
+        flown.fly(lambda _: place(x, y, z), 2.0)
+        assert flown.estimate().state is State.FLYING_AUTO
+        assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
+    else:
+        assert flown.estimate().state is State.LANDING
+
+
 def test_it_is_on_the_ground_soon_after_its_motors_have_stopped(tmp_path: Path) -> None:
     flown = Flown(tmp_path)
     flown.take_off(0.5)

@@ -28,7 +28,7 @@ def test_connects_and_knows_its_state(tmp_path: Path) -> None:
     assert flown.estimate().state is State.LANDED_DISARMED
     info = flown.backend.info()
     assert (info.autopilot, info.autopilot_version, info.has_safety_pilot) == ("Crazyflie", "2024.2", False)
-    assert info.limits.horizontal_speed_m_s == 1.0
+    assert info.limits.horizontal_speed_m_s == 0.8
     battery = flown.backend.snapshot().battery
     assert battery is not None
     assert battery.voltage_v == pytest.approx(3.9, abs=0.01)
@@ -100,16 +100,17 @@ def test_out_of_reach_and_back_is_no_reboot(tmp_path: Path) -> None:
     assert flown.backend.snapshot().boots_count == 0
 
 
-def test_a_reboot_is_noticed_and_healed(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+@pytest.mark.parametrize(("deck", "frames"), [("deck.bcFlow2", 1), ("deck.bcLighthouse4", 0)])
+def test_a_reboot_is_noticed_and_healed(tmp_path: Path, deck: str, frames: int) -> None:
+    """With a flow deck alone its local frame begins anew; Lighthouse knows where it is."""
+    flown = Flown(tmp_path, positioning_deck=deck)
     flown.take_off()
     flown.crazyflie.is_silent = True
     flown.run(1.0)
     flown.crazyflie.boot()
     flown.crazyflie.is_silent = False
-    took_s = flown.until(lambda: flown.backend.snapshot().boots_count == 1)
-    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
-    assert took_s < 2.0
+    assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 2.0
+    assert flown.backend.snapshot().boots_count == frames
     assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 1
 
 
@@ -139,7 +140,7 @@ def test_says_which_variable_it_cannot_do_without(tmp_path: Path) -> None:
 def test_sets_the_users_parameters_and_names_those_it_cannot(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     flown = Flown(tmp_path, parameters={"posCtlPid.xVelMax": 2.0, "posCtlPid.yVelMax": 2.0, "no.such": 1.0})
     flown.ready()
-    assert flown.backend.info().limits.horizontal_speed_m_s == 2.0
+    assert flown.backend.info().limits.horizontal_speed_m_s == 1.6
     fields = [record.__dict__.get("ual_fields") for record in caplog.records if record.message == "parameters_not_set"]
     assert fields == [{"parameters": "no.such"}]
 
