@@ -36,14 +36,21 @@ class Calls:
 
     It is a registry for generated code (``add_..._to_server``), and `take` takes the calls of a server. `log_name` is
     the UAV's name in the log. Once the shutdown has begun, methods that begin with one of `shutdown_refuses` are
-    refused.
+    refused, except those in `shutdown_keeps`: these go on until `end_waiting`.
     """
 
-    def __init__(self, ns: str, shutdown_refuses: tuple[str, ...], log_name: str = "") -> None:
+    def __init__(
+        self,
+        ns: str,
+        shutdown_refuses: tuple[str, ...],
+        log_name: str = "",
+        shutdown_keeps: frozenset[str] = frozenset(),
+    ) -> None:
         self._ns = ns
         self._log_name = log_name
         self._has_ended_waiting = False
         self._shutdown_refuses = shutdown_refuses
+        self._shutdown_keeps = shutdown_keeps
         self._loop = asyncio.get_running_loop()
         self._methods: dict[str, Method] = {}
         self._lock = threading.Lock()
@@ -86,16 +93,16 @@ class Calls:
     def begin_shutdown(self) -> None:
         """Ends the streams, and refuses new calls that fly. To be called on the event loop, as is `end_waiting`."""
         self.is_shutting_down = True
-        self._end(streams=True)
+        self._end(lambda answer: answer.is_stream and answer.method_name not in self._shutdown_keeps)
 
     def end_waiting(self) -> None:
         """Ends the calls that still wait, and from now on those that would begin to."""
         self._has_ended_waiting = True
-        self._end(streams=False)
+        self._end(lambda answer: not answer.is_stream or answer.method_name in self._shutdown_keeps)
 
-    def _end(self, *, streams: bool) -> None:
+    def _end(self, is_meant: Callable[[Answer], bool]) -> None:
         with self._lock:
-            ending = [answer for answer in self._answers if answer.is_stream is streams]
+            ending = [answer for answer in self._answers if is_meant(answer)]
         for answer in ending:
             answer.end()
 
@@ -182,7 +189,7 @@ class Calls:
             StatusError: The daemon is shutting down.
 
         """
-        if self.is_shutting_down and call.method.startswith(self._shutdown_refuses):
+        if self.is_shutting_down and self._is_refused_at_shutdown(call.method):
             raise StatusError(grpc.StatusCode.UNAVAILABLE, SHUTTING_DOWN)
         size = 0
         for key, value in call.metadata:
@@ -194,6 +201,11 @@ class Calls:
         if size > MOST_METADATA_BYTES:
             limit = f"metadata: {size} bytes, and at most {MOST_METADATA_BYTES} are accepted"
             raise ResourceExhaustedError(limit, {"limit": str(MOST_METADATA_BYTES)})
+
+    def _is_refused_at_shutdown(self, method: str) -> bool:
+        return method.startswith(self._shutdown_refuses) and (
+            self._has_ended_waiting or method not in self._shutdown_keeps
+        )
 
     def set_log_context(self, call: Call | None) -> None:
         """Names this UAV, and the caller, in what this thread or task logs from now on."""

@@ -26,6 +26,9 @@ _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name
 _SIMULATION_SERVICE: str = simulation_pb2.DESCRIPTOR.services_by_name["SimulationService"].full_name
 _HEALTH_SERVICE: str = health_pb2.DESCRIPTOR.services_by_name["Health"].full_name
 
+NEEDED_TO_LAND = frozenset(f"/{_UAL_SERVICE}/{method}" for method in ("SetExternalPose", "StreamExternalPoses"))
+"""What goes on in a shutdown until the flight has ended: by these a UAV may know where it is."""
+
 _OPTIONS: Sequence[tuple[str, int]] = (
     # One daemon for a port: with this on (gRPC's default), a second one could listen, too, and get a part of the calls.
     ("grpc.so_reuseport", 0),
@@ -67,7 +70,12 @@ class Server:
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
         # During a shutdown only flying is refused: a simulated safety pilot must be able to act until the end.
-        self._calls = calls = Calls(vehicle.ns, log_name=vehicle.log_name, shutdown_refuses=(f"/{_UAL_SERVICE}/",))
+        self._calls = calls = Calls(
+            vehicle.ns,
+            log_name=vehicle.log_name,
+            shutdown_refuses=(f"/{_UAL_SERVICE}/",),
+            shutdown_keeps=NEEDED_TO_LAND,
+        )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
         self._server = transport.server(_OPTIONS, calls.take)

@@ -17,13 +17,14 @@ from tests.ual_daemon.server.serving import serving
 from ual import _rpc_errors
 from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
-from ual.types import State, TaskKind, Telemetry
+from ual.types import ExternalPose, State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
 from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
+from ual_daemon.server.server import NEEDED_TO_LAND
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.server.updates import Updates
@@ -53,7 +54,9 @@ class FakeVehicle:
         self.callers: list[str] = []
         self.taken: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
-        self.commands = self.setpoints = self
+        self.commands = self.setpoints = self.external_poses = self
+        self.poses: list[ExternalPose] = []
+        self.has_pose = threading.Event()
         self.watched = VehicleTask(TaskKind.LAND, "a task that runs", StandingClock())
 
     def telemetry(self) -> Telemetry:
@@ -91,6 +94,14 @@ class FakeVehicle:
         self.taken.append(velocity)
         self.has_setpoint.set()
 
+    def offer(self, measured: ExternalPose) -> str:
+        self.poses.append(measured)
+        self.has_pose.set()
+        return "it is old" if len(self.poses) == 2 else ""
+
+    def set(self, measured: ExternalPose) -> str:
+        return self.offer(measured)
+
 
 class Served:
     """A server of a fake vehicle, and a client."""
@@ -106,7 +117,7 @@ class Served:
 @asynccontextmanager
 async def served(transport: Choice) -> AsyncIterator[Served]:
     vehicle = FakeVehicle()
-    calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",))
+    calls = Calls("uav_1", shutdown_refuses=("/ual.v1.UalService/",), shutdown_keeps=NEEDED_TO_LAND)
     updates = Updates(cast("Vehicle", vehicle), lambda _: None)
     servicer = UalServicer(cast("Vehicle", vehicle), updates)
     async with serving(transport, calls, partial(ual_pb2_grpc.add_UalServiceServicer_to_server, servicer)) as (
@@ -357,6 +368,51 @@ def test_a_setpoint_stream_that_ends_tells_how_many_were_taken(transport: Choice
                 await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
             await stream.done_writing()
             assert (await stream).accepted_count == 3
+
+    asyncio.run(run())
+
+
+def pose_outside() -> pb.ExternalPose:
+    pose = pb.Pose(position=pb.Vector3(x=1.0), orientation=pb.Quaternion(w=1.0))
+    return pb.ExternalPose(pose=pb.PoseStamped(pose=pose), position_std_dev_m=0.005)
+
+
+def test_a_stream_of_poses_from_outside_counts_those_that_were_dropped(transport: Choice) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            stream = it.stub.StreamExternalPoses()
+            for _ in range(3):
+                await stream.write(pb.StreamExternalPosesRequest(external_pose=pose_outside()))
+            await stream.done_writing()
+            response = await stream
+            assert (response.accepted_count, response.dropped_count) == (2, 1)
+            assert it.vehicle.poses[0].position_std_dev_m == 0.005
+            assert it.vehicle.poses[0].orientation_std_dev_rad is None
+            single = pb.SetExternalPoseRequest(external_pose=pose_outside())
+            assert (await it.stub.SetExternalPose(single)).dropped == ""
+            assert isinstance(
+                await error_of(it.stub.SetExternalPose(pb.SetExternalPoseRequest())), InvalidArgumentError
+            )
+
+    asyncio.run(run())
+
+
+def test_poses_from_outside_go_on_until_the_flight_has_ended(transport: Choice) -> None:
+    async def run() -> None:
+        async with served(transport) as it:
+            stream = it.stub.StreamExternalPoses()
+            await stream.write(pb.StreamExternalPosesRequest(external_pose=pose_outside()))
+            assert await asyncio.to_thread(it.vehicle.has_pose.wait, LIMIT_S)
+            it.calls.begin_shutdown()
+            it.vehicle.has_pose.clear()
+            await stream.write(pb.StreamExternalPosesRequest(external_pose=pose_outside()))
+            assert await asyncio.to_thread(it.vehicle.has_pose.wait, LIMIT_S)
+            single = pb.SetExternalPoseRequest(external_pose=pose_outside())
+            assert (await it.stub.SetExternalPose(single)).dropped == ""
+            it.calls.end_waiting()
+            for call in (stream, it.stub.SetExternalPose(single)):
+                with pytest.raises(grpc.aio.AioRpcError, match="the daemon is shutting down"):
+                    await call
 
     asyncio.run(run())
 
