@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -35,6 +36,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.external_poses import CONTINUES_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
@@ -86,6 +88,8 @@ class UAL(Uav):
         self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
+        self._external_pose_s = -math.inf
+        """When the last pose from outside was given that was not refused."""
         self._is_closed = False
         self.vehicle.open()
 
@@ -200,8 +204,9 @@ class UAL(Uav):
         orientation_std_dev_rad: float | None = None,
     ) -> None:
         measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
-        poses = self.vehicle.external_poses
-        (poses.offer if poses.is_stream else poses.set)(measured)
+        poses, now_s = self.vehicle.external_poses, time.monotonic()
+        (poses.offer if now_s - self._external_pose_s < CONTINUES_S else poses.set)(measured)
+        self._external_pose_s = now_s
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:

@@ -13,15 +13,16 @@ from ual_daemon.backends import values
 from ual_daemon.backends.base import Backend
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.frames.resolver import FrameResolver
-from ual_daemon.vehicle.pose_gate import Drop, PoseGate
+from ual_daemon.vehicle.pose_gate import SHORTEST_S, Drop, PoseGate
 from ual_daemon.vehicle.preconditions import Preconditions
 
 _log = logging.getLogger(__name__)
 
 CONTINUES_S = 0.5
-"""A pose that comes within this time of the last one belongs to a stream."""
+"""A pose that a caller gives within this time of its last one belongs to a stream; the client has the same."""
 _MOST_STD_DEV = 1000.0
 _NAME = "set_external_pose"
+_TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHORTEST_S:g} a second are passed on")
 
 
 class ExternalPoses:
@@ -36,11 +37,6 @@ class ExternalPoses:
         self._silence = silence
         self._gate = PoseGate()
         self._lock = threading.Lock()
-
-    @property
-    def is_stream(self) -> bool:
-        """Whether a pose that comes now belongs to a stream: the one before is not long ago."""
-        return self._silence.passed_s(self._backend.clock.now_s()) < CONTINUES_S
 
     def set(self, measured: ExternalPose) -> str:
         """Gives the autopilot a pose. Returns why it was dropped (a jump), or an empty text.
@@ -71,7 +67,8 @@ class ExternalPoses:
             raise
         if drop is None:
             return ""
-        logs.event(_log, logging.WARNING, "external_pose_dropped", why=drop.why, detail=drop.detail)
+        if drop is not _TOO_SOON:
+            logs.event(_log, logging.WARNING, "external_pose_dropped", why=drop.why, detail=drop.detail)
         return str(drop)
 
     def _pass_on(self, measured: ExternalPose, *, is_stream: bool) -> Drop | None:
@@ -81,6 +78,8 @@ class ExternalPoses:
         drop = self._gate.untimely(local.time_s, now_s)
         if drop is not None and not is_stream:
             raise validation.refuse("pose.header.stamp", str(drop))
+        if drop is None and self._gate.is_too_soon(local.time_s):
+            return _TOO_SOON
         resets_count = self._gate.resets_count
         drop = drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
         if drop is not None:

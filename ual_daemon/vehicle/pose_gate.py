@@ -11,6 +11,10 @@ OLDEST_S = 0.2
 """An older pose says where the UAV was. Autopilots keep about so much of the past."""
 FUTURE_S = 0.05
 """How far the clock of the source may be ahead."""
+SHORTEST_S = 0.004
+"""Poses are passed on 250 times a second at most: no autopilot uses more, and links and computers have other work."""
+_TICK_S = 0.001
+"""The time of a stamp is taken on another clock, so that the same stamp comes out a little differently each time."""
 _FASTEST_M_S = 30.0
 _FASTEST_RAD_S = 35.0
 _MARGIN_M = 0.25
@@ -52,10 +56,14 @@ class PoseGate:
             return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_S:g} s; compare the clocks")
         if age_s < -FUTURE_S:
             return Drop("it is in the future", f"its stamp is {-age_s:.2f} s ahead; compare the clocks")
-        if self._last is not None and time_s < self._last.time_s:
+        if self._last is not None and time_s < self._last.time_s - _TICK_S:
             before_s = self._last.time_s - time_s
             return Drop("it is older than the one before", f"by {before_s:.3f} s; is there another source?")
         return None
+
+    def is_too_soon(self, time_s: float) -> bool:
+        """Returns whether a timely pose comes so soon after the last one that the autopilot has no use for it."""
+        return self._last is not None and time_s - self._last.time_s < SHORTEST_S
 
     def jump(self, pose: Pose, time_s: float, std_dev_m: float) -> Drop | None:
         """Notes a timely pose. Returns how it jumps, if it is not to be used; None if it is."""

@@ -8,11 +8,18 @@ from contextlib import suppress
 
 from ual.conformance.check import LANDED, Need, check
 from ual.conformance.flight import CEILING_M, HEIGHT_M, CannotRunError, Flight, position, require, speed
-from ual.errors import InvalidArgumentError, PermissionDeniedError, TaskAbortedError, WrongStateError
-from ual.geometry import Pose, Twist, Vector3
+from ual.errors import (
+    InvalidArgumentError,
+    PermissionDeniedError,
+    TaskAbortedError,
+    UnknownFrameError,
+    WrongStateError,
+)
+from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Twist, Vector3
 from ual.types import Capability, State, TaskKind, TaskStatus
 
 _TAKE_OFF = (Capability.TAKE_OFF,)
+_LATE_S = 10.0
 
 
 @check(State.LANDED_DISARMED, needs=(Need.NO_ARMING,), capabilities=(Capability.ARM,))
@@ -92,6 +99,27 @@ def home_becomes_the_origin(flight: Flight) -> None:
     flight.remember_place()
 
 
+@check(*LANDED, capabilities=(Capability.EXTERNAL_POSE,))
+def bad_poses_from_outside_are_refused(flight: Flight) -> None:
+    """Poses from outside that are old, in the future, not valid, or in an unknown frame or the body's are refused."""
+    uav = flight.uav
+    state, before, now_s = uav.state(), flight.position(), uav.telemetry().stamp_s
+    here = Pose(before, IDENTITY)
+    for pose, kind, what in (
+        (PoseStamped(here, stamp_s=now_s - _LATE_S), InvalidArgumentError, "that is old"),
+        (PoseStamped(here, stamp_s=now_s + _LATE_S), InvalidArgumentError, "of the future"),
+        (PoseStamped(Pose(before, KEEP_HEADING)), InvalidArgumentError, "without an orientation"),
+        (PoseStamped(Pose(Vector3(math.nan, 0.0, 0.0), IDENTITY)), InvalidArgumentError, "that is not finite"),
+        (PoseStamped(here, f"{flight.info.namespace}/base_link"), InvalidArgumentError, "in its own body"),
+        (PoseStamped(here, "no_such_frame"), UnknownFrameError, "in an unknown frame"),
+    ):
+        flight.refuses(kind, functools.partial(uav.set_external_pose, pose), f"a pose from outside {what}")
+    for std_dev in (math.nan, -1.0, 0.0):
+        give = functools.partial(uav.set_external_pose, PoseStamped(here), position_std_dev_m=std_dev)
+        flight.refuses(InvalidArgumentError, give, f"a pose from outside with the standard deviation {std_dev}")
+    require(uav.state() is state, "the state changed")
+
+
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves=f"straight up to {HEIGHT_M:g} m")
 def takes_off(flight: Flight) -> None:
     """A take-off has the state TAKING_OFF, climbs straight to its height and ends there in FLYING_AUTO."""
@@ -153,6 +181,7 @@ CHECKS = (
     flies_nothing_on_the_ground,
     bad_heights_are_refused,
     home_becomes_the_origin,
+    bad_poses_from_outside_are_refused,
     takes_off,
     a_take_off_is_not_aborted,
 )
