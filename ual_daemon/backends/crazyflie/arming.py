@@ -18,7 +18,11 @@ PATIENCE_S = 4.5
 
 
 class Arming:
-    """The one command to arm or disarm that is under way, if any. Belongs to the thread that receives."""
+    """The one command to arm or disarm that is under way, if any. Belongs to the thread that receives.
+
+    Disarming waits until the supervisor does not say "flying" any more, which it does for 2 s after the motors have
+    stopped: disarmed before, it would be locked.
+    """
 
     def __init__(self, send: Callable[[Packet], None], telemetry: Telemetry) -> None:
         self._send = send
@@ -43,7 +47,7 @@ class Arming:
             self._end(None)
         elif now_s > self._ends_s:
             self._give_up()
-        elif now_s >= self._due_s:
+        elif now_s >= self._due_s and (is_armed or not self._telemetry.supervisor & Supervisor.FLYING):
             self._due_s = now_s + REPEAT_S
             self._send(packets.arm(protocol, is_armed=is_armed))
 

@@ -30,7 +30,7 @@ class CrazyflieBackend(Backend):
 
     name = SECTION
     clock: MonotonicClock
-    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=2.0)
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, CrazyflieSettings, SECTION)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from ual.errors import RejectedByAutopilotError
-from ual.geometry import wrap_angle
+from ual.geometry import Pose, Vector3, wrap_angle
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.encoder import Encoder
 from ual_daemon.backends.crazyflie.packets import Packet
@@ -30,6 +30,8 @@ HOVER_PATIENCE_S = 0.25
 NOTIFICATIONS = (0.0, 0.02, 0.05)
 """The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`."""
 NOTIFY_AGAIN_S = 0.2
+SILENCE_S = 0.3
+"""In the air, the high-level commander takes over when no setpoint has come for so long, whatever the reason."""
 _STILL = 1e-3
 """Metres, radians and their rates: a setpoint that differs by less is the same."""
 _ALREADY_LANDING = 1
@@ -82,6 +84,8 @@ class Commander:
         self._handover: _Handover | None = None
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
+        self._sent_s: float | None = None
+        """When a setpoint was sent last in this flight."""
         self._notify_s: list[float] = []
         self._answered: tuple[_Handover, int] | None = None
 
@@ -98,6 +102,7 @@ class Commander:
             if not self._passes(setpoint, now_s):
                 return
             packet = self.encoder.encode(setpoint)
+            self._sent_s = now_s
         self._emit_setpoint(packet)
 
     def _passes(self, setpoint: Setpoint, now_s: float) -> bool:
@@ -132,9 +137,15 @@ class Commander:
 
     # --- From the thread that receives --------------------------------------------------------------------------------
 
-    def step(self, requests: Requests, now_s: float, *, is_on_ground: bool) -> None:
-        """Does what is due."""
+    def step(self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None) -> None:
+        """Does what is due. `flying` are its pose and velocity while it is in the air."""
+        is_on_ground = flying is None
         with self._lock:
+            if flying is None:
+                self._sent_s = None
+            elif self._is_silent(now_s):
+                self._last = None
+                self._handover = _Handover(Phase.HOVERING, self.encoder.stop(*flying))
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
             if self._is_hover_due(now_s) and not is_on_ground:
@@ -178,6 +189,11 @@ class Commander:
             return None
         self._handover, self._still_since_s = None, now_s if is_hover else math.inf
         return handover
+
+    def _is_silent(self, now_s: float) -> bool:
+        """Whether setpoints that flew it have stopped, and nothing else flies it."""
+        flies = self._phase is Phase.SETPOINTS and self._handover is None
+        return flies and self._sent_s is not None and now_s - self._sent_s > SILENCE_S
 
     def _is_hover_due(self, now_s: float) -> bool:
         return (

@@ -147,12 +147,19 @@ class Session:
             self._reader.has_rebooted = False
             self.commander.on_reboot()
         if self.is_connected:
-            self.commander.step(self._requests, now_s, is_on_ground=self.telemetry.is_on_ground)
+            self.commander.step(self._requests, now_s, self._flying())
             self._arming.step(now_s, self.firmware.protocol)
         self._requests.step(now_s)
         if has_pose or now_s - self._updated_s >= UPDATE_S:
             self._update(now_s)
             self.commander.finish()
+
+    def _flying(self) -> tuple[Pose, Vector3] | None:
+        """Its pose and velocity; None if it is not known to be in the air."""
+        pose, velocity = self.telemetry.pose, self.telemetry.velocity
+        if pose is None or velocity is None or self.telemetry.is_on_ground:
+            return None
+        return pose.value, velocity.value.linear
 
     def _receive(self) -> bool:
         """Receives what has come. Returns whether a new pose was among it."""

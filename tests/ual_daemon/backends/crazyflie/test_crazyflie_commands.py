@@ -75,6 +75,30 @@ def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> Non
     flown.arm()
 
 
+def test_is_not_locked_by_being_disarmed_as_soon_as_it_has_landed(tmp_path: Path) -> None:
+    """The firmware locks what is disarmed while its supervisor says "flying", which it does for 2 s after a landing."""
+    flown = Flown(tmp_path)
+    flown.take_off(0.5)
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+    flown.end(flown.backend.disarm())
+    assert flown.crazyflie.supervisor is not Supervisor.LOCKED
+    flown.arm()
+
+
+@pytest.mark.parametrize("hovers_by_itself", [True, False])
+def test_it_hovers_by_itself_when_no_setpoints_come(tmp_path: Path, hovers_by_itself: bool) -> None:
+    """Nobody above sends while a value is missing, and a silence of 2 s would stop the motors."""
+    flown = Flown(tmp_path, hovers_by_itself=hovers_by_itself)
+    flown.take_off()
+    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 2.0)
+    flown.run(5.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
+    flown.fly(lambda _: place(0.0, 0.0, 1.0), 4.0)
+    assert flown.crazyflie.place == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+
+
 def test_a_refusal_of_the_firmware_ends_the_command(tmp_path: Path) -> None:
     flown = Flown(tmp_path)
     flown.ready()
