@@ -22,10 +22,10 @@ _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
 
 
-_LEAD, _MOST_LEAD_M_S = 1.5, 4.0
+_LEAD, _MOST_LEAD_M_S = 1.0, 3.0
 """What is sent leads horizontally by so much of what is missing: `simple_flight` follows a velocity in 1.0 s by itself,
-and so in 0.4 s."""
-_CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.5, 2.0
+and so in 0.5 s."""
+_CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.2, 2.0
 """Vertically it follows in 0.3 s by itself, but rises by 0.6 m when it levels out after it has accelerated."""
 
 
@@ -80,13 +80,13 @@ class SetpointSender:
                 )
                 self._sent_at = report.state.timestamp
         except (OSError, ValueError):
-            self._disconnect()
+            self.disconnect()
             raise
 
     def close(self) -> None:
         """Closes the connection for good."""
         self._is_closed = True
-        self._disconnect()
+        self.disconnect()
 
     def _connected(self) -> Connection:
         with self._lock:
@@ -96,7 +96,8 @@ class SetpointSender:
                 self._connection = Connection(self._address)
             return self._connection
 
-    def _disconnect(self) -> None:
+    def disconnect(self) -> None:
+        """Closes the connection; the next use makes a new one."""
         with self._lock:
             connection, self._connection = self._connection, None
         if connection is not None:
