@@ -91,7 +91,7 @@ class AirsimBackend(Backend):
     """One vehicle of a simulator."""
 
     name = "airsim"
-    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+    freshness = Freshness(link_s=2.0, pose_s=2.0, mode_s=2.0, landed_s=2.0, estimator_s=2.0)  # Unreal pauses, too
     outlived = True
 
     def __init__(self, options: BackendOptions) -> None:
