@@ -258,7 +258,7 @@ def test_the_programs_of_the_python_clients_page_run(daemon: DaemonProcess) -> N
     programs = blocks(DOCS / "clients" / "python.md", "python")
     whole = [program for program in programs if "import ual" in program]
     parts = [program for program in programs if "import ual" not in program]
-    assert (len(whole), len(parts)) == (2, 7)
+    assert (len(whole), len(parts)) == (2, 8)
     armed = daemon.wait_for("state", new="LANDED_ARMED")
     for program in whole:  # each takes off and lands, which ends disarmed
         run(program)

@@ -15,7 +15,6 @@ from typing_extensions import Self, override
 
 from ual import _views
 from ual._callbacks import Callbacks, Listener
-from ual._setpoints import CONTINUES_S
 from ual._time_limit import time_limit
 from ual.errors import UalTimeoutError
 from ual.geometry import (
@@ -37,6 +36,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.vehicle.commands import Commands
+from ual_daemon.vehicle.external_poses import CONTINUES_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)

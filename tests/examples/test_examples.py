@@ -8,8 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import ual
 from tests.conftest import DaemonProcess, StartDaemon
 from ual import _discovery
+from ual.simulation import PositionLost
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -55,3 +57,13 @@ def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     assert len(shown) >= 3
     left_m = [float(line.split()[-3]) for line in shown]
     assert left_m == sorted(left_m, reverse=True)
+
+
+def test_external_poses(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    daemon = start_daemon()
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    with ual.Uav() as uav:
+        uav.simulation.begin_fault(PositionLost())
+    daemon.wait_for("state", new="UNINITIALIZED")
+    lines = run("external_poses.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    assert any("LANDED_DISARMED not armed Vector3(x=1.0, y=2.0, z=0.0)" in line for line in lines), lines

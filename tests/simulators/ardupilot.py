@@ -70,6 +70,10 @@ _FAILSAFES = {
 """The sensor that fails, whether the system status gets CRITICAL, and the texts, as recorded."""
 
 
+_MAVLINK, _EXTERNAL_NAVIGATION = 1, 6
+"""VISO_TYPE and EK3_SRC1_POSXY with which it uses poses from outside."""
+
+
 class ArduPilot(Autopilot):
     """An ArduCopter with any number of equal links. If `radio` is given, the pilot's transmitter is there.
 
@@ -78,6 +82,7 @@ class ArduPilot(Autopilot):
     """
 
     autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    external_pose_message = mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE
     flight_sw_version = 0x040603FF
     gps_fix = mavlink.GPS_FIX_TYPE_RTK_FIXED
     vtol_state = mavlink.MAV_VTOL_STATE_MC
@@ -122,6 +127,8 @@ class ArduPilot(Autopilot):
             "PSC_JERK_Z": 5.0,
             "ATC_SLEW_YAW": 6000.0,
             "LAND_SPEED": 50.0,
+            "VISO_TYPE": 0.0,
+            "EK3_SRC1_POSXY": 3.0,
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
             "SIM_SPEEDUP": 1.0,
@@ -163,12 +170,18 @@ class ArduPilot(Autopilot):
         if self._radio is not None:
             self._radio.close()
 
+    def uses(self, message: Message) -> bool:
+        is_set_up = (
+            self.parameters["VISO_TYPE"] == _MAVLINK and self.parameters["EK3_SRC1_POSXY"] == _EXTERNAL_NAVIGATION
+        )
+        return is_set_up and math.isfinite(message.yaw)
+
     # State
 
     @property
     def has_position(self) -> bool:
         """Whether its estimator is good."""
-        return self.now_s >= self.settle_s and self.now_s - self.gps_lost_s < _GPS_FLAGS_S
+        return self.now_s >= self.settle_s and self.unaided_s < _GPS_FLAGS_S
 
     @property
     def is_ready_to_arm(self) -> bool:
@@ -429,7 +442,7 @@ class ArduPilot(Autopilot):
 
     def _watch(self) -> None:
         """Applies failsafes and automatic disarming."""
-        if self.now_s - self.gps_lost_s >= _GPS_FAILSAFE_S and self.mode in _NEEDS_POSITION:
+        if self.unaided_s >= _GPS_FAILSAFE_S and self.mode in _NEEDS_POSITION:
             self.say("EKF Failsafe: changed to LAND Mode")
             self.set_mode(LAND)
         if self._has_radio and self.now_s - self.sticks_s > _RADIO_LOST_S and self.mode not in (LAND, RTL):

@@ -29,6 +29,7 @@ FORCE = 21196.0
 """The second parameter of an arming command that forces arming or disarming."""
 GEOID_SEPARATION_M = 47.4
 STICKS_LOST_S = 0.5
+_EXTERNAL_FRESH_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,8 @@ class Autopilot(ABC):
     kind = mavlink.MAV_TYPE_QUADROTOR
     autopilot: int
     flight_sw_version: int
+    external_pose_message: int
+    """The message by which it takes poses from outside."""
     parameter_type = mavlink.MAV_PARAM_TYPE_REAL32
 
     def __init__(
@@ -93,6 +96,10 @@ class Autopilot(ABC):
         """Whether it knows where it is on Earth; without (indoors), another sensor keeps its position good."""
         self.wander = Wander(wander_m, self.noise)
         self.is_gps_good = True
+        self.external_pose_s = -math.inf
+        """When the last pose came from outside that it uses."""
+        self.external_poses: list[Message] = []
+        """All poses from outside for it, used or not."""
         self.arm_refusal = ""
         """Why it cannot be armed; empty if it can."""
         self.failing_sensors = 0
@@ -112,6 +119,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
+            self.external_pose_message: self._on_external_pose,
         }
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
@@ -229,6 +237,7 @@ class Autopilot(ABC):
         self.armed_s = -math.inf
         self.sticks_s = -math.inf
         self.gps_lost_s = math.inf
+        self.external_pose_s = -math.inf
         self.home = self.position if self.is_gps_good and self.has_satellites else None
         for channel in self.channels:
             channel.boot(self.system_id, self.elapsed_s + self._awake_s)
@@ -251,6 +260,16 @@ class Autopilot(ABC):
         """The estimated velocity."""
         dx, dy, dz = self.wander.velocity
         return plus(plus(self.body.velocity, (dx, dy, dz)), self.velocity_error)
+
+    @property
+    def is_aided(self) -> bool:
+        """Whether GPS, or poses from outside, say where it is."""
+        return self.is_gps_good or self.now_s - self.external_pose_s <= _EXTERNAL_FRESH_S
+
+    @property
+    def unaided_s(self) -> float:
+        """How long it has had neither; negative while it has GPS."""
+        return self.now_s - max(self.gps_lost_s, self.external_pose_s)
 
     @property
     def has_sticks(self) -> bool:
@@ -331,6 +350,20 @@ class Autopilot(ABC):
 
     @abstractmethod
     def _on_local_target(self, message: Message, sender: Sender) -> None: ...
+
+    def _on_external_pose(self, message: Message, sender: Sender) -> None:
+        """Without GPS its estimate is where the pose says."""
+        self.external_poses.append(message)
+        if not self.uses(message):
+            return
+        self.external_pose_s = self.now_s
+        if not self.is_gps_good:
+            dx, dy, dz = self.wander.position
+            self.estimate_error = minus((message.x, message.y, message.z), plus(self.body.position, (dx, dy, dz)))
+
+    def uses(self, message: Message) -> bool:
+        """Whether it is set up to use a pose from outside, and this is one as it takes them."""
+        return False
 
     @abstractmethod
     def _may_stream(self, message_id: int) -> int:

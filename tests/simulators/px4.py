@@ -155,6 +155,7 @@ _USED = frozenset(
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
     }
 )
+_EV_POSITION = 1
 _EVERY_POSITION, _EVERY_VELOCITY, _EVERY_ACCELERATION = 0b111, 0b111 << 3, 0b111 << 6
 _FORCE, _NO_YAW, _NO_YAW_RATE = 1 << 9, 1 << 10, 1 << 11
 
@@ -166,6 +167,7 @@ class Px4(Autopilot):
     """
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
+    external_pose_message = mavlink.MAVLINK_MSG_ID_ODOMETRY
     flight_sw_version = 0x011100FF  # 1.17.0
 
     def __init__(
@@ -209,6 +211,7 @@ class Px4(Autopilot):
             "MPC_LAND_SPEED": 0.7,
             "MIS_TAKEOFF_ALT": 2.5,
             "COM_RC_OVERRIDE": 1,
+            "EKF2_EV_CTRL": 0,
             "MPC_XY_CRUISE": 5.0,
             "COM_OF_LOSS_T": 1.0,
             "GF_ACTION": 2,
@@ -240,6 +243,10 @@ class Px4(Autopilot):
         self._status_changed_s = boot_s
         self._streamed_origin: dict[int, object] = {}
 
+    def uses(self, message: Message) -> bool:
+        is_pose = message.frame_id == mavlink.MAV_FRAME_LOCAL_NED and all(map(math.isfinite, message.q))
+        return is_pose and bool(int(self.parameters["EKF2_EV_CTRL"]) & _EV_POSITION)
+
     # State
 
     @property
@@ -249,7 +256,7 @@ class Px4(Autopilot):
 
     @property
     def is_ready_to_arm(self) -> bool:
-        return self.is_gps_good and not self.arm_refusal
+        return self.is_aided and not self.arm_refusal
 
     @property
     def has_stream(self) -> bool:
@@ -278,7 +285,7 @@ class Px4(Autopilot):
             return False
         if mode == OFFBOARD and self.is_armed and not self.has_stream:
             return False
-        if mode in (POSCTL, LOITER, RTL, TAKEOFF, OFFBOARD) and self.is_armed and not self.is_gps_good:
+        if mode in (POSCTL, LOITER, RTL, TAKEOFF, OFFBOARD) and self.is_armed and not self.is_aided:
             return False
         if mode in (MANUAL, ALTCTL, POSCTL, STABILIZED) and self.is_armed and not self.has_sticks:
             return False
@@ -502,7 +509,7 @@ class Px4(Autopilot):
     def _watch(self) -> None:
         """Applies failsafes and automatic disarming."""
         silence_s = self.now_s - self.setpoint_s
-        is_blind = self.now_s - self.gps_lost_s >= _GPS_FAILSAFE_S
+        is_blind = self.unaided_s >= _GPS_FAILSAFE_S
         wanted = self.failsafe
         if is_blind and self.intention not in (ALTCTL, STABILIZED, MANUAL):
             wanted = ALTCTL
@@ -607,7 +614,7 @@ class Px4(Autopilot):
             # As often as asked for, but no more often than it is published: on a change, or twice a second; in a
             # failsafe, and without a position, always.
             last_s = self._status_s[id(channel)]
-            is_steady = self.failsafe is None and self.now_s - self.gps_lost_s < _GPS_FAILSAFE_S
+            is_steady = self.failsafe is None and self.unaided_s < _GPS_FAILSAFE_S
             if is_steady and self._status_changed_s < last_s and self.now_s - last_s < _STATUS_S - 1e-9:
                 return
             self._status_s[id(channel)] = self.now_s
@@ -661,7 +668,7 @@ class Px4(Autopilot):
         )
 
     def _estimator_status(self) -> Message:
-        if self.now_s - self.gps_lost_s >= _GPS_FLAGS_S:
+        if self.unaided_s >= _GPS_FLAGS_S:
             flags = 0x365
         elif not self.is_armed:
             flags = 0x3FF

@@ -47,9 +47,10 @@ class Outside:
         self._thread.join()
 
     @property
-    def pose(self) -> Pose | None:
-        """Where it really is; None until that is known."""
-        return None if self._newest is None else self._newest.pose
+    def pose(self) -> Pose:
+        """Where it really is."""
+        assert self._newest is not None
+        return self._newest.pose
 
     def _hear(self, message: Message) -> None:
         if isinstance(message, mavlink.MAVLink_hil_state_quaternion_message):

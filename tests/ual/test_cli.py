@@ -937,6 +937,30 @@ def test_the_world_of_a_simulated_uav_is_set(daemon: DaemonProcess) -> None:
     assert (refused.exit_code, refused.stderr.startswith("ual: WRONG_STATE: ")) == (1, True)
 
 
+def test_the_parts_of_a_simulation_are_listed_and_the_uav_is_placed(daemon: DaemonProcess) -> None:
+    del daemon
+    assert done("sim", "parts").splitlines() == ["faults", "noise", "pilot", "place", "time", "wind"]
+    done("sim", "place", "5", "-2", "--yaw", "90deg")
+    (sample,) = done_json("watch", "--once")
+    assert sample["pose"]["position"] == {"x": 5.0, "y": -2.0, "z": 0.0}
+
+
+def test_poses_of_a_file_are_given_as_poses_from_outside(daemon: DaemonProcess, tmp_path: Path) -> None:
+    del daemon
+    file = tmp_path / "poses.csv"
+    file.write_text("# x,y,z,yaw\n1,2,0,90deg\n\n1,2,0,0,0,0,1  # the same, as a quaternion\n")
+    assert done_json("extpose", "--file", str(file), "--rate", "200") == [{"done": "extpose", "sent_count": 2}]
+    assert done("extpose", "--file", "-", "--std-dev", "0.01", stdin="1,2,0,0\n") == "1 poses given\n"
+
+
+@pytest.mark.parametrize("line", ["1,2,0", "1,2,0,0,1", "1,2,x,0"])
+def test_a_pose_that_cannot_be_read_is_named(daemon: DaemonProcess, line: str) -> None:
+    del daemon
+    refused = run("extpose", "--file", "-", stdin=f"{line}\n")
+    assert refused.exit_code == 1
+    assert f"standard input, line 1: '{line}' is neither X,Y,Z,YAW nor" in refused.stderr
+
+
 def test_check_asks_before_anything_moves(daemon: DaemonProcess) -> None:
     result = run("check", stdin="n\n")
     assert result.exit_code == 1

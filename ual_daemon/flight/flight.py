@@ -97,7 +97,8 @@ class Flight:
 
     def _explained(self, found: Estimate, snapshot: Snapshot) -> Estimate:
         """Returns the same. Where there is no position, its reason says that the poses from outside have stopped."""
-        if found.state is not State.UNINITIALIZED or not found.is_link_up:
+        estimator = snapshot.estimator
+        if found.state is not State.UNINITIALIZED or estimator is None or estimator.value.is_good:
             return found
         silence = self.external_silence.words(snapshot.time_s)
         return replace(found, why=found.why + silence) if silence else found

@@ -18,6 +18,8 @@ from ual_daemon.vehicle.preconditions import Preconditions
 
 _log = logging.getLogger(__name__)
 
+CONTINUES_S = 0.5
+"""A pose that a caller gives within this time of its last one belongs to a stream; the client has the same."""
 _MOST_STD_DEV = 1000.0
 _NAME = "set_external_pose"
 

@@ -33,7 +33,7 @@ from ual.simulation import (
 def sim() -> None:
     """Control the world around a simulated UAV.
 
-    That is its safety pilot, faults, time, noise and wind.
+    That is its safety pilot, faults, time, noise, wind and place. A simulation may offer any of these parts.
     """
 
 
@@ -115,6 +115,31 @@ def wind(session: Session, x: float, y: float, z: float) -> None:
     with session.connect() as uav:
         uav.simulation.set_wind(Vector3(x, y, z))
     session.emit({"done": "sim wind"}, "wind set")
+
+
+@sim.command("place", cls=UalCommand, examples=("ual sim place 2 -1",))
+@click.argument("x", type=values.number)
+@click.argument("y", type=values.number)
+@click.argument("z", type=values.number, default=0.0)
+@click.option("--yaw", type=values.angle, default="0", help="Its heading, counter-clockwise from east: 90deg or 1.57.")
+@pass_session
+def place(session: Session, x: float, y: float, z: float, yaw: float) -> None:
+    """Put the UAV on the ground at X Y Z, disarmed and at rest.
+
+    X, Y and Z are metres east, north and up from where <ns>/odom began.
+    """
+    with session.connect() as uav:
+        uav.simulation.place_on_ground(Vector3(x, y, z), yaw)
+    session.emit({"done": "sim place"}, "placed")
+
+
+@sim.command("parts", cls=UalCommand, examples=("ual sim parts",))
+@pass_session
+def parts(session: Session) -> None:
+    """List the parts of the world that this simulation offers."""
+    with session.connect() as uav:
+        names = sorted(part.name.lower() for part in uav.simulation.parts())
+    session.emit({"parts": names}, "\n".join(names))
 
 
 @sim.group("fault", cls=UalGroup, examples=("ual sim fault begin link-lost --for 3",))

@@ -63,6 +63,7 @@ def info(session: Session) -> None:
         ("url", found.url),
         ("daemon", found.ual_version),
         ("can", ", ".join(sorted(capability.name for capability in found.capabilities))),
+        ("safety pilot", "can take over" if found.has_safety_pilot else "none: abort ends take-offs and landings, too"),
         ("arming", "permitted" if found.is_arming_allowed else "by the safety pilot only"),
         ("horizontal speed", f"{limits.horizontal_speed_m_s:g} m/s"),
         ("horizontal acceleration", f"{limits.horizontal_acceleration_m_s2:g} m/s²"),

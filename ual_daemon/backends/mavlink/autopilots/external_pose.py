@@ -29,7 +29,7 @@ def encode_odometry(measured: ExternalPose) -> Message:
         *position,
         [q.w, q.x, q.y, q.z],
         *(nan, nan, nan, nan, nan, nan),
-        _covariance(measured),
+        _covariance(measured, unknown=nan),
         [nan] * _SIZE,
         measured.resets_count & 0xFF,
         mavlink.MAV_ESTIMATOR_TYPE_VISION,
@@ -37,7 +37,11 @@ def encode_odometry(measured: ExternalPose) -> Message:
 
 
 def encode_vision_position_estimate(measured: ExternalPose) -> Message:
-    """Returns VISION_POSITION_ESTIMATE: ArduPilot would take velocities of ODOMETRY, whatever they are."""
+    """Returns VISION_POSITION_ESTIMATE: ArduPilot would take velocities of ODOMETRY, whatever they are.
+
+    A variance that is not a number is an internal error to it, after which it cannot be armed before its next boot. It
+    takes none smaller than its parameters say.
+    """
     position = enu_to_ned(measured.pose.position)
     roll_rad, pitch_rad, yaw_rad = _to_ned(measured.pose.orientation).to_euler()
     return mavlink.MAVLink_vision_position_estimate_message(
@@ -46,7 +50,7 @@ def encode_vision_position_estimate(measured: ExternalPose) -> Message:
         roll_rad,
         pitch_rad,
         yaw_rad,
-        _covariance(measured),
+        _covariance(measured, unknown=0.0),
         measured.resets_count & 0xFF,
     )
 
@@ -60,13 +64,13 @@ def _micros(measured: ExternalPose) -> int:
     return max(1, round(measured.stamp_s * 1e6))
 
 
-def _covariance(measured: ExternalPose) -> list[float]:
-    """Returns the variances; not a number where they are not known, so that the autopilot's parameters hold."""
+def _covariance(measured: ExternalPose, *, unknown: float) -> list[float]:
+    """Returns the variances; `unknown` for those that are not known, so that the autopilot's parameters hold."""
     covariance = [0.0] * _SIZE
     for diagonal, std_dev in (
         (_POSITION_DIAGONAL, measured.position_std_dev_m),
         (_ORIENTATION_DIAGONAL, measured.orientation_std_dev_rad),
     ):
         for i in diagonal:
-            covariance[i] = math.nan if std_dev is None else std_dev * std_dev
+            covariance[i] = unknown if std_dev is None else std_dev * std_dev
     return covariance

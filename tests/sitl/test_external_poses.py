@@ -1,0 +1,101 @@
+"""Real autopilots in simulation that lose GPS in flight and fly on poses from outside: their true poses, with noise."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.sitl.flights import Flight
+from tests.sitl.outside import NOISE_M, RATE_HZ, Outside
+from tests.sitl.simulators import Simulator
+from tests.sitl.transmitter import Transmitter
+from tests.sitl.troubles import trouble
+from ual.geometry import Pose
+from ual.types import GpsFix, State
+
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
+
+_EV_CTRL = "EKF2_EV_CTRL"
+_POSITION_HEIGHT_YAW = 11
+_SET_EKF_SOURCE_SET, _GPS_SET, _OUTSIDE_SET = 42007, 1.0, 2.0
+_PREPARED = "UAL_TEST_ARDUPILOT_VISO"
+"""ArduPilot reads VISO_TYPE only when it boots."""
+BLIND_S = 12.0
+"""Neither autopilot flies as long without a position. PX4 goes from GPS to the poses after 8 s of these."""
+SETTLED_M = 0.6
+
+
+@contextmanager
+def poses_used(simulator: Simulator, pilot: Transmitter) -> Iterator[None]:
+    """The autopilot uses poses from outside until the end of the block."""
+    is_px4 = simulator.autopilot == "PX4"
+    try:
+        if is_px4:
+            pilot.set_integer(_EV_CTRL, _POSITION_HEIGHT_YAW)
+        yield
+    finally:
+        if is_px4:
+            pilot.set_integer(_EV_CTRL, 0)
+        else:
+            pilot.order(_SET_EKF_SOURCE_SET, (_GPS_SET,))
+
+
+def test_it_flies_on_and_lands_on_poses_from_outside(flight: Flight, simulator: Simulator) -> None:
+    uav, pilot = flight.uav, flight.pilot
+    if simulator.autopilot != "PX4" and not os.environ.get(_PREPARED):
+        pytest.skip(f"start it with VISO_TYPE 1 and EK3_SRC2_POSXY 6 (docs/backends/mavlink.md), and set {_PREPARED}=1")
+    source = Outside(uav, pilot, flight.position())
+    ground_m = flight.position().z
+    try:
+        with poses_used(simulator, pilot):
+            flight.take_off()
+            if simulator.autopilot != "PX4":
+                pilot.order(_SET_EKF_SOURCE_SET, (_OUTSIDE_SET,))
+            with trouble(pilot, simulator.autopilot, "position failsafe"):
+                fly_without_gps(flight, source, simulator, ground_m)
+                source.is_on = False
+                flight.wait_for(lambda: not uav.is_ready(), "the loss of its position")
+                assert "; no poses from outside for " in uav.telemetry().state_reason
+    finally:
+        source.close()
+    assert source.refusals == []
+    flight.wait_for(uav.is_ready, "its position by GPS")
+
+
+def fly_without_gps(flight: Flight, source: Outside, simulator: Simulator, ground_m: float) -> None:
+    uav = flight.uav
+    flight.wait_for(lambda: fix_of(flight) <= GpsFix.NONE, "the loss of GPS")
+    lost_s = time.monotonic()
+    flight.wait_for(lambda: time.monotonic() - lost_s > BLIND_S and off_m(flight, source) < SETTLED_M, "its new place")
+    assert uav.state() is State.FLYING_AUTO
+    here = flight.position()
+    goal = Pose.at(here.x + 4.0, here.y + 3.0, here.z)
+    uav.go_to_waypoint(goal)
+    beside_m = (source.pose.position - goal.position).norm()
+    off = []
+    for _ in range(100):
+        off.append(off_m(flight, source))
+        time.sleep(0.05)
+    uav.land()
+    flight.wait_for_state(State.LANDED_DISARMED)
+    print(
+        f"{simulator.autopilot} on {source.given_count} poses ({RATE_HZ:g} Hz, {NOISE_M * 1e3:g} mm): truly "
+        f"{beside_m:.2f} m beside the goal; estimate off by {sum(off) / len(off):.2f} m, {max(off):.2f} m at most; "
+        f"landed at {source.pose.position.z - ground_m:.2f} m"
+    )
+    assert beside_m < simulator.wanders_m
+    assert abs(source.pose.position.z - ground_m) < 0.5
+
+
+def off_m(flight: Flight, source: Outside) -> float:
+    """How far the estimate is from where it really is."""
+    return (flight.position() - source.pose.position).norm()
+
+
+def fix_of(flight: Flight) -> GpsFix:
+    gps = flight.uav.telemetry().gps
+    return GpsFix.RTK_FIXED if gps is None else gps.fix

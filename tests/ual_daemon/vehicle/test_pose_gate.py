@@ -1,0 +1,79 @@
+"""Which poses from outside go to the autopilot."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from ual.geometry import Pose, Quaternion, Vector3
+from ual_daemon.vehicle.pose_gate import FUTURE_S, OLDEST_S, SETTLED_S, PoseGate
+
+PERIOD_S = 0.02
+
+
+def at(x: float, yaw_rad: float = 0.0) -> Pose:
+    return Pose(Vector3(x, 0.0, 1.0), Quaternion.from_yaw(yaw_rad))
+
+
+@pytest.mark.parametrize(("age_s", "why"), [(OLDEST_S + 0.01, "it is old"), (-FUTURE_S - 0.01, "it is in the future")])
+def test_old_poses_and_those_of_the_future_are_untimely(age_s: float, why: str) -> None:
+    drop = PoseGate().untimely(10.0 - age_s, 10.0)
+    assert drop is not None
+    assert drop.why == why
+
+
+@pytest.mark.parametrize("age_s", [OLDEST_S - 0.001, 0.0, -FUTURE_S + 0.001])
+def test_those_of_the_present_are_timely(age_s: float) -> None:
+    assert PoseGate().untimely(10.0 - age_s, 10.0) is None
+
+
+def test_stamps_must_not_run_back_but_the_same_one_may_come_twice() -> None:
+    gate = PoseGate()
+    assert gate.jump(at(0.0), 10.0, 0.0) is None
+    assert gate.untimely(10.0 - 1e-5, 10.0) is None
+    drop = gate.untimely(9.99, 10.0)
+    assert drop is not None
+    assert drop.why == "it is older than the one before"
+
+
+def test_flown_motion_passes() -> None:
+    gate = PoseGate()
+    for number in range(200):
+        assert gate.jump(at(25.0 * number * PERIOD_S, 6.0 * number * PERIOD_S), number * PERIOD_S, 0.0) is None
+    assert gate.resets_count == 0
+
+
+@pytest.mark.parametrize("there", [at(2.0), at(0.0, math.pi)], ids=["place", "orientation"])
+def test_a_moment_elsewhere_is_dropped(there: Pose) -> None:
+    gate = PoseGate()
+    for number in range(100):
+        drop = gate.jump(there if number == 50 else at(0.0), number * PERIOD_S, 0.0)
+        assert (drop is not None) == (number == 50)
+    assert gate.resets_count == 0
+
+
+def test_inaccurate_poses_may_wander_more() -> None:
+    precise, inaccurate = PoseGate(), PoseGate()
+    precise.jump(at(0.0), 0.0, 0.0)
+    inaccurate.jump(at(0.0), 0.0, 0.5)
+    assert precise.jump(at(1.5), PERIOD_S, 0.0) is not None
+    assert inaccurate.jump(at(1.5), PERIOD_S, 0.5) is None
+
+
+def test_poses_that_go_on_elsewhere_are_taken_as_a_reset() -> None:
+    gate = PoseGate()
+    gate.jump(at(0.0), 0.0, 0.0)
+    taken_s = next(
+        number * PERIOD_S
+        for number in range(1, 500)
+        if gate.jump(at(60.0 + 0.01 * number), number * PERIOD_S, 0.0) is None
+    )
+    assert taken_s == pytest.approx(SETTLED_S, abs=2 * PERIOD_S)
+    assert gate.resets_count == 1
+
+
+def test_poses_that_jump_about_are_never_taken() -> None:
+    gate = PoseGate()
+    gate.jump(at(0.0), 0.0, 0.0)
+    assert all(gate.jump(at(1000.0 * (number % 2) + 500.0), number * PERIOD_S, 0.0) for number in range(1, 500))
