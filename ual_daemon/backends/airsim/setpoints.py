@@ -15,9 +15,10 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpo
 
 DURATION_S = 0.5
 """How long a velocity is flown, in simulated time, unless a newer one comes."""
-_MOST_UNANSWERED = 3
-"""A call lasts until the next one replaces it. While time stands still none ends, and each holds one of the few threads
-of the simulator: it has four more than vehicles."""
+_MOST_UNANSWERED = 1
+"""A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
+first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
+still, no call ends."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
 
@@ -74,7 +75,7 @@ class SetpointSender:
         try:
             connection = self._connected()
             connection.drain()
-            if connection.unwanted_count < _MOST_UNANSWERED:
+            if connection.unwanted_count <= _MOST_UNANSWERED:
                 connection.post(
                     "moveByVelocity", *move_arguments(led(setpoint, report.velocity.linear), self._vehicle())
                 )

@@ -129,7 +129,7 @@ def channels(**arguments: Any) -> Sticks:
 
 
 def test_the_pilot_hovers_with_centred_sticks() -> None:
-    assert channels() == Sticks(up=pytest.approx(0.61))
+    assert tuple(channels()) == pytest.approx((0.0, 0.0, 0.61, 0.0))
 
 
 def test_the_pilot_flies_ahead_where_the_nose_points() -> None:
