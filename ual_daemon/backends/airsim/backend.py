@@ -56,7 +56,7 @@ _LIMITS = Limits(
     vertical_acceleration_m_s2=1.5,
     yaw_rate_rad_s=1.0,
 )
-_GAINS = VelocityGains(position_per_s=1.0, yaw_per_s=1.5, response_s=0.4)
+_GAINS = VelocityGains(position_per_s=0.9, yaw_per_s=1.5, response_s=0.5)
 _CAPABILITIES = frozenset(
     {
         Capability.ARM,
@@ -91,7 +91,7 @@ class AirsimBackend(Backend):
     """One vehicle of a simulator."""
 
     name = "airsim"
-    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=1.0)
+    freshness = Freshness(link_s=2.0, pose_s=2.0, mode_s=2.0, landed_s=2.0, estimator_s=2.0)  # Unreal pauses, too
     outlived = True
 
     def __init__(self, options: BackendOptions) -> None:
@@ -99,8 +99,14 @@ class AirsimBackend(Backend):
         self._settings = convert(options.settings, AirsimSettings, SECTION)
         self._address = parse_address(options.url or DEFAULT_URL)
         self.clock = self._clock = SimulatorClock()
-        self._link = SimulatorLink(self._address, self._settings.vehicle_name, self._settings.rate_hz, self._update)
-        self._link.on_report = self._take
+        self._link = SimulatorLink(
+            self._address,
+            self._settings.vehicle_name,
+            self._settings.rate_hz,
+            self._renew,
+            self._take,
+            self._update,
+        )
         self._commands = CommandQueue(self._address, f"airsim commands {options.ns}")
         self._procedures = Procedures(self._vehicle)
         self._sender = SetpointSender(self._address, self._vehicle, self._newest)
@@ -234,6 +240,11 @@ class AirsimBackend(Backend):
     def _is_on_ground(self) -> bool:
         report = self._newest()
         return report is not None and report.is_on_ground(self._settings.mass_kg)
+
+    def _renew(self) -> None:
+        """Has the other connections made anew, as the link's was: the old ones are lost as well."""
+        self._commands.disconnect()
+        self._sender.disconnect()
 
     def _take(self, report: Report) -> None:
         """Takes what the simulator reports; runs on the link's thread."""

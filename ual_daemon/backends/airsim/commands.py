@@ -51,7 +51,7 @@ class CommandQueue:
         """Ends the thread; the command that waits for its answer is given up."""
         self._is_closed = True
         self._queue.put(None)
-        self._disconnect()
+        self.disconnect()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
 
@@ -60,7 +60,7 @@ class CommandQueue:
             action, answer = item
             if not answer.cancelled():
                 self._execute(action, answer)
-        self._disconnect()
+        self.disconnect()
 
     def _execute(self, action: Action, answer: Future[None]) -> None:
         try:
@@ -69,7 +69,7 @@ class CommandQueue:
             text = str(error)
             _end(answer, RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text}))
         except (OSError, ValueError) as error:  # the answer is lost
-            self._disconnect()
+            self.disconnect()
             if not self._is_closed:
                 logs.event(_log, logging.WARNING, "command_not_answered", why=str(error) or repr(error))
         else:
@@ -84,7 +84,8 @@ class CommandQueue:
             self._connection = connection
         return connection
 
-    def _disconnect(self) -> None:
+    def disconnect(self) -> None:
+        """Closes the connection; the next use makes a new one."""
         with self._lock:
             connection, self._connection = self._connection, None
         if connection is not None:

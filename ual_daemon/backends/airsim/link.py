@@ -42,16 +42,26 @@ class WrongVehicleError(Exception):
 class SimulatorLink:
     """One thread, which connects, polls, and calls `on_poll` after each answer, and every 0.1 s without one."""
 
-    def __init__(self, address: Address, vehicle_name: str, rate_hz: float, on_poll: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        address: Address,
+        vehicle_name: str,
+        rate_hz: float,
+        on_connect: Callable[[], None],
+        on_report: Callable[[Report], None],
+        on_poll: Callable[[], None],
+    ) -> None:
+        """`on_connect` is called after each connection, before its first report."""
         self._address = address
         self._vehicle_name = vehicle_name
         self._period_s = 1.0 / rate_hz
+        self._on_connect = on_connect
+        self._on_report = on_report
         self._on_poll = on_poll
         self._closing = threading.Event()
         self._connection: Connection | None = None
         self._thread = threading.Thread(target=self._run, name=f"airsim {address}", daemon=True)
         self._was_refused = self._was_connected = False
-        self.on_report: Callable[[Report], None] = lambda _: None
         self.simulator: Simulator | None = None
         """None until the first connection; then what the newest one has found."""
         self.is_up = False
@@ -103,7 +113,7 @@ class SimulatorLink:
         state = connection.answer(State, number, _CALL_S)
         rotors = connection.call(Rotors, _CALL_S, "getRotorStates", vehicle)
         has_api_control = connection.call(bool, _CALL_S, "isApiControlEnabled", vehicle)
-        self.on_report(Report(state, rotors, has_api_control))
+        self._on_report(Report(state, rotors, has_api_control))
 
     def _wait(self, connection: Connection, number: int) -> None:
         """Waits for an answer, with updates meanwhile.
@@ -137,6 +147,7 @@ class SimulatorLink:
         assert self.simulator is not None
         if self._was_connected and self._was_refused:
             self.starts_count += 1
+        self._on_connect()
         self._was_connected, self._was_refused, self.is_up, self.why_not = True, False, True, ""
         logs.event(_log, logging.INFO, "simulator_connected", url=str(self._address), vehicle=self.simulator.vehicle)
 

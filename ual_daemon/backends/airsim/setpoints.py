@@ -15,17 +15,18 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpo
 
 DURATION_S = 0.5
 """How long a velocity is flown, in simulated time, unless a newer one comes."""
-_MOST_UNANSWERED = 3
-"""A call lasts until the next one replaces it. While time stands still none ends, and each holds one of the few threads
-of the simulator: it has four more than vehicles."""
+_MOST_UNANSWERED = 1
+"""A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
+first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
+still, no call ends."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
 
 
-_LEAD, _MOST_LEAD_M_S = 1.5, 4.0
+_LEAD, _MOST_LEAD_M_S = 1.0, 3.0
 """What is sent leads horizontally by so much of what is missing: `simple_flight` follows a velocity in 1.0 s by itself,
-and so in 0.4 s."""
-_CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.5, 2.0
+and so in 0.5 s."""
+_CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.2, 2.0
 """Vertically it follows in 0.3 s by itself, but rises by 0.6 m when it levels out after it has accelerated."""
 
 
@@ -74,19 +75,19 @@ class SetpointSender:
         try:
             connection = self._connected()
             connection.drain()
-            if connection.unwanted_count < _MOST_UNANSWERED:
+            if connection.unwanted_count <= _MOST_UNANSWERED:
                 connection.post(
                     "moveByVelocity", *move_arguments(led(setpoint, report.velocity.linear), self._vehicle())
                 )
                 self._sent_at = report.state.timestamp
         except (OSError, ValueError):
-            self._disconnect()
+            self.disconnect()
             raise
 
     def close(self) -> None:
         """Closes the connection for good."""
         self._is_closed = True
-        self._disconnect()
+        self.disconnect()
 
     def _connected(self) -> Connection:
         with self._lock:
@@ -96,7 +97,8 @@ class SetpointSender:
                 self._connection = Connection(self._address)
             return self._connection
 
-    def _disconnect(self) -> None:
+    def disconnect(self) -> None:
+        """Closes the connection; the next use makes a new one."""
         with self._lock:
             connection, self._connection = self._connection, None
         if connection is not None:

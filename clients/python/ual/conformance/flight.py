@@ -126,8 +126,10 @@ class Flight:
     ) -> None:
         self.uav = uav
         self.info = uav.info()
-        self.has_pilot = _has_pilot(uav)
-        self.tolerances = tolerances or (Tolerances.of_simulation() if self.has_pilot else Tolerances())
+        self.has_pilot = _offers(uav, SimulationPart.PILOT)
+        # A simulation that offers noise has none unless it is asked for, as the light one.
+        is_exact = _offers(uav, SimulationPart.NOISE)
+        self.tolerances = tolerances or (Tolerances.of_simulation() if is_exact else Tolerances())
         self._ask_operator = ask_operator
         self._observer: Observer | None = None
         self._place = Vector3()
@@ -438,8 +440,8 @@ def describe(sample: Telemetry) -> str:
     )
 
 
-def _has_pilot(uav: Uav) -> bool:
+def _offers(uav: Uav, part: SimulationPart) -> bool:
     try:
-        return SimulationPart.PILOT in uav.simulation.parts()
+        return part in uav.simulation.parts()
     except NotSupportedError:
         return False

@@ -1,0 +1,251 @@
+"""A small AirSim: its RPC server (MessagePack-RPC over TCP) with some vehicles, and faults.
+
+Its time advances by a fixed step whenever the first vehicle's state is read: a test on a busy computer only takes
+longer. Nothing else waits for time but calls that last (``moveByVelocity``), which are answered when they end.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+from typing_extensions import Self
+
+from tests.simulators.airsim import STEP_S, Vehicle
+from tests.simulators.physics import Target
+from ual_daemon.backends.airsim.framing import message_end
+
+EPOCH_S = 1_700_000_000.0
+_SPARE_WORKERS = 4
+
+
+class Peer:
+    """One connection."""
+
+    def __init__(self, accepted: socket.socket) -> None:
+        self.socket = accepted
+        self.received = bytearray()
+        self.is_open = True
+
+    def answer(self, number: int, error: object, result: object) -> None:
+        if self.is_open:
+            try:
+                self.socket.sendall(msgspec.msgpack.encode((1, number, error, result)))
+            except OSError:
+                self.is_open = False
+
+
+class AirsimServer:
+    """Serves from one thread until it is closed. `port` 0 takes any."""
+
+    def __init__(
+        self, vehicles: list[Vehicle], port: int = 0, *, steps_per_poll: int = 2, clock_speed: float = 5.0
+    ) -> None:
+        self.vehicles = {each.name: each for each in vehicles}
+        self.epoch_s = EPOCH_S
+        self.is_paused = False
+        self.is_silent = False
+        """Takes requests and answers nothing, until this is False again: then all at once, late."""
+        self.calls: list[tuple[str, tuple[Any, ...]]] = []
+        self._late: list[Callable[[], None]] = []
+        self._steps_per_poll = steps_per_poll
+        self._clock_speed = clock_speed
+        self._pending = 0
+        self._waiting: list[tuple[Peer, int, str, list[Any]]] = []
+        self._lock = threading.Lock()
+        self._selector = selectors.DefaultSelector()
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name="airsim server", daemon=True)
+        self.port = int(self._listener.getsockname()[1])
+        self._thread.start()
+
+    @property
+    def pending_count(self) -> int:
+        """How many calls last."""
+        return self._pending
+
+    @property
+    def url(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends as a killed simulator does: all its connections close."""
+        self._is_closing = True
+        self._thread.join()
+
+    def run(self, duration_s: float) -> None:
+        """Lets time pass."""
+        with self._lock:
+            self._advance(round(duration_s / STEP_S))
+
+    def drop_connections(self) -> None:
+        """Closes all connections, and goes on."""
+        with self._lock:
+            for key in list(self._selector.get_map().values()):
+                if isinstance(key.data, Peer):
+                    key.data.socket.shutdown(socket.SHUT_RDWR)
+
+    def _run(self) -> None:
+        while not self._is_closing:
+            events = self._selector.select(0.02)
+            with self._lock:
+                for key, _ in events:
+                    self._serve(key.data)
+                if not self.is_silent:
+                    late, self._late = self._late, []
+                    for answer in late:
+                        answer()
+        for key in list(self._selector.get_map().values()):
+            key.fileobj.close()  # type: ignore[union-attr]
+        self._selector.close()
+
+    def _serve(self, peer: Peer | None) -> None:
+        if peer is None:
+            accepted, _ = self._listener.accept()
+            accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._selector.register(accepted, selectors.EVENT_READ, Peer(accepted))
+            return
+        try:
+            data = peer.socket.recv(1 << 16)
+        except OSError:
+            data = b""
+        if not data:
+            peer.is_open = False
+            self._selector.unregister(peer.socket)
+            peer.socket.close()
+            return
+        peer.received += data
+        while (end := message_end(peer.received)) is not None and end:
+            _, number, method, arguments = msgspec.msgpack.decode(bytes(peer.received[:end]))
+            del peer.received[:end]
+            self._begin(peer, number, method, arguments)
+
+    def _begin(self, peer: Peer, number: int, method: str, arguments: list[Any]) -> None:
+        """Executes a call if one of the server's threads is free."""
+        if self._pending >= len(self.vehicles) + _SPARE_WORKERS:
+            self._waiting.append((peer, number, method, arguments))
+            return
+        if method not in ("getMultirotorState", "getRotorStates", "isApiControlEnabled", "moveByVelocity", "moveByRC"):
+            self.calls.append((method, tuple(arguments)))
+        if method == "moveByVelocity":
+            self._move(peer, number, arguments)
+            return
+        try:
+            result = getattr(self, f"_rpc_{method}")(*arguments)
+        except AttributeError:
+            self._answer(
+                peer, number, f"rpclib: server could not find function '{method}' with argument count 1.", None
+            )
+        except KeyError:
+            words = f"Vehicle API for '{arguments[-1]}' is not available."
+            prefix = f"rpclib: function '{method}' threw an exception. The exception contained this information: "
+            self._answer(peer, number, prefix + words, None)
+        else:
+            self._answer(peer, number, None, result)
+
+    def _answer(self, peer: Peer, number: int, error: object, result: object) -> None:
+        if self.is_silent:
+            self._late.append(lambda: peer.answer(number, error, result))
+        else:
+            peer.answer(number, error, result)
+
+    def _move(self, peer: Peer, number: int, arguments: list[Any]) -> None:
+        north, east, down, duration_s, _, yaw_mode, name = arguments
+        vehicle = self.vehicles[name]
+        target = Target((None, None, None), (north, east, down), yaw_rate_rad_s=math.radians(yaw_mode["yaw_or_rate"]))
+        self._pending += 1
+
+        def ended(result: bool) -> None:
+            self._pending -= 1
+            self._answer(peer, number, None, result)
+            if self._waiting:
+                self._begin(*self._waiting.pop(0))
+
+        if self.is_paused:  # no call ends while time stands still, and this one waits for the one before
+            return
+        vehicle.move(target, duration_s, ended)
+
+    def _advance(self, steps: int) -> None:
+        for _ in range(steps):
+            for vehicle in self.vehicles.values():
+                vehicle.step()
+
+    # --- The methods, by their names on the wire ----------------------------------------------------------------------
+
+    def _rpc_getMultirotorState(self, name: str) -> dict[str, Any]:  # noqa: N802
+        vehicle = self.vehicles[name]
+        if vehicle is next(iter(self.vehicles.values())) and not self.is_paused and not self.is_silent:
+            self._advance(self._steps_per_poll)
+        return vehicle.state(self.epoch_s)
+
+    def _rpc_getRotorStates(self, name: str) -> dict[str, Any]:  # noqa: N802
+        return self.vehicles[name].rotors()
+
+    def _rpc_isApiControlEnabled(self, name: str) -> bool:  # noqa: N802
+        return self.vehicles[name].has_api_control
+
+    def _rpc_enableApiControl(self, is_enabled: bool, name: str) -> None:  # noqa: N802
+        self.vehicles[name].enable_api_control(is_enabled)
+
+    def _rpc_armDisarm(self, arms: bool, name: str) -> bool:  # noqa: N802
+        vehicle = self.vehicles[name]
+        return vehicle.arm() if arms else vehicle.disarm()
+
+    def _rpc_moveByRC(self, data: dict[str, Any], name: str) -> None:  # noqa: N802
+        vehicle = self.vehicles[name]
+        if vehicle.keeps_rc:
+            vehicle.rc = data
+
+    def _rpc_listVehicles(self) -> list[str]:  # noqa: N802
+        return list(self.vehicles)
+
+    def _rpc_getHomeGeoPoint(self, name: str) -> dict[str, float]:  # noqa: N802
+        latitude, longitude, altitude = self.vehicles[name].home
+        return {"latitude": latitude, "longitude": longitude, "altitude": altitude}
+
+    def _rpc_getServerVersion(self) -> int:  # noqa: N802
+        return 4
+
+    def _rpc_getSettingsString(self) -> str:  # noqa: N802
+        return json.dumps({"SettingsVersion": 2.0, "ClockSpeed": self._clock_speed})
+
+    def _rpc_simPause(self, is_paused: bool) -> None:  # noqa: N802
+        self.is_paused = is_paused
+
+    def _rpc_simIsPaused(self) -> bool:  # noqa: N802
+        return self.is_paused
+
+    def _rpc_simContinueForTime(self, duration_s: float) -> None:  # noqa: N802
+        self._advance(round(duration_s / STEP_S))
+
+    def _rpc_simSetWind(self, wind: dict[str, float]) -> None:  # noqa: N802
+        for vehicle in self.vehicles.values():
+            vehicle.wind = (wind["x_val"], wind["y_val"], wind["z_val"])
+
+    def _rpc_simSetKinematics(self, state: dict[str, Any], _: bool, name: str) -> None:  # noqa: N802
+        position, rotation = state["position"], state["orientation"]
+        yaw_rad = 2.0 * math.atan2(rotation["z_val"], rotation["w_val"])
+        self.vehicles[name].place((position["x_val"], position["y_val"], position["z_val"]), yaw_rad)
+
+
+def wait_until(condition: Callable[[], bool], what: str, limit_s: float = 60.0) -> None:
+    """Waits for a condition, and fails if it does not come true."""
+    deadline_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline_s, what
+        time.sleep(0.01)

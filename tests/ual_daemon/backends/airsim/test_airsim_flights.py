@@ -1,0 +1,256 @@
+"""Flights with a small AirSim: its quirks, and what goes wrong."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import pytest
+
+from tests.simulators.airsim import Vehicle
+from tests.simulators.airsim_server import AirsimServer, wait_until
+from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
+from ual.geometry import Pose, Vector3
+from ual.types import State
+from ual_daemon import UAL
+from ual_daemon.backends.airsim import AirsimBackend
+from ual_daemon.backends.base import BackendOptions
+
+RATE_HZ = 25.0
+FLYING = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
+
+
+@contextmanager
+def connected(url: str, ns: str = "uav_1", **settings: Any) -> Iterator[UAL]:
+    with UAL("airsim", ns, url=url, backend_settings={"rate_hz": RATE_HZ, **settings}) as uav:
+        yield uav
+
+
+@pytest.fixture
+def vehicle() -> Vehicle:
+    return Vehicle("Drone1")
+
+
+@pytest.fixture
+def server(vehicle: Vehicle) -> Iterator[AirsimServer]:
+    with AirsimServer([vehicle]) as server:
+        yield server
+
+
+@pytest.fixture
+def uav(server: AirsimServer) -> Iterator[UAL]:
+    with connected(server.url) as uav:
+        wait_until(uav.is_ready, "it is not ready")
+        yield uav
+
+
+def wait_for(uav: UAL, *states: State) -> None:
+    wait_until(lambda: uav.state() in states, f"{uav.ns} is {uav.state()}")
+
+
+def calls(server: AirsimServer, method: str) -> int:
+    return sum(name == method for name, _ in server.calls)
+
+
+def test_it_takes_off_to_any_height_and_is_disarmed_after_its_landing(
+    uav: UAL, server: AirsimServer, vehicle: Vehicle
+) -> None:
+    assert uav.state() is State.LANDED_ARMED  # so the simulator starts
+    uav.take_off(4.0)
+    assert -vehicle.body.position[2] == pytest.approx(4.0, abs=0.3)
+    uav.land()
+    wait_for(uav, State.LANDED_DISARMED)
+    assert vehicle.body.is_on_ground
+    assert not vehicle.is_armed
+    assert not {name for name, _ in server.calls} & {"takeoff", "land", "moveToZ"}
+
+
+def test_api_control_is_not_enabled_again_in_the_air(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    uav.land()
+    assert calls(server, "enableApiControl") == 1
+
+
+def test_it_is_never_disarmed_in_the_air(uav: UAL, server: AirsimServer, vehicle: Vehicle) -> None:
+    uav.take_off(3.0)
+    with connected(server.url, "uav_2") as other:
+        wait_for(other, State.FLYING_AUTO)
+        with pytest.raises(RejectedByAutopilotError, match="on the ground"):
+            other.simulation.pilot_disarm()
+    backend = AirsimBackend(BackendOptions("uav_3", server.url))
+    assert isinstance(backend.disarm().exception(0.0), RejectedByAutopilotError)
+    assert vehicle.is_armed
+
+
+def test_a_vehicle_that_is_armed_again_flies_again(uav: UAL) -> None:
+    for _ in range(2):
+        uav.take_off(2.0)
+        uav.land()
+        wait_for(uav, State.LANDED_DISARMED)
+        uav.simulation.pilot_arm()
+
+
+def test_a_daemon_that_ends_in_flight_leaves_it_hovering_and_the_next_one_knows_it(
+    server: AirsimServer, vehicle: Vehicle
+) -> None:
+    with connected(server.url) as uav:
+        wait_until(uav.is_ready, "it is not ready")
+        uav.take_off(3.0)
+    server.run(3.0)
+    assert -vehicle.body.position[2] == pytest.approx(3.0, abs=0.5)
+    with connected(server.url) as uav:
+        wait_for(uav, State.FLYING_AUTO)
+        uav.go_to_waypoint(Pose.at(1.0, 0.0, 2.0))
+        uav.land()
+
+
+def test_a_simulator_that_ended_is_found_again(vehicle: Vehicle) -> None:
+    with ExitStack() as stack:
+        server = stack.enter_context(AirsimServer([vehicle]))
+        uav = stack.enter_context(connected(server.url))
+        wait_until(uav.is_ready, "it is not ready")
+        uav.take_off(3.0)
+        task = uav.go_to_waypoint(Pose.at(30.0, 0.0, 3.0), blocking=False)
+        server.close()
+        wait_for(uav, State.UNINITIALIZED)
+        with pytest.raises(LinkLostError):
+            task.wait()
+        stack.enter_context(AirsimServer([Vehicle("Drone1")], server.port))
+        wait_for(uav, State.LANDED_ARMED)
+        uav.take_off(2.0)
+
+
+def test_a_lost_connection_is_made_again_and_the_flight_goes_on(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    task = uav.go_to_waypoint(Pose.at(4.0, 0.0, 3.0), blocking=False)
+    server.drop_connections()
+    task.wait()
+
+
+def test_a_silent_simulator_is_a_lost_link_and_late_answers_heal_it(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    server.is_silent = True
+    wait_for(uav, State.UNINITIALIZED)
+    assert "nothing heard" in uav.telemetry().state_reason
+    server.is_silent = False
+    wait_for(uav, State.FLYING_AUTO)
+    uav.go_to_waypoint(Pose.at(1.0, 0.0, 3.0))
+
+
+def test_a_paused_simulator_stops_the_clock_and_nothing_piles_up(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    task = uav.go_to_waypoint(Pose.at(3.0, 0.0, 3.0), blocking=False)
+    uav.simulation.set_speed_factor(0.0)
+    wait_until(lambda: server.is_paused, "it is not paused")
+    began_s = uav.telemetry().stamp_s
+    deadline_s = time.monotonic() + 0.5
+    while time.monotonic() < deadline_s:  # it is asked again and again, and answers
+        assert uav.state() is State.FLYING_AUTO
+        assert uav.telemetry().stamp_s - began_s < 0.1
+    assert server.pending_count <= 2
+    uav.simulation.step(0.5)
+    wait_until(lambda: uav.telemetry().stamp_s - began_s > 0.4, "no time has passed")
+    uav.simulation.set_speed_factor(5.0)
+    task.wait()
+
+
+def test_a_step_needs_time_that_stands_still(uav: UAL) -> None:
+    with pytest.raises(WrongStateError):
+        uav.simulation.step(1.0)
+    with pytest.raises(NotSupportedError, match="ClockSpeed"):
+        uav.simulation.set_speed_factor(3.0)
+
+
+def test_a_collision_ends_the_task_and_says_with_what() -> None:
+    with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
+        wait_until(uav.is_ready, "it is not ready")
+        uav.take_off(3.0)
+        with pytest.raises(TaskAbortedError, match="collision"):
+            uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
+        assert uav.telemetry().status_text == "collision with Wall"
+        wait_for(uav, State.FLYING_MANUAL)
+        with pytest.raises(WrongStateError, match="collision"):
+            uav.recover_from_manual()
+        uav.recover_from_manual(force=True)
+        uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
+        uav.land()
+
+
+def test_after_a_collision_it_can_be_landed() -> None:
+    with AirsimServer([Vehicle("Drone1", wall_north_m=3.0)]) as server, connected(server.url) as uav:
+        wait_until(uav.is_ready, "it is not ready")
+        uav.take_off(3.0)
+        with pytest.raises(TaskAbortedError, match="collision"):
+            uav.go_to_waypoint(Pose.at(0.0, 10.0, 3.0))
+        wait_for(uav, State.FLYING_MANUAL)
+        uav.land()
+        wait_for(uav, State.LANDED_DISARMED)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("", "set airsim.vehicle_name: the simulator's vehicles are Drone1, Drone2"), ("Nobody", "it has Drone1, Drone2")],
+)
+def test_a_vehicle_that_is_not_clear_is_named(name: str, why: str) -> None:
+    with (
+        AirsimServer([Vehicle("Drone1"), Vehicle("Drone2")]) as server,
+        connected(server.url, vehicle_name=name) as uav,
+    ):
+        wait_until(lambda: why in uav.telemetry().state_reason, "it is not said")
+        assert uav.state() is State.UNINITIALIZED
+
+
+def test_two_vehicles_of_one_simulator_fly_at_once() -> None:
+    vehicles = [Vehicle("Drone1"), Vehicle("Drone2")]
+    with ExitStack() as stack:
+        server = stack.enter_context(AirsimServer(vehicles))
+        first, second = (
+            stack.enter_context(connected(server.url, f"uav_{each.name[-1]}", vehicle_name=each.name))
+            for each in vehicles
+        )
+        for uav in (first, second):
+            wait_until(uav.is_ready, "it is not ready")
+        tasks = [uav.take_off(height_m, blocking=False) for uav, height_m in ((first, 2.0), (second, 4.0))]
+        for task in tasks:
+            task.wait()
+        assert [-each.body.position[2] for each in vehicles] == pytest.approx([2.0, 4.0], abs=0.4)
+
+
+def test_a_vehicle_with_a_remote_control_leaves_the_pilot_to_that(uav: UAL, vehicle: Vehicle) -> None:
+    uav.take_off(3.0)
+    vehicle.keeps_rc = False
+    with pytest.raises(RejectedByAutopilotError, match="does not keep the sticks"):
+        uav.simulation.pilot_take_over()
+    vehicle.rc = {"is_valid": True, "pitch": 0.0, "roll": 0.0, "yaw": 0.0, "throttle": 0.61}
+    seen_s = uav.telemetry().stamp_s
+    wait_until(lambda: uav.telemetry().stamp_s > seen_s + 0.1, "no state came")
+    with pytest.raises(RejectedByAutopilotError, match="take over with that"):
+        uav.simulation.pilot_take_over()
+    assert uav.state() is State.FLYING_AUTO
+
+
+def test_api_control_that_is_not_allowed_is_said(vehicle: Vehicle, uav: UAL) -> None:
+    vehicle.allows_api = False
+    with pytest.raises(RejectedByAutopilotError, match="AllowAPIAlways"):
+        uav.take_off(3.0)
+
+
+def test_wind_and_a_new_place(uav: UAL, vehicle: Vehicle) -> None:
+    uav.simulation.set_wind(Vector3(1.0, 2.0, 0.0))
+    assert vehicle.wind == (2.0, 1.0, 0.0)
+    uav.take_off(3.0)
+    uav.simulation.place_on_ground(Vector3(5.0, 6.0, 0.0), 0.0)
+    assert vehicle.body.position == (6.0, 5.0, 0.0)
+    wait_for(uav, State.LANDED_DISARMED)
+    assert uav.telemetry().pose is not None
+
+
+def test_it_is_armed_by_its_simulated_pilot(uav: UAL, server: AirsimServer) -> None:
+    uav.simulation.pilot_disarm()
+    wait_for(uav, State.LANDED_DISARMED)
+    backend = AirsimBackend(BackendOptions("uav_2", server.url))
+    assert not backend.safety_pilot().may_arm()  # it is not connected
+    uav.simulation.pilot_arm()
+    wait_for(uav, State.LANDED_ARMED)
