@@ -169,7 +169,7 @@ class Backend(ABC):
         """Gives the autopilot's estimator a pose from outside, before it returns. Drops it while the link is down.
 
         Only called if `VehicleInfo.capabilities` has EXTERNAL_POSE. Poses come as fast as their source measures,
-        usually 30 to 200 a second, from one thread at a time. They may come before the autopilot has a position.
+        usually 30 to 200 a second, from any thread. They may come before the autopilot has a position.
         """
         raise NotSupportedError(f"the {self.name} backend takes no poses from outside")
 

@@ -26,7 +26,7 @@ _TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHOR
 
 
 class ExternalPoses:
-    """The poses from outside of one UAV. Any thread may call; poses are passed on one at a time."""
+    """The poses from outside of one UAV. Any thread may call."""
 
     def __init__(
         self, backend: Backend, resolver: FrameResolver, preconditions: Preconditions, silence: ExternalSilence
@@ -60,8 +60,7 @@ class ExternalPoses:
         try:
             self._preconditions.require_flying_allowed(_NAME)
             self._preconditions.require_capability(Capability.EXTERNAL_POSE, _NAME)
-            with self._lock:
-                drop = self._pass_on(measured, is_stream=is_stream)
+            drop = self._pass_on(measured, is_stream=is_stream)
         except UalError as error:
             self._preconditions.log_refusal(_NAME, error)
             raise
@@ -72,23 +71,34 @@ class ExternalPoses:
         return str(drop)
 
     def _pass_on(self, measured: ExternalPose, *, is_stream: bool) -> Drop | None:
-        """Gives the backend a valid pose. Returns why it did not. Called with the lock held."""
+        """Gives the backend a valid pose. Returns why it did not."""
         now_s = self._backend.clock.now_s()
         local = self._to_local(measured, now_s)
+        with self._lock:
+            resets_count = self._gate.resets_count
+            drop = self._judge(local, now_s, is_stream=is_stream)
+            local = replace(local, resets_count=self._gate.resets_count)
+        if drop is not None:
+            return drop
+        if local.resets_count != resets_count:
+            logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
+        self._backend.set_external_pose(local)
+        self._silence.heard(now_s)
+        return None
+
+    def _judge(self, local: values.ExternalPose, now_s: float, *, is_stream: bool) -> Drop | None:
+        """Returns why a pose is not to be passed on. Called with the lock held.
+
+        Raises:
+            InvalidArgumentError: It is old, and not of a stream.
+
+        """
         drop = self._gate.untimely(local.time_s, now_s)
         if drop is not None and not is_stream:
             raise validation.refuse("pose.header.stamp", str(drop))
         if drop is None and self._gate.is_too_soon(local.time_s):
             return _TOO_SOON
-        resets_count = self._gate.resets_count
-        drop = drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
-        if drop is not None:
-            return drop
-        if self._gate.resets_count != resets_count:
-            logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
-        self._backend.set_external_pose(replace(local, resets_count=self._gate.resets_count))
-        self._silence.heard(now_s)
-        return None
+        return drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
 
     def _to_local(self, measured: ExternalPose, now_s: float) -> values.ExternalPose:
         """Validates a pose, and converts it to the backend's frame and clock. `now_s` is that clock's present time."""

@@ -203,7 +203,10 @@ def refusal(tmp_path: Path) -> Callable[..., str]:
 @pytest.mark.parametrize(
     ("flags", "expected"),
     [
-        (["--backend", "dji"], "ual-daemon: --backend: there is no backend 'dji'; known are airsim, light, mavlink"),
+        (
+            ["--backend", "dji"],
+            "ual-daemon: --backend: there is no backend 'dji'; known are airsim, crazyflie, light, mavlink",
+        ),
         (["--ns", "uav 1"], "ual-daemon: --ns: Expected `str` matching regex"),
         (["--listen", "50051"], "ual-daemon: --listen: '50051' is no address: expected HOST:PORT or unix:PATH"),
         (["--listen", "0.0.0.0:1"], "ual-daemon: --listen: 0.0.0.0:1 can be reached from other computers"),
