@@ -13,15 +13,18 @@ DURATION_S = 5.0
 
 
 def measure() -> ual.PoseStamped:
-    """Where the UAV is, in the frame of the measuring system: here always the same place."""
-    return ual.PoseStamped(ual.Pose.at(1.0, 2.0, 0.0, 0.0), "map", stamp_s=time.time())
+    """Where the UAV is, in the frame of the measuring system: here always the same place, just now.
+
+    Give `ual.PoseStamped` a `stamp_s` (UTC) where the system says when it measured, or takes long.
+    """
+    return ual.PoseStamped(ual.Pose.at(1.0, 2.0, 0.0, 0.0), "map")
 
 
 with ual.Uav() as uav:
     for number in range(round(RATE_HZ * DURATION_S)):
         try:
             uav.set_external_pose(measure(), position_std_dev_m=0.005)
-        except ual.InvalidArgumentError as error:  # old, or the clocks differ: the next one may be better
+        except ual.InvalidArgumentError as error:  # not valid, or old: the next one may be better
             print(error)
         if number % RATE_HZ == 0:
             sample = uav.telemetry()
