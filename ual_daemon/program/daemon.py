@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import SafetyPilot
+from ual_daemon.program import heap
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.server.addresses import Address
@@ -90,11 +91,14 @@ class Daemon:
         # 15 ms, between two setpoints.
         gc.freeze()
         gc.enable()
+        trimming = asyncio.create_task(heap.keep_trimmed())
+        trimming.add_done_callback(_log_failure)
         try:
             for each in served:
                 each.open()
             await stop.wait()
         finally:
+            trimming.cancel()
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             transport.close()
             gc.unfreeze()
@@ -213,7 +217,7 @@ def _on_first_signal(stop: asyncio.Event) -> None:
 def _log_failure(task: asyncio.Task[None]) -> None:
     """Logs the exception of a task as soon as it fails, and not only when the daemon ends."""
     if not task.cancelled() and task.exception() is not None:
-        _log.error("the simulated safety pilot has failed", exc_info=task.exception())
+        _log.error("a task of the daemon has failed", exc_info=task.exception())
 
 
 def _for_local_clients(addresses: Sequence[Address], credentials: grpc.ServerCredentials | None) -> str:

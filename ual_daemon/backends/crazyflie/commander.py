@@ -87,12 +87,17 @@ class Commander:
         self._sent_s: float | None = None
         """When a setpoint was sent last in this flight."""
         self._notify_s: list[float] = []
+        self._untold_count = 0
+        """How many of the first notifications are still to be sent."""
         self._answered: tuple[_Handover, int] | None = None
 
     @property
     def mode(self) -> Mode:
-        """The present mode."""
-        return MODES[self._phase]
+        """The present mode. A hold shows once the notifications have left: UAL may end then, and silence would have let
+        it fall before.
+        """
+        is_untold = self._phase is Phase.HOLDING and self._untold_count > 0
+        return MODES[Phase.SETPOINTS if is_untold else self._phase]
 
     # --- From any thread ----------------------------------------------------------------------------------------------
 
@@ -120,7 +125,7 @@ class Commander:
 
     def _resume(self) -> None:
         """Takes setpoints again. Called with the lock held."""
-        self._phase, self._handover, self._notify_s = Phase.SETPOINTS, None, []
+        self._phase, self._handover, self._notify_s, self._untold_count = Phase.SETPOINTS, None, [], 0
 
     def take_control(self) -> None:
         """Ends what the high-level commander does: the next setpoint is sent."""
@@ -159,6 +164,7 @@ class Commander:
             requests.withdraw(withdrawn.request)
         if due:
             self._emit(packets.setpoints_stop())
+            self._untold_count = max(0, self._untold_count - 1)
         if handover is not None and handover.asked_s is None:
             self._ask(handover, requests, now_s)
 
@@ -224,6 +230,7 @@ class Commander:
             self._handover = None
             self._answered = handover, error
             if is_fine:
+                self._untold_count = len(NOTIFICATIONS)
                 self._phase = handover.phase
                 self._notify_s = [now_s + delay_s for delay_s in NOTIFICATIONS]
             else:

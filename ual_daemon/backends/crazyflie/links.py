@@ -22,6 +22,8 @@ from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
 _OUTBOX = 64
+_FLUSH_S = 0.5
+"""How long a radio may take to send what still waits when it is closed."""
 _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
 
 
@@ -126,7 +128,7 @@ class CflibLink(Link):
         self._cflib = load_cflib()
         self._driver: Driver | None = None
         self._broken = ""
-        self._outbox: queue.Queue[Packet | None] = queue.Queue(_OUTBOX)
+        self._outbox: queue.SimpleQueue[Packet | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
 
     @override
@@ -138,7 +140,7 @@ class CflibLink(Link):
             raise LinkError(str(error) or repr(error)) from error
         if driver is None:
             raise LinkError(f"cflib has no driver for {self._url}")
-        self._driver, self._outbox = driver, queue.Queue(_OUTBOX)
+        self._driver, self._outbox = driver, queue.SimpleQueue()
         self._thread = threading.Thread(
             target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self._url}", daemon=True
         )
@@ -149,8 +151,9 @@ class CflibLink(Link):
         driver, self._driver = self._driver, None
         if driver is None:
             return
-        with suppress(queue.Full):
-            self._outbox.put_nowait(None)
+        self._outbox.put(None)
+        if self._thread is not None:
+            self._thread.join(_FLUSH_S)
         with suppress(Exception):  # an unplugged device cannot be closed
             driver.close()
 
@@ -170,8 +173,8 @@ class CflibLink(Link):
 
     @override
     def send(self, packet: Packet) -> None:
-        with suppress(queue.Full):
-            self._outbox.put_nowait(packet)
+        if self._outbox.qsize() < _OUTBOX:
+            self._outbox.put(packet)
 
     @override
     def send_now(self, packet: Packet) -> None:
@@ -179,12 +182,11 @@ class CflibLink(Link):
         if driver is not None:
             self._send_through(driver, packet)
 
-    def _send_all(self, driver: Driver, outbox: queue.Queue[Packet | None]) -> None:
-        while self._driver is driver:
-            with suppress(queue.Empty):
-                packet = outbox.get(timeout=1.0)
-                if packet is not None:
-                    self._send_through(driver, packet)
+    def _send_all(self, driver: Driver, outbox: queue.SimpleQueue[Packet | None]) -> None:
+        """Sends what waits until the link is closed; the last packets may be those that keep it in the air."""
+        while (packet := outbox.get()) is not None:
+            if not self._broken:
+                self._send_through(driver, packet)
 
     def _send_through(self, driver: Driver, packet: Packet) -> None:
         from cflib.crtp.crtpstack import CRTPPacket

@@ -35,7 +35,7 @@ _ORIENTED = 7
 @click.option("--repeat", is_flag=True, help="Begin again at the end of the file, until Ctrl-C.")
 @pass_session
 def extpose(session: Session, file: Path, rate_hz: float, frame_id: str, std_dev_m: float | None, repeat: bool) -> None:
-    """Give the autopilot the poses of a file, as if they were measured now.
+    """Give the autopilot poses from outside, out of a file.
 
     That is what a motion capture or a camera would do, through `set_external_pose`. Ends with the file.
     """

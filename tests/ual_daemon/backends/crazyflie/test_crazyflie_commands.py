@@ -14,7 +14,10 @@ from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State
-from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT
+from ual_daemon.backends.crazyflie import packets
+from ual_daemon.backends.crazyflie.commander import NOTIFICATIONS, Commander, Phase
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT, Packet
+from ual_daemon.backends.crazyflie.requests import Requests
 from ual_daemon.backends.values import Control, ExternalPose, LandedState, VelocitySetpoint
 
 PROTOCOLS = pytest.mark.parametrize("protocol", [7, 12])
@@ -314,3 +317,23 @@ def test_another_controller_gets_the_whole_motion(tmp_path: Path) -> None:
     flown.take_off()
     kinds = {p.data[0] for _, p in flown.crazyflie.received if p.port == SETPOINT and p.channel == 0}
     assert kinds == {6}
+
+
+def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> None:
+    sent: list[Packet] = []
+    commander = Commander(sent.append, sent.append, hovers_by_itself=True)
+    requests = Requests(sent.append)
+    place = Pose.at(0.0, 0.0, 1.0)
+    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()))
+    flying = place, Vector3()
+    commander.step(requests, 0.0, flying)
+    requests.step(0.0)
+    assert requests.take(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
+    modes = []
+    for number in range(6):
+        modes.append(commander.mode.control)
+        commander.step(requests, number * 0.02, flying)
+    told = [packet for packet in sent if packet == packets.setpoints_stop()]
+    assert modes[: len(NOTIFICATIONS)] == [Control.REFERENCES] * len(NOTIFICATIONS)
+    assert modes[-1] is Control.OTHER
+    assert len(told) == len(NOTIFICATIONS)

@@ -132,6 +132,15 @@ def test_a_radio_both_ways(crtp: Crtp) -> None:
     assert crtp.driver.is_closed
 
 
+def test_what_was_given_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> None:
+    link = make_link(RADIO)
+    link.open()
+    for _ in range(20):
+        link.send(PACKET)
+    link.close()
+    assert crtp.driver.sent.qsize() == 20
+
+
 def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
     link = make_link(RADIO)
     link.open()

@@ -17,6 +17,7 @@ from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned_yaw, ned_to_e
 
 NOISE_M = 0.005
 PERIOD_S = 0.02
+_NONE = Vector3()
 _SET_UP: Mapping[str, Mapping[str, float]] = {
     "px4": {"EKF2_EV_CTRL": 11},
     "ardupilot": {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0},
@@ -26,11 +27,11 @@ _SET_UP: Mapping[str, Mapping[str, float]] = {
 class MotionCapture:
     """Gives the UAV its true pose in ``map``, whenever the autopilot's time has passed a period, while it `is_on`."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, offset: Vector3 = _NONE) -> None:
+        """`offset` is from where its origin is, to where the autopilot thinks that its own is."""
         self._flight = flight
         self._next_s = 0.0
-        self.offset = Vector3()
-        """From where its origin is, to where the autopilot thinks that its own is."""
+        self._offset = offset
         self.is_on = True
         flight.uav.vehicle.subscribe(self._on_update)
 
@@ -40,7 +41,7 @@ class MotionCapture:
             self._next_s = now_s + PERIOD_S
             there = true_pose(self._flight.autopilot)
             pose = PoseStamped(
-                Pose(there.position + self.offset, there.orientation), "map", self._flight.backend.utc_s()
+                Pose(there.position + self._offset, there.orientation), "map", self._flight.backend.utc_s()
             )
             self._flight.uav.set_external_pose(pose, position_std_dev_m=NOISE_M)
 
@@ -129,10 +130,10 @@ def test_without_satellites_poses_in_map_lay_its_local_frame_and_home_does_not_m
     with started(kind, IndoorFlight) as flight:
         flight.wait_for(lambda: bool(flight.uav.info().autopilot), "its capabilities")
         assert flight.uav.state() is State.UNINITIALIZED
-        source = MotionCapture(flight)
-        source.offset = Vector3(2.0, 1.0, 0.0)
+        offset = Vector3(2.0, 1.0, 0.0)
+        MotionCapture(flight, offset)
         flight.wait_for_state(State.LANDED_DISARMED)
-        there = true_pose(flight.autopilot).position + source.offset
+        there = true_pose(flight.autopilot).position + offset
         flight.wait_for(lambda: flight.distance_m(there) < 0.05, "its place")
         flight.uav.set_home()
         flight.wait_for(lambda: flight.distance_m(Vector3()) < 0.05, "its new home")
