@@ -89,14 +89,14 @@ class CrazyflieBackend(Backend):
         if session is None or not session.is_connected:
             return
         if mailbox is None:
-            session.commander.send(setpoint, self.clock.now_s())
+            session.send(setpoint)
         else:
             mailbox.put(setpoint)
 
     def _send_now(self, setpoint: Setpoint) -> None:
         session = self._session
         if session is not None and session.is_connected:
-            session.commander.send(setpoint, self.clock.now_s())
+            session.send(setpoint)
 
     @override
     def arm(self) -> Future[None]:

@@ -101,12 +101,15 @@ class Commander:
 
     # --- From any thread ----------------------------------------------------------------------------------------------
 
-    def send(self, setpoint: Setpoint, now_s: float) -> None:
-        """Sends a setpoint, unless the high-level commander flies and the setpoint is not what ends that."""
+    def send(self, setpoint: Setpoint, now_s: float, here: Vector3 | None = None) -> None:
+        """Sends a setpoint, unless the high-level commander flies and the setpoint is not what ends that.
+
+        `here` is where it is now, if that is known well.
+        """
         with self._lock:
             if not self._passes(setpoint, now_s):
                 return
-            packet = self.encoder.encode(setpoint)
+            packet = self.encoder.encode(setpoint, here)
             self._sent_s = now_s
         self._emit_setpoint(packet)
 

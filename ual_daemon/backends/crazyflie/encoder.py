@@ -15,6 +15,11 @@ _PID = (0, 1)
 """Values of ``stabilizer.controller``: automatic (PID), PID. Others (Mellinger, INDI, ...) take the whole motion."""
 RESPONSE_S, CLIMB_RESPONSE_S = 0.3, 0.1
 """The times in which the PID controller follows a step of the velocity, horizontally and vertically."""
+CORRECTION, CLIMB_CORRECTION = 0.5, 1.0
+"""What is missing to where it is to be is corrected by so much more than the PID controller does it, horizontally and
+vertically: its gain of 2 leaves it 0.12 m beside a line that climbs at 0.4 m/s, this 0.08 m.
+"""
+MOST_CORRECTED_M = 0.5
 STAY_S = 1.0
 """The duration of the high-level flight to where it already is."""
 PEAK = 2.1875
@@ -37,17 +42,17 @@ class Encoder:
         )
         self._lead_s, self._climb_lead_s, self._yaw_lead_s = 1.0 / max(x, 0.1), 1.0 / max(z, 0.1), 1.0 / max(yaw, 0.1)
 
-    def encode(self, setpoint: Setpoint) -> Packet:
-        """Returns the packet of a setpoint."""
+    def encode(self, setpoint: Setpoint, here: Vector3 | None = None) -> Packet:
+        """Returns the packet of a setpoint. `here` is where it is now; None if that is not known well."""
         if not isinstance(setpoint, PositionSetpoint):
             return packets.velocity_setpoint(setpoint.velocity, setpoint.yaw_rate_rad_s, self._protocol)
         if self.is_pid or not packets.fits_full_state(setpoint.position):
-            return self._leading(setpoint)
+            return self._leading(setpoint, here)
         motion = setpoint.position, setpoint.velocity, setpoint.acceleration
         return packets.full_state(*motion, setpoint.yaw_rad, setpoint.yaw_rate_rad_s)
 
-    def _leading(self, setpoint: PositionSetpoint) -> Packet:
-        """Returns a position that lies ahead by the controller's lag.
+    def _leading(self, setpoint: PositionSetpoint, here: Vector3 | None) -> Packet:
+        """Returns a position that lies ahead by the controller's lag, and by a part of what is missing.
 
         The PID controller takes no velocity with a position: it flies at its gain times the distance. So the position
         is ahead by the velocity divided by the gain.
@@ -59,7 +64,8 @@ class Encoder:
             (velocity.z + acceleration.z * CLIMB_RESPONSE_S) * self._climb_lead_s,
         )
         yaw_rad = wrap_angle(setpoint.yaw_rad + setpoint.yaw_rate_rad_s * self._yaw_lead_s)
-        return packets.position_setpoint(setpoint.position + lead, yaw_rad)
+        correction = Vector3() if here is None else _corrected(setpoint.position - here)
+        return packets.position_setpoint(setpoint.position + lead + correction, yaw_rad)
 
     def stay(self, position: Vector3, yaw_rad: float) -> Request:
         """Returns the request to hover where it already does."""
@@ -79,3 +85,10 @@ class Encoder:
     def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> Request:
         packet = packets.go_to(position, yaw_rad, duration_s, self._protocol)
         return Request(packet, packet.data[:2])
+
+
+def _corrected(missing: Vector3) -> Vector3:
+    aside = missing.horizontal_norm()
+    scale = min(CORRECTION, MOST_CORRECTED_M / aside) if aside > 0.0 else 0.0
+    up = max(-MOST_CORRECTED_M, min(MOST_CORRECTED_M, missing.z * CLIMB_CORRECTION))
+    return Vector3(missing.x * scale, missing.y * scale, up)

@@ -27,13 +27,15 @@ from ual_daemon.backends.crazyflie.telemetry import Telemetry
 from ual_daemon.backends.crazyflie.toc import TocCache
 from ual_daemon.backends.crazyflie.values_reader import ValuesReader
 from ual_daemon.backends.crazyflie.vehicle import describe
-from ual_daemon.backends.values import Snapshot, VehicleInfo
+from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 
 TICK_S = 0.02
 """The longest wait for packets: commands of other threads wait for as long at most."""
 UPDATE_S = 0.05
 """The longest interval between two updates, whatever comes."""
 
+_NEW_S = 0.15
+"""An older pose does not say where it is now."""
 _GROUND_Z = 0.0
 """The height of a ground that was not seen: where the Crazyflie was switched on."""
 
@@ -90,6 +92,12 @@ class Session:
         return self._supervision.state is LinkState.CONNECTED
 
     # --- Commands, from any thread ------------------------------------------------------------------------------------
+
+    def send(self, setpoint: Setpoint) -> None:
+        """Sends a setpoint."""
+        now_s, pose = self._clock.now_s(), self.telemetry.pose
+        is_new = pose is not None and now_s - pose.time_s <= _NEW_S
+        self.commander.send(setpoint, now_s, pose.value.position if pose is not None and is_new else None)
 
     def set_armed(self, *, is_armed: bool) -> Future[None]:
         """Arms or disarms; the future ends with the effect. Raises `RejectedByAutopilotError`."""

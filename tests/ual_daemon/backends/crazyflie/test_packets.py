@@ -143,6 +143,14 @@ def test_a_position_for_the_pid_controller_lies_ahead() -> None:
     assert encoder.encode(setpoint) == packets.position_setpoint(Vector3(1.25, 0.0, 1.1), 0.1)
 
 
+def test_the_pid_controller_is_helped_with_what_is_missing() -> None:
+    encoder, goal = Encoder(7, {}), PositionSetpoint(Vector3(1.0, 2.0, 3.0), 0.0)
+    assert encoder.encode(goal, Vector3(0.8, 2.0, 3.1)) == packets.position_setpoint(Vector3(1.1, 2.0, 2.9), 0.0)
+    far = encoder.encode(goal, Vector3(1.0, -9.0, -9.0))
+    assert far == packets.position_setpoint(Vector3(1.0, 2.5, 3.5), 0.0)
+    assert encoder.encode(goal, None) == packets.position_setpoint(goal.position, 0.0)
+
+
 def test_a_place_that_does_not_fit_16_bits_is_sent_as_floats() -> None:
     encoder = Encoder(7, {"stabilizer.controller": 2})
     assert encoder.encode(PositionSetpoint(Vector3(40.0, 0.0, 1.0), 0.0)).data[0] == 7
