@@ -196,7 +196,10 @@ class Commander:
         is_late = is_hover and handover.asked_s is not None and now_s - handover.asked_s > HOVER_PATIENCE_S
         if not is_late and not handover.future.cancelled():
             return None
-        self._handover, self._still_since_s = None, now_s if is_hover else math.inf
+        if is_hover or handover.asked_s is None:
+            self._handover, self._still_since_s = None, now_s if is_hover else math.inf
+        else:
+            self._forget()  # the firmware may do it already: any setpoint ends that, also one to where it hovered
         return handover
 
     def _is_silent(self, now_s: float) -> bool:
