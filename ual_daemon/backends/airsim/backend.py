@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 
 from typing_extensions import override
 
@@ -117,7 +119,7 @@ class AirsimBackend(Backend):
         self._report: Report | None = None
         self._snapshot = Snapshot(0.0)
         self._landing: Landing | None = None
-        self._has_collided = False
+        self._has_collided = self._is_silent = False
         self._ground_z_m = 0.0
         self._disarmed_s = 0.0
         self._status_text = ""
@@ -166,7 +168,7 @@ class AirsimBackend(Backend):
 
     @override
     def send(self, setpoint: Setpoint) -> None:
-        if self._link.is_up and self._landing is None and not self._has_collided:
+        if self._link.is_up and self._landing is None and not self._has_collided and not self._is_silent:
             self._mailbox.put(setpoint)
 
     @override
@@ -212,7 +214,13 @@ class AirsimBackend(Backend):
     @override
     def simulation(self) -> Simulation:
         return AirsimSimulation(
-            self._commands.submit, self._procedures, self._pilot, self._newest, self._is_on_ground, self._own_speed
+            self._commands.submit,
+            self._procedures,
+            self._pilot,
+            self._newest,
+            self._is_on_ground,
+            self._own_speed,
+            self._silence,
         )
 
     @override
@@ -229,6 +237,16 @@ class AirsimBackend(Backend):
     def _vehicle(self) -> str:
         assert self._link.simulator is not None
         return self._link.simulator.vehicle
+
+    @contextmanager
+    def _silence(self) -> Iterator[None]:
+        """No setpoint is sent until the block ends."""
+        self._is_silent = True
+        self._mailbox.drop()
+        try:
+            yield
+        finally:
+            self._is_silent = False
 
     def _own_speed(self) -> float:
         simulator = self._link.simulator

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTime
+from contextlib import AbstractContextManager
 
 from typing_extensions import override
 
@@ -23,6 +23,7 @@ from ual_daemon.backends.airsim.state import Report
 
 _PATIENCE_S = 10.0
 _LOOK_S = 0.02
+_NEAR_M = 0.5
 _PARTS = frozenset({SimulationPart.PILOT, SimulationPart.TIME, SimulationPart.WIND, SimulationPart.PLACE})
 
 
@@ -37,14 +38,18 @@ class AirsimSimulation(Simulation):
         newest: Callable[[], Report | None],
         is_on_ground: Callable[[], bool],
         own_speed: Callable[[], float],
+        silence: Callable[[], AbstractContextManager[None]],
     ) -> None:
-        """`execute` executes a command; `own_speed` is the speed of time in the simulator's settings."""
+        """`execute` executes a command; `own_speed` is the speed of time in the simulator's settings. No setpoint is
+        sent within `silence`.
+        """
         self._execute = execute
         self._procedures = procedures
         self._pilot = pilot
         self._newest = newest
         self._is_on_ground = is_on_ground
         self._own_speed = own_speed
+        self._silence = silence
 
     @override
     def parts(self) -> frozenset[SimulationPart]:
@@ -119,15 +124,13 @@ class AirsimSimulation(Simulation):
         def put(connection: Connection) -> None:
             self._procedures.place(connection, place, yaw_rad)
 
-        self._do(put)
-        self._wait(
-            lambda report: (
-                not report.is_armed
-                and math.hypot(*tuple(report.pose.position - place)[:2]) < 0.5
-                and self._is_on_ground()
-            ),
-            "placed",
-        )
+        def is_there(report: Report) -> bool:
+            is_near = (report.pose.position - place).horizontal_norm() < _NEAR_M
+            return is_near and not report.is_armed and self._is_on_ground()
+
+        with self._silence():  # a velocity that holds where it was would start the motors again
+            self._do(put)
+            self._wait(is_there, "placed")
 
     def _require_ground(self, what: str) -> None:
         if not self._is_on_ground():

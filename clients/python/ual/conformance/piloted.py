@@ -15,12 +15,12 @@ _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
     State.FLYING_AUTO,
     needs=(Need.PILOT,),
     capabilities=(Capability.POSITION, Capability.RECOVER),
-    moves="2 m ahead",
+    moves="2 m ahead (8 m, should it not stop)",
 )
 def the_pilot_takes_over(flight: Flight) -> None:
     """The pilot ends a task at once. Commands are refused until control is recovered, which holds the present pose."""
     uav = flight.uav
-    goal = flight.goal(3.0, 0.0)
+    goal = flight.goal(8.0, 0.0)  # so far that it is not there before the pilot, on a busy computer
     task = uav.go_to_waypoint(goal, blocking=False)
     flight.wait(lambda sample: (position(sample) - flight.start.position).norm() >= 0.3, "motion")
     uav.simulation.pilot_take_over()
