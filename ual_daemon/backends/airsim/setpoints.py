@@ -19,6 +19,8 @@ _MOST_UNANSWERED = 1
 """A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
 first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
 still, no call ends."""
+_STUCK_NS = 2_000_000_000
+"""Velocities that have no answer after so long, in simulated time, get none: all of them were over after 0.5 s."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
 
@@ -80,6 +82,8 @@ class SetpointSender:
                     "moveByVelocity", *move_arguments(led(setpoint, report.velocity.linear), self._vehicle())
                 )
                 self._sent_at = report.state.timestamp
+            elif self._sent_at is not None and report.state.timestamp - self._sent_at > _STUCK_NS:
+                raise ConnectionResetError("the simulator ends no velocity any more: connecting anew")
         except (OSError, ValueError):
             self.disconnect()
             raise
