@@ -16,10 +16,10 @@ from tests.simulators.px4 import Px4
 from tests.simulators.simulation import PilotSimulation
 from ual.interface import Simulation
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.backends.mavlink.links import Address, Connection
 from ual_daemon.backends.mavlink.links.base import Chunk, Link
-from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 
 SPEED = 6.0
 _ADDRESS = ("127.0.0.1", 14580)

@@ -13,8 +13,8 @@ from typing_extensions import override
 from tests.simulators.crazyflie import STEP_S, Crazyflie
 from tests.simulators.ports import MemoryPort
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie.backend import CrazyflieBackend
-from ual_daemon.backends.crazyflie.clock import MonotonicClock
 from ual_daemon.backends.crazyflie.links import Link
 from ual_daemon.backends.crazyflie.packets import Packet
 

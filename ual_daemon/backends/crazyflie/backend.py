@@ -13,8 +13,8 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
-from ual_daemon.backends.crazyflie.clock import MonotonicClock
 from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings

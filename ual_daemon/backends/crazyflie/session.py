@@ -11,9 +11,9 @@ from functools import partial
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Vector3
 from ual_daemon.backends.base import UpdateCallback
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import connecting
 from ual_daemon.backends.crazyflie.arming import Arming
-from ual_daemon.backends.crazyflie.clock import MonotonicClock
 from ual_daemon.backends.crazyflie.commander import Commander, Phase
 from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
 from ual_daemon.backends.crazyflie.encoder import Encoder

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.base import UpdateCallback
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.links import Chunk, Connection
-from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics

@@ -7,8 +7,8 @@ from typing_extensions import override
 
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, heartbeat, packer, position
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
-from ual_daemon.backends.mavlink.session.clock import MonotonicClock
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop
 from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
