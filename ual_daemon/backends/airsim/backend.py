@@ -14,6 +14,7 @@ from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon import logs
+from ual_daemon.backends import futures
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.collisions import CollisionWatch
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
@@ -196,7 +197,7 @@ class AirsimBackend(Backend):
         self._mailbox.drop()
         self._has_collided = False
         self._landing = Landing(pose.value.position, self._ground_z_m, limits)
-        return _done()
+        return futures.done()
 
     @override
     def take_control(self) -> Future[None]:
@@ -319,13 +320,5 @@ class AirsimBackend(Backend):
         return Future() if not self._link.is_up else self._commands.submit(action)
 
 
-def _done() -> Future[None]:
-    answer: Future[None] = Future()
-    answer.set_result(None)
-    return answer
-
-
 def _refusal(words: str) -> Future[None]:
-    answer: Future[None] = Future()
-    answer.set_exception(RejectedByAutopilotError(f"refused: {words}", {"text": words}))
-    return answer
+    return futures.failed(RejectedByAutopilotError(f"refused: {words}", {"text": words}))

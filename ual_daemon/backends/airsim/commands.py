@@ -10,6 +10,7 @@ from concurrent.futures import Future
 
 from ual.errors import RejectedByAutopilotError
 from ual_daemon import logs
+from ual_daemon.backends import futures
 from ual_daemon.backends.airsim.rpc import Connection, RemoteError
 from ual_daemon.backends.airsim.settings import Address
 
@@ -67,13 +68,13 @@ class CommandQueue:
             action(self._connected())
         except (RefusedError, RemoteError) as error:
             text = str(error)
-            _end(answer, RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text}))
+            futures.end(answer, RejectedByAutopilotError(f"the simulator refused: {text}", {"text": text}))
         except (OSError, ValueError) as error:  # the answer is lost
             self.disconnect()
             if not self._is_closed:
                 logs.event(_log, logging.WARNING, "command_not_answered", why=str(error) or repr(error))
         else:
-            _end(answer, None)
+            futures.end(answer)
 
     def _connected(self) -> Connection:
         with self._lock:
@@ -90,13 +91,3 @@ class CommandQueue:
             connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
-
-
-def _end(answer: Future[None], error: Exception | None) -> None:
-    """Ends a future, unless it was cancelled meanwhile."""
-    if not answer.set_running_or_notify_cancel():
-        return
-    if error is None:
-        answer.set_result(None)
-    else:
-        answer.set_exception(error)

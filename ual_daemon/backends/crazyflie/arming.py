@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from ual.errors import RejectedByAutopilotError
+from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.packets import PLATFORM, RESPONSE, SET_ARMED, SUPERVISOR, Packet
 from ual_daemon.backends.crazyflie.supervisor import Supervisor
@@ -71,9 +72,4 @@ class Arming:
         assert self._wanted is not None
         _, future = self._wanted
         self._wanted = None
-        if not future.set_running_or_notify_cancel():
-            return
-        if error is None:
-            future.set_result(None)
-        else:
-            future.set_exception(error)
+        futures.end(future, error)

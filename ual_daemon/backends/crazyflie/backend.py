@@ -12,6 +12,7 @@ from typing_extensions import override
 from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.geometry import Vector3
 from ual.types import Limits
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
@@ -152,12 +153,9 @@ class CrazyflieBackend(Backend):
     def _answer(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
         """Gives a command to the session; a refusal ends the future."""
         session = self._session
-        refused: Future[None] = Future()
         if session is None or not session.is_connected:
-            refused.set_exception(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
-            return refused
+            return futures.failed(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
         try:
             return command(session)
         except RejectedByAutopilotError as error:
-            refused.set_exception(error)
-            return refused
+            return futures.failed(error)

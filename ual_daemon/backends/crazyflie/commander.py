@@ -17,6 +17,7 @@ from enum import Enum
 
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Vector3, wrap_angle
+from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.encoder import Encoder
 from ual_daemon.backends.crazyflie.packets import Packet
@@ -251,14 +252,10 @@ class Commander:
         if answered is None:
             return
         handover, error = answered
-        if not handover.future.set_running_or_notify_cancel():
+        words = f"the high-level commander refused (error {error})"
+        refusal = None if self._phase is handover.phase else RejectedByAutopilotError(words, {"error": str(error)})
+        if not futures.end(handover.future, refusal):
             self.take_control()
-        elif self._phase is handover.phase:
-            handover.future.set_result(None)
-        else:
-            handover.future.set_exception(
-                RejectedByAutopilotError(f"the high-level commander refused (error {error})", {"error": str(error)})
-            )
 
 
 def _is_still(setpoint: Setpoint) -> bool:

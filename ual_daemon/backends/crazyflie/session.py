@@ -10,6 +10,7 @@ from functools import partial
 
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Vector3
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import connecting
@@ -116,9 +117,7 @@ class Session:
     def take_control(self) -> Future[None]:
         """Lets setpoints fly."""
         self.commander.take_control()
-        done: Future[None] = Future()
-        done.set_result(None)
-        return done
+        return futures.done()
 
     def hold(self) -> Future[None]:
         """Has it stop and hover by itself. Raises `RejectedByAutopilotError`."""

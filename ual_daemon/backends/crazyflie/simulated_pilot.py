@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
 
 from typing_extensions import override
 
-from ual.errors import UalTimeoutError
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import SafetyPilot
 
 ARMING_LIMIT_S = 5.0
@@ -27,9 +26,4 @@ class SimulatedPilot(SafetyPilot):
 
     @override
     def arm(self) -> None:
-        future = self._arm()
-        try:
-            future.result(ARMING_LIMIT_S)
-        except FutureTimeoutError:
-            future.cancel()
-            raise UalTimeoutError(f"the Crazyflie has not armed within {ARMING_LIMIT_S:g} s") from None
+        futures.wait(self._arm(), ARMING_LIMIT_S, f"the Crazyflie has not armed within {ARMING_LIMIT_S:g} s")

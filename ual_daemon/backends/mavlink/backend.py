@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual.types import Limits
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
@@ -148,15 +149,13 @@ class MavlinkBackend(Backend):
 
     def _command(self, what: str, make: Callable[[Dialect], CommandLong]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
-        result: Future[None] = Future()
         asked_s = self.clock.now_s()
         session, loop = self._session_in_reach(asked_s), self._loop
         if session is None or loop is None:
-            result.set_exception(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
-            return result
+            return futures.failed(LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}"))
         if session.telemetry.conflict:
-            result.set_exception(RejectedByAutopilotError(f"cannot {what}: {session.telemetry.conflict}"))
-            return result
+            return futures.failed(RejectedByAutopilotError(f"cannot {what}: {session.telemetry.conflict}"))
+        result: Future[None] = Future()
 
         def submit(now_s: float) -> None:
             if result.cancelled():
@@ -167,9 +166,8 @@ class MavlinkBackend(Backend):
                 if isinstance(error, HomeUnknownError) and now_s - asked_s < HOME_PATIENCE_S:
                     loop.retry(submit)
                     return
-                acknowledged = Future()
-                acknowledged.set_exception(error)
-            acknowledged.add_done_callback(lambda done: _pass_on(done, result))
+                acknowledged = futures.failed(error)
+            acknowledged.add_done_callback(lambda done: futures.end(result, done.exception()))
 
         loop.post(submit)
         return result
@@ -179,13 +177,3 @@ class MavlinkBackend(Backend):
         session = None if self._discovery is None else self._discovery.session
         heard_s = None if session is None else session.telemetry.heard_s
         return session if heard_s is not None and now_s - heard_s <= self.freshness.link_s else None
-
-
-def _pass_on(done: Future[None], result: Future[None]) -> None:
-    if not result.set_running_or_notify_cancel():
-        return  # withdrawn
-    error = done.exception()
-    if error is None:
-        result.set_result(None)
-    else:
-        result.set_exception(error)

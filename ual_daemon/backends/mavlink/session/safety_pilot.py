@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
 
 from typing_extensions import override
 
-from ual.errors import PermissionDeniedError, UalTimeoutError
+from ual.errors import PermissionDeniedError
+from ual_daemon.backends import futures
 from ual_daemon.backends.base import SafetyPilot
 from ual_daemon.backends.mavlink.session.session import Session
 
@@ -42,9 +42,5 @@ class SimulatedPilot(SafetyPilot):
     def arm(self) -> None:
         if not self.may_arm():  # it may be another vehicle by now
             return
-        future = self._arm()
-        try:
-            future.result(ARMING_LIMIT_S)
-        except FutureTimeoutError:
-            future.cancel()
-            raise UalTimeoutError(f"the autopilot has not answered the arming for {ARMING_LIMIT_S:g} s") from None
+        late = f"the autopilot has not answered the arming for {ARMING_LIMIT_S:g} s"
+        futures.wait(self._arm(), ARMING_LIMIT_S, late)
