@@ -193,7 +193,7 @@ def test_where_the_daemon_moved_the_calls_that_run_go_on_until_they_end(monkeypa
         first.set_home = set_home
         calling = threading.Thread(target=call)
         calling.start()
-        stream = uav._connection.stream_setpoints(iter(setpoints.get, None))
+        stream = uav._connection.stream("StreamSetpoints", iter(setpoints.get, None))
         assert is_called.wait(LIMIT_S)
         monkeypatch.setattr(uav._connection.target, "_fixed_address", second.address)
         for _ in range(2):
@@ -409,7 +409,7 @@ def test_setpoints_do_not_pile_up_before_a_daemon_that_does_not_read(daemon: Dae
                 yield setpoint
 
         with daemon.frozen():
-            stream = uav._connection.stream_setpoints(setpoints())
+            stream = uav._connection.stream("StreamSetpoints", setpoints())
             time.sleep(1.0)  # nothing tells that no more can be sent
             assert len(sent) < 50
         assert stream.result(LIMIT_S).accepted_count == 200

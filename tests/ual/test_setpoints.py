@@ -219,7 +219,7 @@ class IteratedCall(Call):
 def opened(clock: HandClock, call: Call, monkeypatch: pytest.MonkeyPatch) -> _Stream:
     monkeypatch.setattr("grpc._cython.cygrpc.SendMessageOperation", lambda message, _: message)
     connection = Connection(Target("uav_1", "127.0.0.1:1", None))
-    monkeypatch.setattr(connection, "stream_setpoints", lambda _: call)
+    monkeypatch.setattr(connection, "stream", lambda *_: call)
     stream = _Stream(connection, lambda _, __: None, clock)
     stream.open()
     return stream

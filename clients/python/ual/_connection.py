@@ -78,13 +78,9 @@ class Connection:
         request = pb.WatchTaskRequest(task_id=task_id, rate_hz=rate_hz)
         return self._begin(lambda stubs: stubs.ual.WatchTask(request, timeout=timeout_s, metadata=self.target.metadata))
 
-    def stream_setpoints(self, setpoints: Iterator[pb.StreamSetpointsRequest]) -> Any:  # noqa: ANN401 (as above)
-        """Sends setpoints until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
-        return self._begin(lambda stubs: stubs.ual.StreamSetpoints.future(setpoints, metadata=self.target.metadata))
-
-    def stream_external_poses(self, poses: Iterator[pb.StreamExternalPosesRequest]) -> Any:  # noqa: ANN401 (as above)
-        """Sends poses from outside, as `stream_setpoints`."""
-        return self._begin(lambda stubs: stubs.ual.StreamExternalPoses.future(poses, metadata=self.target.metadata))
+    def stream(self, method: str, elements: Iterator[Any]) -> Any:  # noqa: ANN401 (as above)
+        """Sends elements until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
+        return self._begin(lambda stubs: getattr(stubs.ual, method).future(elements, metadata=self.target.metadata))
 
     def error(self, error: grpc.RpcError) -> UalError:
         """Converts the error that a call of this connection ended with."""

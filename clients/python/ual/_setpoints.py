@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeAlias
 
@@ -39,16 +39,19 @@ CLOSE_S = 2.0
 
 
 class Kind(NamedTuple):
-    """What is streamed: its name in the plural, the call of a single one, and how the stream is begun."""
+    """What is streamed: its name in the plural, the call of a single one, the method of the stream, and what is not
+    known of those that the daemon did not take.
+    """
 
     name: str
     single: Callable[[Any], _calls.Call[None]]
-    stream: Callable[[Connection, Iterator[Any]], Any]
+    method: str
+    doubt: str
 
 
-SETPOINTS = Kind("setpoints", _calls.single_setpoint, lambda connection, them: connection.stream_setpoints(them))
+SETPOINTS = Kind("setpoints", _calls.single_setpoint, "StreamSetpoints", "whether the UAV follows them")
 EXTERNAL_POSES = Kind(
-    "poses from outside", _calls.single_external_pose, lambda connection, them: connection.stream_external_poses(them)
+    "poses from outside", _calls.single_external_pose, "StreamExternalPoses", "whether the autopilot got them"
 )
 
 
@@ -112,9 +115,7 @@ def log_settled(is_taken: bool, failure: UalError | None, kind: Kind = SETPOINTS
     """Logs what went wrong with the last setpoints of a stream; returns whether all of them were taken."""
     if not is_taken:
         _log.warning(
-            "the daemon did not take the last %s within %g s: it is not known whether the UAV follows them",
-            kind.name,
-            CLOSE_S,
+            "the daemon did not take the last %s within %g s: it is not known %s", kind.name, CLOSE_S, kind.doubt
         )
     if failure is not None:
         _log.warning("the last %s were refused: %s: %s", kind.name, failure.reason, failure.message)
@@ -162,7 +163,7 @@ class _Stream:
     def open(self) -> None:
         """Opens the stream and begins to send. Raises `UalError` if the daemon cannot be called."""
         try:
-            self._call = self._kind.stream(self._connection, self)
+            self._call = self._connection.stream(self._kind.method, self)
         except UalError:
             self._ended.set()
             self._on_end(self, None)

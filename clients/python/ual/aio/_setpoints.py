@@ -85,7 +85,7 @@ class _Stream:
         failure: UalError | None = None
         try:
             with self._connection.calling() as route:
-                call = self._open(route.stubs.ual)
+                call = getattr(route.stubs.ual, self._kind.method)(metadata=self._connection.target.metadata)
                 try:
                     await self._write_newest(call)
                     await call.done_writing()
@@ -102,10 +102,6 @@ class _Stream:
             failure = error
         finally:
             self._on_end(self, failure)
-
-    def _open(self, stub: Any) -> Any:  # noqa: ANN401 (gRPC's stub and call)
-        method = stub.StreamSetpoints if self._kind is SETPOINTS else stub.StreamExternalPoses
-        return method(metadata=self._connection.target.metadata)
 
     async def _write_newest(self, call: Any) -> None:  # noqa: ANN401 (gRPC's call)
         loop = asyncio.get_running_loop()
