@@ -57,6 +57,26 @@ class AirsimServer:
         self._late: list[Callable[[], None]] = []
         self._steps_per_poll = steps_per_poll
         self._clock_speed = clock_speed
+        self._methods: dict[str, Callable[..., Any]] = {
+            "getMultirotorState": self._get_multirotor_state,
+            "getRotorStates": self._get_rotor_states,
+            "isApiControlEnabled": self._is_api_control_enabled,
+            "enableApiControl": self._enable_api_control,
+            "armDisarm": self._arm_disarm,
+            "moveByRC": self._move_by_rc,
+            "listVehicles": self._list_vehicles,
+            "getHomeGeoPoint": self._get_home_geo_point,
+            "getServerVersion": self._get_server_version,
+            "getSettingsString": self._get_settings_string,
+            "simPause": self._sim_pause,
+            "simIsPaused": self._sim_is_paused,
+            "simContinueForTime": self._sim_continue_for_time,
+            "simSetWind": self._sim_set_wind,
+            "simSetKinematics": self._sim_set_kinematics,
+        }
+        self.forgets_count = 0
+        """So many of the next velocities it never answers."""
+        self._paused_moves: list[Callable[[], None]] = []
         self._pending = 0
         self._waiting: list[tuple[Peer, int, str, list[Any]]] = []
         self._lock = threading.Lock()
@@ -145,12 +165,12 @@ class AirsimServer:
         if method == "moveByVelocity":
             self._move(peer, number, arguments)
             return
+        if method not in self._methods:
+            words = f"rpclib: server could not find function '{method}' with argument count 1."
+            self._answer(peer, number, words, None)
+            return
         try:
-            result = getattr(self, f"_rpc_{method}")(*arguments)
-        except AttributeError:
-            self._answer(
-                peer, number, f"rpclib: server could not find function '{method}' with argument count 1.", None
-            )
+            result = self._methods[method](*arguments)
         except KeyError:
             words = f"Vehicle API for '{arguments[-1]}' is not available."
             prefix = f"rpclib: function '{method}' threw an exception. The exception contained this information: "
@@ -176,68 +196,80 @@ class AirsimServer:
             if self._waiting:
                 self._begin(*self._waiting.pop(0))
 
-        if self.is_paused:  # no call ends while time stands still, and this one waits for the one before
-            return
-        vehicle.move(target, duration_s, ended)
+        if self.forgets_count:
+            self.forgets_count -= 1
+        elif self.is_paused:  # no call ends while time stands still, and this one waits for the one before
+            self._paused_moves.append(lambda: vehicle.move(target, duration_s, ended))
+        else:
+            vehicle.move(target, duration_s, ended)
+
+    def _go_on(self) -> None:
+        """Begins what waited for the time to go on."""
+        moves, self._paused_moves = self._paused_moves, []
+        for move in moves:
+            move()
 
     def _advance(self, steps: int) -> None:
         for _ in range(steps):
             for vehicle in self.vehicles.values():
                 vehicle.step()
 
-    # --- The methods, by their names on the wire ----------------------------------------------------------------------
+    # --- The methods: see `_methods` ----------------------------------------------------------------------------------
 
-    def _rpc_getMultirotorState(self, name: str) -> dict[str, Any]:  # noqa: N802
+    def _get_multirotor_state(self, name: str) -> dict[str, Any]:
         vehicle = self.vehicles[name]
         if vehicle is next(iter(self.vehicles.values())) and not self.is_paused and not self.is_silent:
             self._advance(self._steps_per_poll)
         return vehicle.state(self.epoch_s)
 
-    def _rpc_getRotorStates(self, name: str) -> dict[str, Any]:  # noqa: N802
+    def _get_rotor_states(self, name: str) -> dict[str, Any]:
         return self.vehicles[name].rotors()
 
-    def _rpc_isApiControlEnabled(self, name: str) -> bool:  # noqa: N802
+    def _is_api_control_enabled(self, name: str) -> bool:
         return self.vehicles[name].has_api_control
 
-    def _rpc_enableApiControl(self, is_enabled: bool, name: str) -> None:  # noqa: N802
+    def _enable_api_control(self, is_enabled: bool, name: str) -> None:
         self.vehicles[name].enable_api_control(is_enabled)
 
-    def _rpc_armDisarm(self, arms: bool, name: str) -> bool:  # noqa: N802
+    def _arm_disarm(self, arms: bool, name: str) -> bool:
         vehicle = self.vehicles[name]
         return vehicle.arm() if arms else vehicle.disarm()
 
-    def _rpc_moveByRC(self, data: dict[str, Any], name: str) -> None:  # noqa: N802
+    def _move_by_rc(self, data: dict[str, Any], name: str) -> None:
         vehicle = self.vehicles[name]
         if vehicle.keeps_rc:
             vehicle.rc = data
 
-    def _rpc_listVehicles(self) -> list[str]:  # noqa: N802
+    def _list_vehicles(self) -> list[str]:
         return list(self.vehicles)
 
-    def _rpc_getHomeGeoPoint(self, name: str) -> dict[str, float]:  # noqa: N802
+    def _get_home_geo_point(self, name: str) -> dict[str, float]:
         latitude, longitude, altitude = self.vehicles[name].home
         return {"latitude": latitude, "longitude": longitude, "altitude": altitude}
 
-    def _rpc_getServerVersion(self) -> int:  # noqa: N802
+    def _get_server_version(self) -> int:
         return 4
 
-    def _rpc_getSettingsString(self) -> str:  # noqa: N802
+    def _get_settings_string(self) -> str:
         return json.dumps({"SettingsVersion": 2.0, "ClockSpeed": self._clock_speed})
 
-    def _rpc_simPause(self, is_paused: bool) -> None:  # noqa: N802
+    def _sim_pause(self, is_paused: bool) -> None:
         self.is_paused = is_paused
+        if not is_paused:
+            self._go_on()
 
-    def _rpc_simIsPaused(self) -> bool:  # noqa: N802
+    def _sim_is_paused(self) -> bool:
         return self.is_paused
 
-    def _rpc_simContinueForTime(self, duration_s: float) -> None:  # noqa: N802
+    def _sim_continue_for_time(self, duration_s: float) -> None:
+        self._go_on()
         self._advance(round(duration_s / STEP_S))
 
-    def _rpc_simSetWind(self, wind: dict[str, float]) -> None:  # noqa: N802
+    def _sim_set_wind(self, wind: dict[str, float]) -> None:
         for vehicle in self.vehicles.values():
             vehicle.wind = (wind["x_val"], wind["y_val"], wind["z_val"])
 
-    def _rpc_simSetKinematics(self, state: dict[str, Any], _: bool, name: str) -> None:  # noqa: N802
+    def _sim_set_kinematics(self, state: dict[str, Any], _: bool, name: str) -> None:
         position, rotation = state["position"], state["orientation"]
         yaw_rad = 2.0 * math.atan2(rotation["z_val"], rotation["w_val"])
         self.vehicles[name].place((position["x_val"], position["y_val"], position["z_val"]), yaw_rad)

@@ -156,6 +156,14 @@ def test_a_paused_simulator_stops_the_clock_and_nothing_piles_up(uav: UAL, serve
     task.wait()
 
 
+def test_velocities_that_are_never_answered_do_not_end_the_flight(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    task = uav.go_to_waypoint(Pose.at(6.0, 0.0, 3.0), blocking=False)
+    server.forgets_count = 2
+    wait_until(lambda: server.forgets_count == 0, "no velocity has come")
+    task.wait()
+
+
 def test_a_step_needs_time_that_stands_still(uav: UAL) -> None:
     with pytest.raises(WrongStateError):
         uav.simulation.step(1.0)
