@@ -6,11 +6,11 @@ that neither can be late: the flight does not depend on the speed of the compute
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.autopilot import STEP_S, Autopilot
+from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.simulation import PilotSimulation
@@ -24,7 +24,6 @@ from ual_daemon.backends.mavlink.links.base import Chunk, Link
 SPEED = 6.0
 _ADDRESS = ("127.0.0.1", 14580)
 _BEGIN_UTC_S = 1.8e9
-_LATE_S = 0.05
 _BATCH = 64
 """So many datagrams are received at once."""
 
@@ -87,18 +86,12 @@ class _Connection(Connection):
         super().__init__(_Link(port), "a simulated autopilot")
         self._autopilot = autopilot
         self._port = port
-        self._speed = speed
-        self._due_s = time.monotonic()
+        self._pace = Pace(STEP_S, speed)
         self.pause_s = 0.0
         """For so long the daemon does not run, once; what comes meanwhile waits."""
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
-        self._due_s += STEP_S / self._speed
-        wait_s = self._due_s - time.monotonic()
-        if wait_s > 0.0:
-            time.sleep(wait_s)
-        elif wait_s < -_LATE_S:
-            self._due_s -= wait_s
+        self._pace.wait()
         if len(self._port.sent) < _BATCH:  # else more waits already, as on a UDP link
             pause_s, self.pause_s = self.pause_s, 0.0
             self._autopilot.run(pause_s + STEP_S)

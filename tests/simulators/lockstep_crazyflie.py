@@ -5,12 +5,12 @@ All of the backend except its sockets is real. Its thread steps the Crazyflie in
 
 from __future__ import annotations
 
-import time
 from collections import deque
 
 from typing_extensions import override
 
 from tests.simulators.crazyflie import STEP_S, Crazyflie
+from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
@@ -20,7 +20,6 @@ from ual_daemon.backends.crazyflie.packets import Packet
 
 SPEED = 10.0
 _BEGIN_UTC_S = 1.8e9
-_LATE_S = 0.05
 
 
 class LockstepCrazyflie(CrazyflieBackend):
@@ -50,8 +49,7 @@ class SteppedLink(Link):
     def __init__(self, crazyflie: Crazyflie, port: MemoryPort, speed: float) -> None:
         self._crazyflie = crazyflie
         self._port = port
-        self._speed = speed
-        self._due_s = time.monotonic()
+        self._pace = Pace(STEP_S, speed)
 
     @override
     def open(self) -> None:
@@ -63,12 +61,7 @@ class SteppedLink(Link):
 
     @override
     def receive(self, timeout_s: float) -> list[Packet]:
-        self._due_s += STEP_S / self._speed
-        wait_s = self._due_s - time.monotonic()
-        if wait_s > 0.0:
-            time.sleep(wait_s)
-        elif wait_s < -_LATE_S:
-            self._due_s -= wait_s
+        self._pace.wait()
         self._crazyflie.step()
         return _taken(self._port.sent)
 
