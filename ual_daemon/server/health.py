@@ -19,6 +19,7 @@ from ual_daemon.server.dispatch import StatusError
 
 _Status = health_pb2.HealthCheckResponse
 _PACKAGE: str = health_pb2.DESCRIPTOR.package
+WATCH = f"/{_PACKAGE}.Health/Watch"
 _Field = descriptor_pb2.FieldDescriptorProto
 
 

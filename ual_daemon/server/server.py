@@ -74,7 +74,7 @@ class Server:
             vehicle.ns,
             log_name=vehicle.log_name,
             shutdown_refuses=(f"/{_UAL_SERVICE}/",),
-            shutdown_keeps=NEEDED_TO_LAND,
+            shutdown_keeps=NEEDED_TO_LAND | {health.WATCH},  # who watches hears of the shutdown
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)

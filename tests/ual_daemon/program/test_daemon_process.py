@@ -359,11 +359,11 @@ def test_a_take_off_ends_before_a_signal_ends_the_daemon(daemon: DaemonProcess) 
     rising = stub.TakeOff.future(pb.TakeOffRequest(height_m=2.0))
     daemon.wait_for("state", new="TAKING_OFF")
     simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=0.0), timeout=LIMIT_S)
-    daemon.signal(signal.SIGTERM)
-    daemon.wait_for("signal")
     health_stub: Any = health_pb2_grpc.HealthStub(daemon.channel())  # its types know no Watch
     health = health_stub.Watch(health_pb2.HealthCheckRequest(), timeout=LIMIT_S)
-    assert any(each.status == health_pb2.HealthCheckResponse.NOT_SERVING for each in health)
+    assert next(health).status == health_pb2.HealthCheckResponse.SERVING
+    daemon.signal(signal.SIGTERM)
+    assert next(health).status == health_pb2.HealthCheckResponse.NOT_SERVING
     with pytest.raises(grpc.RpcError, match="the daemon is shutting down"):
         stub.Land(pb.LandRequest(), timeout=LIMIT_S)
     simulation.SetSpeedFactor(simulation_pb2.SetSpeedFactorRequest(speed_factor=10.0), timeout=LIMIT_S)
