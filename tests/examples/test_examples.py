@@ -16,10 +16,10 @@ from ual.simulation import PositionLost
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def run(name: str, **environment: str) -> list[str]:
+def run(name: str, *arguments: str, **environment: str) -> list[str]:
     """The lines that an example prints."""
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLES / name)],
+        [sys.executable, "-W", "error", str(EXAMPLES / name), *arguments],
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
@@ -57,6 +57,13 @@ def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     assert len(shown) >= 3
     left_m = [float(line.split()[-3]) for line in shown]
     assert left_m == sorted(left_m, reverse=True)
+
+
+def test_formation(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    start_daemon("--fleet", "3", "--set", "light.speed_factor=5").wait_for("state", ns="uav_3", new="LANDED_DISARMED")
+    team = ("uav_1", "uav_2", "uav_3")
+    lines = run("formation.py", "--arm", *team, **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    assert lines == ["all at 1, 0", "all at 1, 1", "all at 0, 1", "all at 0, 0", "all landed"]
 
 
 def test_external_poses(start_daemon: StartDaemon, runtime_dir: Path) -> None:
