@@ -9,6 +9,7 @@ from collections.abc import Callable
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
 from tests.campaign.record import Located, Record, Sent, Told
+from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
@@ -45,22 +46,28 @@ _NAMES = {
     mavlink.MAV_CMD_DO_SET_MODE: "mode",
 }
 _CLOCK_S = 5.0
+_LATE_S = 0.3
+_MODE, _LANDED, _PLACE_FLAGS = "mode", "landed", "placed"
 
 
 class Ears:
-    """Fills `record`, which may be exchanged between flights. Places count from `origin`."""
+    """Fills `record`, which may be exchanged between flights. Places count from `origin`.
+
+    A message that comes later than a newer one of what it tells, as a line with jitter brings it, tells nothing.
+    """
 
     def __init__(self, record: Record, origin: Origin) -> None:
         self.record = record
         self._mode_number = BY_AUTOPILOT[record.autopilot].number
         self._origin = origin
         self._codec = Codec(0)
-        self._newest_event_ms = 0
-        self._from_daemon, self._from_autopilot = FrameReader(), FrameReader()
+        self.renew()
 
     def renew(self) -> None:
         """Forgets a half frame: the connection is a new one."""
         self._newest_event_ms = 0
+        self._sequence = SequenceUnwrapper(_LATE_S)
+        self._newest: dict[str, int] = {}
         self._from_daemon, self._from_autopilot = FrameReader(), FrameReader()
 
     def hear_daemon(self, data: bytes) -> None:
@@ -77,11 +84,15 @@ class Ears:
         """Takes what has reached the daemon, as it reached it."""
         now_s = time.monotonic()
         for frame in self._from_autopilot.feed(data):
-            if frame.message_id not in _AUTOPILOT or frame.component_id != mavlink.MAV_COMP_ID_AUTOPILOT1:
+            if frame.component_id != mavlink.MAV_COMP_ID_AUTOPILOT1:
+                continue
+            self._sequence.update(frame.sequence, now_s)
+            if frame.message_id not in _AUTOPILOT:
                 continue
             if frame.message_id == _CURRENT_MODE:
                 (mode,) = struct.unpack_from("<I", frame.payload.ljust(4, b"\0"))
-                self.record.told.append(Told(now_s, mode=mode))
+                if self._is_newest(_MODE):
+                    self.record.told.append(Told(now_s, mode=mode))
                 continue
             if frame.message_id == _EVENT:
                 self._note_event(frame.payload, now_s)
@@ -90,6 +101,13 @@ class Ears:
                 self._note(self._codec.decode(frame), now_s)
             except CorruptFrameError:
                 continue
+
+    def _is_newest(self, what: str) -> bool:
+        """Whether the frame that came last was not sent before another that told this."""
+        is_newest = self._sequence.value > self._newest.get(what, self._sequence.value - 1)
+        if is_newest:
+            self._newest[what] = self._sequence.value
+        return is_newest
 
     def _note_event(self, payload: bytes, now_s: float) -> None:
         """PX4 sends old events again, with their old times."""
@@ -101,12 +119,14 @@ class Ears:
     def _note(self, message: Message, now_s: float) -> None:
         if isinstance(message, mavlink.MAVLink_heartbeat_message):
             armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-            self.record.told.append(Told(now_s, armed, message.custom_mode))
+            if self._is_newest(_MODE):
+                self.record.told.append(Told(now_s, armed, message.custom_mode))
         elif isinstance(message, mavlink.MAVLink_extended_sys_state_message):
-            self.record.told.append(Told(now_s, landed=message.landed_state))
+            if self._is_newest(_LANDED):
+                self.record.told.append(Told(now_s, landed=message.landed_state))
         elif hasattr(message, "flags"):
-            is_placed = message.flags & _PLACED == _PLACED
-            self.record.told.append(Told(now_s, is_placed=is_placed))
+            if self._is_newest(_PLACE_FLAGS):
+                self.record.told.append(Told(now_s, is_placed=message.flags & _PLACED == _PLACED))
         elif message.lat or message.lon:
             place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+from tests.campaign.ears import Ears
+from tests.campaign.places import Origin
+from tests.campaign.record import Record, Told
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+OFFBOARD, POSCTL = 6 << 16, 3 << 16
+
+
+def heartbeat(sequence: int, mode: int) -> bytes:
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
+    sender.seq = sequence
+    armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    message = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, armed, mode, mavlink.MAV_STATE_ACTIVE, 3
+    )
+    return bytes(message.pack(sender))
+
+
+def told(*heard: bytes) -> list[Told]:
+    record = Record("px4", (100.0, 50.0))
+    ears = Ears(record, Origin(47.0, 8.0, 500.0))
+    for each in heard:
+        ears.hear_autopilot(each)
+    return record.told
+
+
+def test_what_a_line_with_jitter_brings_after_something_newer_is_not_told() -> None:
+    modes = [each.mode for each in told(heartbeat(254, POSCTL), heartbeat(2, OFFBOARD), heartbeat(255, POSCTL))]
+    assert modes == [POSCTL, OFFBOARD]
+
+
+def test_what_comes_in_order_is_told() -> None:
+    modes = [each.mode for each in told(heartbeat(254, POSCTL), heartbeat(255, OFFBOARD), heartbeat(0, POSCTL))]
+    assert modes == [POSCTL, OFFBOARD, POSCTL]
