@@ -23,6 +23,7 @@ from ual.errors import (
     RejectedByAutopilotError,
     ResourceExhaustedError,
     TaskAbortedError,
+    TeamError,
     UalError,
     UalTimeoutError,
     UnauthenticatedError,
@@ -64,6 +65,7 @@ from ual.types import (
 if TYPE_CHECKING:
     import ual.aio as aio
     from ual._client import Uav
+    from ual._team import Team
 
 __all__ = [
     "KEEP_HEADING",
@@ -98,6 +100,8 @@ __all__ = [
     "TaskInfo",
     "TaskKind",
     "TaskStatus",
+    "Team",
+    "TeamError",
     "Telemetry",
     "Transform",
     "Twist",
@@ -122,6 +126,8 @@ if not TYPE_CHECKING:  # a type checker would take any name for one of ours
         # Imported when used: gRPC takes longer to import than all the rest, and ``ual --help`` needs none of it.
         if name == "Uav":
             return importlib.import_module("ual._client").Uav
+        if name == "Team":
+            return importlib.import_module("ual._team").Team
         if name == "aio":
             return importlib.import_module("ual.aio")
         raise AttributeError(f"module 'ual' has no attribute {name!r}")

@@ -117,6 +117,21 @@ class DaemonUnreachableError(UalError, ConnectionError):
     reason = "DAEMON_UNREACHABLE"
 
 
+class TeamError(UalError):
+    """Some UAVs of a team refused a command, or failed. Only `ual.Team` raises it; it is never sent over the wire.
+
+    `errors` has the error of each of these, `results` what the others returned, both by name.
+    """
+
+    reason = "TEAM"
+
+    def __init__(self, errors: Mapping[str, UalError], results: Mapping[str, object]) -> None:
+        texts = (f"{name}: {error.reason}: {error.message}" for name, error in errors.items())
+        super().__init__("; ".join(texts), {"names": ",".join(errors)})
+        self.errors = MappingProxyType(dict(errors))
+        self.results = MappingProxyType(dict(results))
+
+
 _BY_REASON: Mapping[str, type[UalError]] = {
     kind.reason: kind
     for kind in (

@@ -8,24 +8,34 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from typing_extensions import override
 
-from ual._cli import complete
+from ual._cli import complete, many, start
 from ual._cli.help import ALIASES, Section, as_typed, close, no_such_command, write_commands, write_examples
 from ual._cli.output import error_text, to_json
 from ual._cli.values import Number
 from ual.errors import UalError
 
 if TYPE_CHECKING:
+    from ual._cli.start import Member
     from ual._client import Uav
     from ual._discovery import Registration
 
 REFUSED = 1
 INTERRUPTED = 130
+
+
+class Many(Enum):
+    """What a command does where several UAVs are chosen."""
+
+    REFUSED = "it is for one UAV"
+    EACH = "each of them gets it"
+    ITSELF = "it looks at the choice itself"
 
 
 @dataclass
@@ -37,12 +47,23 @@ class Session:
     tls_ca: Path | None = None
     timeout_s: float | None = None
     as_json: bool = False
+    is_all: bool = False
+    begin_utc_s: float | None = None
+    """When its command is to begin, in seconds since the epoch; None: now."""
+    member: Member | None = None
+    """Its place among several UAVs that get the same command."""
 
     def connect(self) -> Uav:
-        """Returns the chosen UAV."""
+        """Returns the chosen UAV: when its command is to begin, where that is said."""
         from ual._client import Uav
 
-        return Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
+        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
+        if self.member is not None:
+            self.member.meet(uav)
+        elif self.begin_utc_s is not None:
+            uav.info()  # connected now, it begins on time
+            start.wait_until(self.begin_utc_s)
+        return uav
 
     def connect_to(self, daemon: Registration) -> Uav:
         """Returns the UAV of a daemon of this computer."""
@@ -53,15 +74,26 @@ class Session:
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
         if self.as_json:
-            click.echo(json.dumps(to_json(value), allow_nan=False))
+            click.echo(json.dumps(self._named(to_json(value)), allow_nan=False))
         elif text is not None:
-            click.echo(text)
+            click.echo(self._prefix + text)
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed."""
-        click.echo(f"ual: {as_typed(error_text(error))}", err=True)
+        click.echo(f"{self._prefix or 'ual: '}{as_typed(error_text(error))}", err=True)
         if self.as_json:
-            click.echo(json.dumps({"error": to_json(error)}, allow_nan=False))
+            click.echo(json.dumps(self._named({"error": to_json(error)}), allow_nan=False))
+
+    def note(self, text: str) -> None:
+        """Prints a message that is not a result, on stderr."""
+        click.echo(self._prefix + text, err=True)
+
+    @property
+    def _prefix(self) -> str:
+        return "" if self.member is None else f"{self.member.name}: "
+
+    def _named(self, value: object) -> object:
+        return value if self.member is None or not isinstance(value, dict) else {"ns": self.member.name, **value}
 
 
 def session(context: click.Context) -> Session:
@@ -80,11 +112,11 @@ def pass_session(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def note(text: str) -> None:
-    """Prints a message that is not a result, on stderr."""
-    click.echo(text, err=True)
+    """Prints a message of the running command that is not a result, on stderr."""
+    session(click.get_current_context()).note(text)
 
 
-SHARED_OPTIONS = "--ns, --address, --tls-ca, --timeout, --json"
+SHARED_OPTIONS = "--ns, --all, --at, --address, --tls-ca, --timeout, --json"
 
 
 class _SharedOption(click.Option):
@@ -114,7 +146,8 @@ class _SharedOptions(click.Command):
         super().__init__(*args, **kwargs)
         self.section = section
         self.examples = examples
-        self.params.extend(_shared_options())
+        own = {param.name for param in self.params}
+        self.params.extend(option for option in _shared_options() if option.name not in own)
 
     @override
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -140,10 +173,25 @@ def _shared_options() -> list[click.Parameter]:
             ["--ns"],
             metavar="NAME",
             envvar="UAL_NS",
-            help="Which UAV.",
+            help="Which UAV, or several: uav_1,uav_3.",
             expose_value=False,
             callback=_store("ns"),
             shell_complete=complete.namespaces,
+        ),
+        _SharedOption(
+            ["--all", "is_all"],
+            is_flag=True,
+            help="All UAVs of this computer.",
+            expose_value=False,
+            callback=_store("is_all"),
+        ),
+        _SharedOption(
+            ["--at", "begin_utc_s"],
+            type=start.Time(),
+            metavar="TIME",
+            help="When to begin: 14:05, 14:05:30, +10 (seconds from now), or 2026-11-23T14:05:30Z.",
+            expose_value=False,
+            callback=_store("begin_utc_s"),
         ),
         _SharedOption(
             ["--address"],
@@ -180,12 +228,26 @@ def _shared_options() -> list[click.Parameter]:
 
 
 class UalCommand(_SharedOptions):
-    """A command that takes the shared options, and negative numbers as arguments."""
+    """A command that takes the shared options, and negative numbers as arguments.
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
+    Args:
+        many: What it does where several UAVs are chosen.
+
+    """
+
+    def __init__(self, *args: Any, many: Many = Many.REFUSED, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
         super().__init__(*args, **kwargs)
+        self._many = many
         # No command has an option like `-1`: so it is an argument.
         self.ignore_unknown_options = True
+
+    @override
+    def invoke(self, ctx: click.Context) -> Any:
+        if self._many is Many.ITSELF or (names := many.names(session(ctx))) is None:
+            return super().invoke(ctx)
+        if self._many is Many.REFUSED:
+            raise click.UsageError(f"ual {self.name} is for one UAV at a time: name it by --ns", ctx)
+        return many.invoke(ctx, names, super().invoke)
 
     @override
     def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
@@ -241,10 +303,10 @@ class UalGroup(_SharedOptions, click.Group):
 
 
 def command(
-    name: str, *examples: str, section: Section = Section.FLYING
+    name: str, *examples: str, section: Section = Section.FLYING, many: Many = Many.REFUSED
 ) -> Callable[[Callable[..., None]], click.Command]:
     """Makes a command that takes the shared options. `examples` are calls of it, as they are typed."""
-    return click.command(name, cls=UalCommand, section=section, examples=examples)
+    return click.command(name, cls=UalCommand, section=section, examples=examples, many=many)
 
 
 def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import click
 
 from ual._cli import manoeuvre, options, values
-from ual._cli.app import Session, command, note, pass_session
+from ual._cli.app import Many, Session, command, note, pass_session
 from ual._cli.help import Section
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
@@ -27,7 +27,7 @@ _SAME_HEIGHT_M = 0.5
 _GOES_ON = "goes on: only the safety pilot can abort it"
 
 
-@command("arm", "ual arm")
+@command("arm", "ual arm", many=Many.EACH)
 @pass_session
 def arm(session: Session) -> None:
     """Arm the motors (where the daemon permits it)."""
@@ -36,7 +36,7 @@ def arm(session: Session) -> None:
     session.emit({"done": "arm"}, "armed")
 
 
-@command("disarm", "ual disarm")
+@command("disarm", "ual disarm", many=Many.EACH)
 @pass_session
 def disarm(session: Session) -> None:
     """Disarm the motors (where the daemon permits it)."""
@@ -49,7 +49,7 @@ def _force(help_text: str) -> Callable[[F], F]:
     return click.option("--force", is_flag=True, help=help_text)
 
 
-@command("takeoff", "ual takeoff 3")
+@command("takeoff", "ual takeoff 3", many=Many.EACH)
 @click.argument("height_m", type=values.number, metavar="HEIGHT")
 @_force("Although a failsafe is active.")
 @options.dry_run
@@ -71,7 +71,7 @@ def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> No
         )
 
 
-@command("land", "ual land")
+@command("land", "ual land", many=Many.EACH)
 @options.dry_run
 @pass_session
 def land(session: Session, dry_run: bool) -> None:
@@ -85,7 +85,7 @@ def land(session: Session, dry_run: bool) -> None:
         )
 
 
-@command("goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5")
+@command("goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5", many=Many.EACH)
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number)
@@ -169,7 +169,7 @@ def goto_geo(
         )
 
 
-@command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3")
+@command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3", many=Many.EACH)
 @click.argument("vx", type=values.number)
 @click.argument("vy", type=values.number)
 @click.argument("vz", type=values.number)
@@ -206,7 +206,7 @@ def velocity(
             manoeuvre.print_plan(session, uav.dry_run.set_velocity(wanted))
             return
         try:
-            _repeat(uav, wanted, duration_s)
+            _repeat(session, uav, wanted, duration_s)
         except KeyboardInterrupt:
             _stop(uav)
             manoeuvre.interrupt("interrupted: the UAV stops")
@@ -232,12 +232,13 @@ def _vector(v: Vector3) -> str:
     return f"{v.x:.2f} {v.y:.2f} {v.z:.2f}"
 
 
-def _repeat(uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
+def _repeat(session: Session, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
     end_s = time.monotonic() + duration_s
-    pause = threading.Event()
+    interrupted = threading.Event() if session.member is None else session.member.interrupted
     while time.monotonic() < end_s:
         uav.set_velocity(wanted)
-        pause.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic())))
+        if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic()))):
+            raise KeyboardInterrupt
 
 
 def _stop(uav: Uav) -> None:
@@ -248,7 +249,7 @@ def _stop(uav: Uav) -> None:
         raise type(error)(f"the UAV could not be stopped: {error.message}", error.metadata) from None
 
 
-@command("pose", "ual pose 1 1 3")
+@command("pose", "ual pose 1 1 3", many=Many.EACH)
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number)
@@ -270,7 +271,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
     session.emit({"done": "pose"}, "reference set")
 
 
-@command("recover", "ual recover", section=Section.TASKS)
+@command("recover", "ual recover", section=Section.TASKS, many=Many.EACH)
 @_force("Although a failsafe is active or flies: ends its return or landing.")
 @options.dry_run
 @pass_session
@@ -287,7 +288,7 @@ def recover(session: Session, force: bool, dry_run: bool) -> None:
     session.emit({"done": "recover"}, "recovered")
 
 
-@command("home", "ual home --set-z", section=Section.FRAMES)
+@command("home", "ual home --set-z", section=Section.FRAMES, many=Many.EACH)
 @click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
 def home(session: Session, set_z: bool) -> None:
@@ -311,7 +312,7 @@ def _home_height(ground_m: float, odom: str) -> str:
     )
 
 
-@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS)
+@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, many=Many.EACH)
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
 def abort(session: Session, freeze: bool) -> None:

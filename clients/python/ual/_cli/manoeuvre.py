@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -28,12 +29,19 @@ def wait_for(
     With `plot_file` draws the flown path and the wanted one, however the manoeuvre ended.
     """
     try:
-        with progress.shown(uav), plot.drawn(uav, plot_file):
+        with _shown(session, uav), plot.drawn(uav, plot_file):
             task = fly()
     except KeyboardInterrupt:
         interrupt(interrupted)
     info = task.info()
     session.emit(info, task_text(info))
+
+
+def _shown(session: Session, uav: Uav) -> AbstractContextManager[None]:
+    if session.member is None:
+        return progress.shown(uav)
+    session.member.is_flying = True
+    return nullcontext()
 
 
 def interrupt(text: str) -> NoReturn:

@@ -8,7 +8,7 @@ import sys
 import click
 
 from ual import _discovery
-from ual._cli.app import REFUSED, Session, command, pass_session
+from ual._cli.app import REFUSED, Many, Session, command, pass_session
 from ual._cli.everyone import ask_all
 from ual._cli.help import Section
 from ual._cli.tables import print_table
@@ -18,7 +18,7 @@ from ual.types import Health, State, Telemetry
 _STATES = [state.name for state in State]
 
 
-@command("list", "ual list", "ual --json list", section=Section.LOOKING)
+@command("list", "ual list", "ual --json list", section=Section.LOOKING, many=Many.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer."""
@@ -77,7 +77,7 @@ def info(session: Session) -> None:
     print_table(("", ""), rows)
 
 
-@command("state", "ual state", "ual --json state", section=Section.LOOKING)
+@command("state", "ual state", "ual --json state", section=Section.LOOKING, many=Many.EACH)
 @pass_session
 def state(session: Session) -> None:
     """Print the state of the UAV."""
@@ -99,7 +99,7 @@ def state(session: Session) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING)
+@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, many=Many.EACH)
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:

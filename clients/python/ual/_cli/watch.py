@@ -10,7 +10,7 @@ from functools import partial
 import click
 
 from ual import _discovery
-from ual._cli.app import REFUSED, Session, command, note, pass_session
+from ual._cli.app import REFUSED, Many, Session, command, note, pass_session
 from ual._cli.everyone import ask_all
 from ual._cli.help import Section
 from ual._cli.output import error_text, pose_text
@@ -26,8 +26,9 @@ _TOTAL_RATE_HZ = 200.0
 """Of all UAVs together. With 200 UAVs at 5 Hz, one program could not read all samples in time."""
 
 
-@command("watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING)
-@click.option("--all", "everyone", is_flag=True, help="All UAVs of this computer.")
+@command(
+    "watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING, many=Many.ITSELF
+)
 @click.option("--once", is_flag=True, help="Print one sample of each, and end.")
 @click.option(
     "--rate",
@@ -36,7 +37,7 @@ _TOTAL_RATE_HZ = 200.0
     help="Samples a second of each UAV; 0 for every sample. 5 when not given, fewer for more than 40 UAVs.",
 )
 @pass_session
-def watch(session: Session, everyone: bool, once: bool, rate_hz: float | None) -> None:
+def watch(session: Session, once: bool, rate_hz: float | None) -> None:
     """Show the UAV's telemetry until q or Ctrl-C.
 
     With --all it is a table with one line for each UAV of this computer. The arrow keys, PgUp, PgDn, Home and End
@@ -45,7 +46,7 @@ def watch(session: Session, everyone: bool, once: bool, rate_hz: float | None) -
     """
     if rate_hz is not None and math.isinf(rate_hz):
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
-    if everyone:
+    if session.is_all:
         daemons = _discovery.list_daemons()
         if not daemons:
             raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")

@@ -12,5 +12,6 @@ from __future__ import annotations
 from ual.aio._client import Simulation, Uav
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
+from ual.aio._team import Team
 
-__all__ = ["Simulation", "Subscription", "Task", "Uav"]
+__all__ = ["Simulation", "Subscription", "Task", "Team", "Uav"]

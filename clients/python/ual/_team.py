@@ -1,0 +1,304 @@
+"""Several UAVs, flown by one call each."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any, TypeVar
+
+from typing_extensions import Self, override
+
+from ual import aio
+from ual._client import Uav
+from ual.errors import UalError
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.interface import DryRun, TaskCommands
+from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
+
+T = TypeVar("T")
+
+
+class Team(TaskCommands[dict[str, "TeamTask"]]):
+    """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
+
+    A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
+    gets it. All of them are waited for, also where one refuses or fails; then `ual.TeamError` names who and why. Ctrl-C
+    cancels the command for all.
+
+    Args:
+        uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
+            These are the names of the results.
+        tls_ca: A file with the certificates to trust, for daemons that use TLS.
+
+    Raises:
+        InvalidArgumentError: There is no UAV, or one is named twice.
+
+    Example:
+        >>> with ual.Team(["uav_1", "uav_2"]) as team:
+        ...     team.take_off(3.0)
+        ...     goals = {"uav_1": ual.Pose.at(4.0, 0.0, 3.0), "uav_2": ual.Pose.at(0.0, 4.0, 3.0)}
+        ...     team.each(lambda name, uav: uav.go_to_waypoint(goals[name]))
+        ...     team.land()
+
+    """
+
+    def __init__(self, uavs: Iterable[str], *, tls_ca: str | Path | None = None) -> None:
+        self._loop = _Loop()
+        try:
+            self._team = self._loop.run(_made(uavs, tls_ca))
+        except BaseException:
+            self._loop.close()
+            raise
+        self._tls_ca = tls_ca
+        self._uavs: dict[str, Uav] = {}
+        self._dry_run: DryRun[dict[str, Plan]] = DryRun(self._plan)
+
+    def __repr__(self) -> str:
+        return f"<ual.Team {', '.join(self._team)}>"
+
+    def __getitem__(self, name: str) -> Uav:
+        """Returns one UAV, with a connection of its own."""
+        if name not in self._team:
+            raise KeyError(name)
+        if name not in self._uavs:
+            where = {"address": name} if ":" in name else {"ns": name}
+            self._uavs[name] = Uav(**where, tls_ca=self._tls_ca)
+        return self._uavs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._team)
+
+    def __len__(self) -> int:
+        return len(self._team)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the connections. Tasks of the UAVs go on; velocities do not."""
+        if self._loop.is_closed:
+            return
+        for uav in self._uavs.values():
+            uav.close()
+        self._loop.run(self._team.close())
+        self._loop.close()
+
+    def each(self, command: Callable[[str, aio.Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Gives each UAV a command, all at the same moment: different goals, for instance. Returns the results by name.
+
+        Args:
+            command: What to do with one UAV, given its name: a call of an `ual.aio.Uav`.
+
+        Raises:
+            TeamError: One of them cannot be reached, and none got the command; or one refused or failed.
+
+        """
+        return self._loop.run(self._team.each(command))
+
+    # --- What is known ------------------------------------------------------------------------------------------------
+
+    def info(self) -> dict[str, Info]:
+        """Returns who each UAV is and what it can do."""
+        return self._loop.run(self._team.info())
+
+    def telemetry(self) -> dict[str, Telemetry]:
+        """Returns the newest sample of each."""
+        return self._loop.run(self._team.telemetry())
+
+    def state(self) -> dict[str, State]:
+        """Returns the state of each."""
+        return self._loop.run(self._team.state())
+
+    def wait_for(self, *states: State, timeout_s: float | None = None) -> dict[str, State]:
+        """Waits until each is in one of some states, and returns that one; see `ual.interface.Uav.wait_for`."""
+        return self._loop.run(self._team.wait_for(*states, timeout_s=timeout_s))
+
+    def is_ready(self) -> dict[str, bool]:
+        """Returns for each whether its state is not UNINITIALIZED."""
+        return self._loop.run(self._team.is_ready())
+
+    def is_idle(self) -> dict[str, bool]:
+        """Returns for each whether no task runs."""
+        return self._loop.run(self._team.is_idle())
+
+    def pose(self) -> dict[str, PoseStamped]:
+        """Returns the pose of each; see `ual.interface.Uav.pose`."""
+        return self._loop.run(self._team.pose())
+
+    def velocity(self) -> dict[str, TwistStamped]:
+        """Returns the velocity of each in m/s and rad/s; see `ual.interface.Uav.velocity`."""
+        return self._loop.run(self._team.velocity())
+
+    def odometry(self) -> dict[str, Odometry]:
+        """Returns the pose of each with the velocity in its body; see `ual.interface.Uav.odometry`."""
+        return self._loop.run(self._team.odometry())
+
+    def reference_pose(self) -> dict[str, PoseStamped | None]:
+        """Returns where each is commanded to be now; None while no pose is commanded."""
+        return self._loop.run(self._team.reference_pose())
+
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> dict[str, Transform]:
+        """Returns of each what takes coordinates from a frame to another; see `ual.interface.Uav.transform`."""
+        return self._loop.run(self._team.transform(target_frame_id, source_frame_id))
+
+    def frames(self) -> dict[str, list[Frame]]:
+        """Returns all frames of each."""
+        return self._loop.run(self._team.frames())
+
+    # --- Commands -----------------------------------------------------------------------------------------------------
+
+    def add_frame(self, transform: Transform) -> None:
+        """Adds a frame to each, or moves one that was added; see `ual.interface.Uav.add_frame`."""
+        self._loop.run(self._team.add_frame(transform))
+
+    def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame from each; see `ual.interface.Uav.remove_frame`."""
+        self._loop.run(self._team.remove_frame(frame_id))
+
+    def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position of each the origin of its ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
+        self._loop.run(self._team.set_home(set_z))
+
+    def arm(self, *, timeout_s: float | None = None) -> None:
+        """Arms the motors, in LANDED_DISARMED; see `ual.interface.Uav.arm`."""
+        self._loop.run(self._team.arm(timeout_s=timeout_s))
+
+    def disarm(self, *, timeout_s: float | None = None) -> None:
+        """Disarms the motors, in LANDED_ARMED; see `ual.interface.Uav.disarm`."""
+        self._loop.run(self._team.disarm(timeout_s=timeout_s))
+
+    @override
+    def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, TeamTask]:
+        begun = self._loop.run(self._team._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
+        return {name: TeamTask(self._loop, task) for name, task in begun.items()}
+
+    def set_pose(self, pose: PoseStamped | Pose) -> None:
+        """Sends each a pose as the reference; without a frame, in its own ``<ns>/odom``."""
+        self._loop.run(self._team.set_pose(pose))
+
+    def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        """Sends each a velocity as the reference; without a frame, in its own ``<ns>/odom``."""
+        self._loop.run(self._team.set_velocity(velocity))
+
+    def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
+        self._loop.run(self._team.recover_from_manual(force=force, timeout_s=timeout_s))
+
+    def abort(self, freeze: bool = False) -> None:
+        """Cancels the task or reference of each that can be reached, and stops it; see `ual.interface.Uav.abort`."""
+        self._loop.run(self._team.abort(freeze))
+
+    def pause(self) -> None:
+        """Stops the running task of each that can be reached on its way; see `ual.interface.Uav.pause`."""
+        self._loop.run(self._team.pause())
+
+    def resume(self) -> None:
+        """Goes on with the paused task of each; see `ual.interface.Uav.resume`."""
+        self._loop.run(self._team.resume())
+
+    @property
+    def dry_run(self) -> DryRun[dict[str, Plan]]:
+        """The motions as questions: what would happen, without anything moving."""
+        return self._dry_run
+
+    def _plan(self, motion: MotionRequest) -> dict[str, Plan]:
+        return self._loop.run(self._team._plan(motion))  # noqa: SLF001 (as above)
+
+
+class TeamTask:
+    """The handle of one UAV's task; its members are those of `ual.interface.Task`."""
+
+    def __init__(self, loop: _Loop, task: aio.Task) -> None:
+        self._loop = loop
+        self._task = task
+
+    def __repr__(self) -> str:
+        return repr(self._task)
+
+    @property
+    def id(self) -> str:
+        """What the daemon calls it."""
+        return self._task.id
+
+    @property
+    def kind(self) -> TaskKind:
+        """Which manoeuvre it is."""
+        return self._task.kind
+
+    def info(self) -> TaskInfo:
+        """Returns how it stands now."""
+        return self._loop.run(self._task.info())
+
+    def done(self) -> bool:
+        """Returns whether it has ended, however it ended."""
+        return self._loop.run(self._task.done())
+
+    def wait(self, timeout_s: float | None = None) -> TaskInfo:
+        """Blocks until it has ended; see `ual.interface.Task.wait`."""
+        return self._loop.run(self._task.wait(timeout_s))
+
+    def cancel(self) -> None:
+        """Ends it: the UAV stops and holds its position; see `ual.interface.Task.cancel`."""
+        self._loop.run(self._task.cancel())
+
+    def pause(self) -> None:
+        """Stops it on its way, and holds there; see `ual.interface.Task.pause`."""
+        self._loop.run(self._task.pause())
+
+    def resume(self) -> None:
+        """Goes on with it along the rest of its way; see `ual.interface.Task.resume`."""
+        self._loop.run(self._task.resume())
+
+    def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
+        """Yields how it stands, `rate_hz` times a second, until it has ended; the last value says how it ended."""
+        samples = self._task.watch(rate_hz)
+        while (sample := self._loop.run(_next(samples))) is not None:
+            yield sample
+
+
+class _Loop:
+    """An event loop on a thread of its own, which runs coroutines for other threads."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="ual team", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._loop.is_closed()
+
+    def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Runs a coroutine to its end. An interruption (Ctrl-C) of this thread cancels it, and waits for that."""
+        if self.is_closed:
+            coroutine.close()
+            raise UalError("the team is closed")
+        future: Future[T] = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        try:
+            return future.result()
+        except BaseException:
+            future.cancel()
+            raise
+
+    def close(self) -> None:
+        """Ends the thread."""
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+        self._loop.close()
+
+
+async def _made(uavs: Iterable[str], tls_ca: str | Path | None) -> aio.Team:
+    """Makes the team on its loop."""
+    return aio.Team(uavs, tls_ca=tls_ca)
+
+
+async def _next(samples: AsyncIterator[TaskInfo]) -> TaskInfo | None:
+    return await anext(samples, None)

@@ -1,0 +1,233 @@
+"""Several UAVs, flown from one event loop by one call each."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from typing_extensions import Self, override
+
+from ual.aio._client import Uav
+from ual.aio._task import Task
+from ual.errors import InvalidArgumentError, TeamError, UalError
+from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.interface import DryRun, TaskCommands
+from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
+
+T = TypeVar("T")
+All = Coroutine[Any, Any, dict[str, T]]
+"""What gives one value of each UAV, by name."""
+
+
+class Team(TaskCommands[All[Task]]):
+    """Several UAVs. Its members are those of `ual.aio.Uav`, of all of them at once, with the results by name.
+
+    A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
+    gets it. All of them are waited for, also where one refuses or fails; then `TeamError` names who and why.
+
+    Args:
+        uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
+            These are the names of the results.
+        tls_ca: A file with the certificates to trust, for daemons that use TLS.
+
+    Raises:
+        InvalidArgumentError: There is no UAV, or one is named twice.
+
+    Example:
+        >>> async with ual.aio.Team(["uav_1", "uav_2"]) as team:
+        ...     await team.take_off(3.0)
+        ...     goals = {"uav_1": ual.Pose.at(4.0, 0.0, 3.0), "uav_2": ual.Pose.at(0.0, 4.0, 3.0)}
+        ...     await team.each(lambda name, uav: uav.go_to_waypoint(goals[name]))
+        ...     await team.land()
+
+    """
+
+    def __init__(self, uavs: Iterable[str], *, tls_ca: str | Path | None = None) -> None:
+        names = _checked(uavs)
+        self._uavs = {name: _uav(name, tls_ca) for name in names}
+        self._dry_run: DryRun[All[Plan]] = DryRun(self._plan)
+
+    def __repr__(self) -> str:
+        return f"<ual.aio.Team {', '.join(self._uavs)}>"
+
+    def __getitem__(self, name: str) -> Uav:
+        return self._uavs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._uavs)
+
+    def __len__(self) -> int:
+        return len(self._uavs)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Closes the connections. Tasks of the UAVs go on; velocities do not."""
+        await asyncio.gather(*(uav.close() for uav in self._uavs.values()))
+
+    async def ask(self, call: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Calls something for each UAV at the same time. Returns the results by name.
+
+        Args:
+            call: What to do with one UAV, given its name.
+
+        Raises:
+            TeamError: One of them refused or failed; it has the errors and the other results.
+
+        """
+        calls = [call(name, uav) for name, uav in self._uavs.items()]
+        outcomes = await asyncio.gather(*calls, return_exceptions=True)
+        return _results(dict(zip(self._uavs, outcomes, strict=True)))
+
+    async def each(self, command: Callable[[str, Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Gives each UAV a command, all at the same moment: different goals, for instance. Returns the results by name.
+
+        Args:
+            command: What to do with one UAV, given its name.
+
+        Raises:
+            TeamError: One of them cannot be reached, and none got the command; or one refused or failed.
+
+        """
+        await self.info()
+        return await self.ask(command)
+
+    # --- What is known ------------------------------------------------------------------------------------------------
+
+    async def info(self) -> dict[str, Info]:
+        """Returns who each UAV is and what it can do."""
+        return await self.ask(lambda _, uav: uav.info())
+
+    async def telemetry(self) -> dict[str, Telemetry]:
+        """Returns the newest sample of each."""
+        return await self.ask(lambda _, uav: uav.telemetry())
+
+    async def state(self) -> dict[str, State]:
+        """Returns the state of each."""
+        return await self.ask(lambda _, uav: uav.state())
+
+    async def wait_for(self, *states: State, timeout_s: float | None = None) -> dict[str, State]:
+        """Waits until each is in one of some states, and returns that one; see `ual.interface.Uav.wait_for`."""
+        return await self.ask(lambda _, uav: uav.wait_for(*states, timeout_s=timeout_s))
+
+    async def is_ready(self) -> dict[str, bool]:
+        """Returns for each whether its state is not UNINITIALIZED."""
+        return await self.ask(lambda _, uav: uav.is_ready())
+
+    async def is_idle(self) -> dict[str, bool]:
+        """Returns for each whether no task runs."""
+        return await self.ask(lambda _, uav: uav.is_idle())
+
+    async def pose(self) -> dict[str, PoseStamped]:
+        """Returns the pose of each; see `ual.interface.Uav.pose`."""
+        return await self.ask(lambda _, uav: uav.pose())
+
+    async def velocity(self) -> dict[str, TwistStamped]:
+        """Returns the velocity of each in m/s and rad/s; see `ual.interface.Uav.velocity`."""
+        return await self.ask(lambda _, uav: uav.velocity())
+
+    async def odometry(self) -> dict[str, Odometry]:
+        """Returns the pose of each with the velocity in its body; see `ual.interface.Uav.odometry`."""
+        return await self.ask(lambda _, uav: uav.odometry())
+
+    async def reference_pose(self) -> dict[str, PoseStamped | None]:
+        """Returns where each is commanded to be now; None while no pose is commanded."""
+        return await self.ask(lambda _, uav: uav.reference_pose())
+
+    async def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> dict[str, Transform]:
+        """Returns of each what takes coordinates from a frame to another; see `ual.interface.Uav.transform`."""
+        return await self.ask(lambda _, uav: uav.transform(target_frame_id, source_frame_id))
+
+    async def frames(self) -> dict[str, list[Frame]]:
+        """Returns all frames of each."""
+        return await self.ask(lambda _, uav: uav.frames())
+
+    # --- Commands -----------------------------------------------------------------------------------------------------
+
+    async def add_frame(self, transform: Transform) -> None:
+        """Adds a frame to each, or moves one that was added; see `ual.interface.Uav.add_frame`."""
+        await self.each(lambda _, uav: uav.add_frame(transform))
+
+    async def remove_frame(self, frame_id: str) -> None:
+        """Removes a frame from each; see `ual.interface.Uav.remove_frame`."""
+        await self.each(lambda _, uav: uav.remove_frame(frame_id))
+
+    async def set_home(self, set_z: bool = False) -> None:
+        """Makes the present position of each the origin of its ``<ns>/odom``; see `ual.interface.Uav.set_home`."""
+        await self.each(lambda _, uav: uav.set_home(set_z))
+
+    async def arm(self, *, timeout_s: float | None = None) -> None:
+        """Arms the motors, in LANDED_DISARMED; see `ual.interface.Uav.arm`."""
+        await self.each(lambda _, uav: uav.arm(timeout_s=timeout_s))
+
+    async def disarm(self, *, timeout_s: float | None = None) -> None:
+        """Disarms the motors, in LANDED_ARMED; see `ual.interface.Uav.disarm`."""
+        await self.each(lambda _, uav: uav.disarm(timeout_s=timeout_s))
+
+    @override
+    async def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, Task]:
+        return await self.each(lambda _, uav: uav._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
+
+    async def set_pose(self, pose: PoseStamped | Pose) -> None:
+        """Sends each a pose as the reference; without a frame, in its own ``<ns>/odom``."""
+        await self.ask(lambda _, uav: uav.set_pose(pose))
+
+    async def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        """Sends each a velocity as the reference; without a frame, in its own ``<ns>/odom``."""
+        await self.ask(lambda _, uav: uav.set_velocity(velocity))
+
+    async def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
+        """Takes control back, in FLYING_MANUAL; see `ual.interface.Uav.recover_from_manual`."""
+        await self.each(lambda _, uav: uav.recover_from_manual(force=force, timeout_s=timeout_s))
+
+    async def abort(self, freeze: bool = False) -> None:
+        """Cancels the task or reference of each that can be reached, and stops it; see `ual.interface.Uav.abort`."""
+        await self.ask(lambda _, uav: uav.abort(freeze))
+
+    async def pause(self) -> None:
+        """Stops the running task of each that can be reached on its way; see `ual.interface.Uav.pause`."""
+        await self.ask(lambda _, uav: uav.pause())
+
+    async def resume(self) -> None:
+        """Goes on with the paused task of each; see `ual.interface.Uav.resume`."""
+        await self.each(lambda _, uav: uav.resume())
+
+    @property
+    def dry_run(self) -> DryRun[All[Plan]]:
+        """The motions as questions, as coroutines: what would happen, without anything moving."""
+        return self._dry_run
+
+    async def _plan(self, motion: MotionRequest) -> dict[str, Plan]:
+        return await self.ask(lambda _, uav: uav._plan(motion))  # noqa: SLF001 (as above)
+
+
+def _checked(uavs: Iterable[str]) -> list[str]:
+    names = list(uavs)
+    if isinstance(uavs, str) or not names or not all(isinstance(name, str) and name for name in names):
+        raise InvalidArgumentError(f"uavs: names or addresses are needed, not {uavs!r}", {"field": "uavs"})
+    if len(set(names)) < len(names):
+        raise InvalidArgumentError(f"uavs: one is named twice: {', '.join(names)}", {"field": "uavs"})
+    return names
+
+
+def _uav(name: str, tls_ca: str | Path | None) -> Uav:
+    return Uav(address=name, tls_ca=tls_ca) if ":" in name else Uav(name, tls_ca=tls_ca)
+
+
+def _results(outcomes: Mapping[str, T | BaseException]) -> dict[str, T]:
+    errors = {name: outcome for name, outcome in outcomes.items() if isinstance(outcome, UalError)}
+    results: dict[str, T] = {}
+    for name, outcome in outcomes.items():
+        if not isinstance(outcome, BaseException):
+            results[name] = outcome
+        elif name not in errors:
+            raise outcome  # a mistake, or the cancellation of this call
+    if errors:
+        raise TeamError(errors, results)
+    return results

@@ -1,0 +1,159 @@
+"""``ual --ns uav_1,uav_3`` and ``ual --all``: one command for several UAVs."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from datetime import datetime, timezone
+
+import pytest
+from click.testing import CliRunner, Result
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual._cli import cli
+from ual._cli.start import Time
+from ual.types import State
+
+TEAM = ("uav_1", "uav_2", "uav_3")
+
+
+@pytest.fixture
+def fleet(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> DaemonProcess:
+    """Three armed light UAVs in one process."""
+    for name in ("UAL_NS", "UAL_ADDRESS", "UAL_TLS_CA"):
+        monkeypatch.delenv(name, raising=False)
+    daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")
+    for name in TEAM:
+        daemon.wait_for("state", ns=name, new="LANDED_ARMED")
+    return daemon
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(cli, words)
+
+
+def states() -> list[State]:
+    with ual.Team(TEAM) as team:
+        return list(team.state().values())
+
+
+def test_all_fly_and_each_has_a_line(fleet: DaemonProcess) -> None:
+    del fleet
+    result = run("--all", "takeoff", "3")
+    assert result.exit_code == 0, result.output
+    lines = sorted(result.stdout.splitlines())
+    assert [line.split(": ")[0] for line in lines] == list(TEAM)
+    assert all("TAKE_OFF SUCCEEDED" in line for line in lines)
+    assert states() == [State.FLYING_AUTO] * 3
+
+
+def test_those_that_are_named_fly_and_the_exit_status_tells_of_a_refusal(fleet: DaemonProcess) -> None:
+    del fleet
+    assert run("--ns", "uav_1,uav_3", "takeoff", "3").exit_code == 0
+    assert states() == [State.FLYING_AUTO, State.LANDED_ARMED, State.FLYING_AUTO]
+    result = run("land", "--all")
+    assert result.exit_code == 1
+    assert "uav_2: WRONG_STATE: land" in result.stderr
+    assert result.stdout.count("LAND SUCCEEDED") == 2
+
+
+def test_each_result_is_an_object_with_the_name(fleet: DaemonProcess) -> None:
+    del fleet
+    found = [json.loads(line) for line in run("--json", "--all", "state").stdout.splitlines()]
+    assert sorted((each["ns"], each["state"]) for each in found) == [(name, "LANDED_ARMED") for name in TEAM]
+    found = [json.loads(line) for line in run("--json", "--all", "land").stdout.splitlines()]
+    assert sorted((each["ns"], each["error"]["reason"]) for each in found) == [(name, "WRONG_STATE") for name in TEAM]
+
+
+def test_where_one_cannot_be_reached_nothing_is_sent(fleet: DaemonProcess) -> None:
+    del fleet
+    result = run("--ns", "uav_1,uav_2,uav_9", "takeoff", "3")
+    assert result.exit_code == 1
+    assert "uav_9: DAEMON_UNREACHABLE" in result.stderr
+    assert result.stderr.count("nothing was sent, because not all of them can be reached") == 2
+    assert states() == [State.LANDED_ARMED] * 3
+
+
+def test_goals_are_in_the_frame_of_each(fleet: DaemonProcess) -> None:
+    del fleet
+    assert run("--all", "takeoff", "3").exit_code == 0
+    assert run("--all", "goto", "2", "0", "3").exit_code == 0
+    assert run("--all", "goto", "1", "0", "0", "--frame", "{ns}/base_link").exit_code == 0
+    with ual.Team(TEAM) as team:
+        assert [round(pose.pose.position.x) for pose in team.pose().values()] == [3, 3, 3]
+    result = run("--all", "goto", "1", "0", "3", "--frame", "map")
+    assert result.exit_code == 2
+    assert "leads all of them to one place" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("--all", "--ns", "uav_1", "land"), "leave out --ns"),
+        (("--ns", "uav_1,uav_1", "land"), "name each UAV once"),
+        (("--ns", "uav_1,uav_2", "--address", "127.0.0.1:1", "land"), "--address is one UAV"),
+        (("--all", "goto-geo", "37", "-6", "20"), "ual goto-geo is for one UAV at a time"),
+        (("--all", "goto", "1", "1", "1", "--plot", "a.png"), "--plot draws one UAV"),
+        (("--at", "yesterday", "land"), "is no time"),
+        (("--at", "2020-01-01T00:00:00Z", "land"), "has passed"),
+    ],
+)
+def test_what_makes_no_sense_is_wrong_usage(fleet: DaemonProcess, words: tuple[str, ...], why: str) -> None:
+    del fleet
+    result = run(*words)
+    assert (result.exit_code, why in result.stderr) == (2, True), result.stderr
+
+
+def test_no_daemon_is_said(start_daemon: StartDaemon) -> None:
+    del start_daemon
+    result = run("--all", "land")
+    assert result.exit_code == 1
+    assert "no daemon runs on this computer" in result.stderr
+
+
+def test_a_time_to_begin_is_kept(fleet: DaemonProcess) -> None:
+    begin_s = time.time() + 1.5
+    text = datetime.fromtimestamp(begin_s, timezone.utc).isoformat()
+    assert run("--all", "--at", text, "takeoff", "3").exit_code == 0
+    for name in TEAM:
+        line = fleet.wait_for("state", ns=name, new="TAKING_OFF")
+        assert datetime.fromisoformat(line["time"].replace("Z", "+00:00")).timestamp() >= begin_s - 0.001
+
+
+def test_a_time_of_the_day_is_the_next_one() -> None:
+    now = datetime.now().astimezone()
+    begin_s = Time().convert(now.strftime("%H:%M:%S"), None, None)
+    assert begin_s - now.timestamp() > 86_000.0 or begin_s - now.timestamp() <= 1.0
+    assert Time().convert("+5", None, None) == pytest.approx(time.time() + 5.0, abs=2.0)
+
+
+@pytest.mark.parametrize("words", [("goto", "500", "0", "3"), ("velocity", "1", "0", "0", "--for", "600")])
+def test_ctrl_c_stops_all(fleet: DaemonProcess, words: tuple[str, ...]) -> None:
+    del fleet
+    assert run("--all", "takeoff", "3").exit_code == 0
+    deadline_s = time.monotonic() + LIMIT_S
+    # A shell lets what it starts in the background ignore SIGINT.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\nfrom ual._cli import main; main()"
+    with ual.Team(TEAM) as team:
+
+        def speeds() -> list[float]:
+            return [velocity.twist.linear.x for velocity in team.velocity().values()]
+
+        with subprocess.Popen([sys.executable, "-c", code, "--all", *words], stderr=subprocess.DEVNULL) as program:
+            while min(speeds()) < 0.5:
+                assert time.monotonic() < deadline_s
+            program.send_signal(signal.SIGINT)
+            assert program.wait(LIMIT_S) == 130
+        while max(speeds()) > 0.05:
+            assert time.monotonic() < deadline_s
+        assert team.is_idle() == dict.fromkeys(TEAM, True)
+
+
+def test_watch_takes_all_before_and_behind_the_command(fleet: DaemonProcess) -> None:
+    del fleet
+    for words in (("--all", "watch", "--once"), ("watch", "--all", "--once")):
+        assert run(*words).stdout.count("LANDED_ARMED") == 3

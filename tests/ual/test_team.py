@@ -1,0 +1,128 @@
+"""Several UAVs by one call: `ual.Team` and `ual.aio.Team`, over real daemons of light UAVs."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from ual.types import State, TaskStatus
+
+TEAM = ("uav_1", "uav_2", "uav_3")
+
+
+@pytest.fixture
+def fleet(start_daemon: StartDaemon) -> DaemonProcess:
+    """Three armed light UAVs in one process."""
+    daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")
+    for name in TEAM:
+        daemon.wait_for("state", ns=name, new="LANDED_ARMED")
+    return daemon
+
+
+@pytest.fixture
+def team(fleet: DaemonProcess) -> Iterator[ual.Team]:
+    del fleet
+    with ual.Team(TEAM) as team:
+        yield team
+
+
+def test_one_call_flies_all_and_the_results_have_their_names(team: ual.Team) -> None:
+    tasks = team.take_off(3.0)
+    assert [(name, task.info().status) for name, task in tasks.items()] == [
+        (name, TaskStatus.SUCCEEDED) for name in TEAM
+    ]
+    assert team.state() == dict.fromkeys(TEAM, State.FLYING_AUTO)
+    assert {name: round(pose.pose.position.z) for name, pose in team.pose().items()} == dict.fromkeys(TEAM, 3)
+
+
+def test_each_may_have_a_goal_of_its_own(team: ual.Team) -> None:
+    team.take_off(3.0)
+    goals = {name: ual.Pose.at(float(i), 0.0, 3.0) for i, name in enumerate(TEAM)}
+    team.each(lambda name, uav: uav.go_to_waypoint(goals[name]))
+    assert [round(pose.pose.position.x) for pose in team.pose().values()] == [0, 1, 2]
+
+
+def test_who_refuses_is_named_and_the_others_fly(team: ual.Team) -> None:
+    team["uav_2"].take_off(3.0)
+    with pytest.raises(ual.TeamError, match="uav_2: WRONG_STATE: take_off") as caught:
+        team.take_off(3.0)
+    assert list(caught.value.errors) == ["uav_2"]
+    assert isinstance(caught.value.errors["uav_2"], ual.WrongStateError)
+    assert list(caught.value.results) == ["uav_1", "uav_3"]
+    assert team.state() == dict.fromkeys(TEAM, State.FLYING_AUTO)
+
+
+def test_where_one_cannot_be_reached_none_moves(fleet: DaemonProcess) -> None:
+    del fleet
+    with ual.Team([*TEAM, "uav_9"]) as team:
+        with pytest.raises(ual.TeamError, match="uav_9: DAEMON_UNREACHABLE") as caught:
+            team.take_off(3.0)
+        assert list(caught.value.errors) == ["uav_9"]
+        assert [team[name].state() for name in TEAM] == [State.LANDED_ARMED] * 3
+
+
+def test_tasks_can_be_watched_paused_and_cancelled_one_by_one(team: ual.Team) -> None:
+    team.take_off(3.0)
+    tasks = team.go_to_waypoint(ual.Pose.at(50.0, 0.0, 3.0), blocking=False)
+    first, second, third = tasks.values()
+    first.cancel()
+    second.pause()
+    assert second.info().is_paused
+    second.resume()
+    assert not third.done()
+    last = list(third.watch(rate_hz=50.0))[-1]
+    assert (last.status, first.info().status) == (TaskStatus.SUCCEEDED, TaskStatus.ABORTED)
+    assert second.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+
+
+def test_an_abort_stops_all(team: ual.Team) -> None:
+    team.take_off(3.0)
+    tasks = team.go_to_waypoint(ual.Pose.at(100.0, 0.0, 3.0), blocking=False)
+    team.abort()
+    assert [task.info().status for task in tasks.values()] == [TaskStatus.ABORTED] * 3
+
+
+def test_a_dry_run_asks_all_and_moves_none(team: ual.Team) -> None:
+    plans = team.dry_run.take_off(3.0)
+    assert list(plans) == list(TEAM)
+    assert team.state() == dict.fromkeys(TEAM, State.LANDED_ARMED)
+
+
+def test_a_call_that_is_cancelled_is_cancelled_for_all(fleet: DaemonProcess) -> None:
+    del fleet
+
+    async def run() -> None:
+        async with ual.aio.Team(TEAM) as team:
+            await team.take_off(3.0)
+            going = asyncio.create_task(team.go_to_waypoint(ual.Pose.at(500.0, 0.0, 3.0)))
+            while any((await team.is_idle()).values()):
+                pass
+            going.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await going
+            while not all((await team.is_idle()).values()):
+                pass
+            assert await team.state() == dict.fromkeys(TEAM, State.FLYING_AUTO)
+
+    asyncio.run(asyncio.wait_for(run(), LIMIT_S))
+
+
+def test_names_are_checked() -> None:
+    for wrong in ([], ["uav_1", "uav_1"], "uav_1", [""]):
+        with pytest.raises(ual.InvalidArgumentError):
+            ual.Team(wrong)
+    assert not [each for each in threading.enumerate() if each.name == "ual team"]
+
+
+def test_a_closed_team_says_so(fleet: DaemonProcess) -> None:
+    del fleet
+    team = ual.Team(TEAM)
+    team.close()
+    team.close()
+    with pytest.raises(ual.UalError, match="closed"):
+        team.state()
