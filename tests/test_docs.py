@@ -256,7 +256,7 @@ def run(program: str, **names: object) -> None:
 
 def test_the_programs_of_the_python_clients_page_run(daemon: DaemonProcess) -> None:
     programs = blocks(DOCS / "clients" / "python.md", "python")
-    whole = [program for program in programs if "import ual" in program]
+    whole = [program for program in programs if "import ual" in program and "ual.Team" not in program]
     parts = [program for program in programs if "import ual" not in program]
     assert (len(whole), len(parts)) == (2, 8)
     armed = daemon.wait_for("state", new="LANDED_ARMED")
@@ -271,6 +271,14 @@ def test_the_programs_of_the_python_clients_page_run(daemon: DaemonProcess) -> N
             run(program, uav=uav, ual=ual)
         uav.land()
         run(parts[-1], uav=uav)  # the safety pilot arms, the link is lost
+
+
+def test_the_team_of_the_python_clients_page_flies(start_daemon: StartDaemon) -> None:
+    fleet = start_daemon("--fleet", "2", "--auto-arm", "--set", "light.speed_factor=10")
+    for name in ("uav_1", "uav_2"):
+        fleet.wait_for("state", ns=name, new="LANDED_ARMED")
+    (program,) = (each for each in blocks(DOCS / "clients" / "python.md", "python") if "ual.Team" in each)
+    run(program)
 
 
 # --- Tables that must be complete -------------------------------------------------------------------------------------

@@ -152,7 +152,7 @@ def test_only_the_help_of_ual_describes_the_shared_options() -> None:
     for words in (["goto"], ["sim"], ["sim", "fault", "begin", "link-lost"]):
         text = done(*words, "--help")
         assert "Certificates to trust" not in text
-        assert "--ns, --address, --tls-ca, --timeout, --json" in text
+        assert "--ns, --all, --at, --address, --tls-ca, --timeout, --json" in text
 
 
 @pytest.mark.parametrize(("columns", "longest"), [(60, 60), (80, 80), (110, 110), (300, 120)])
