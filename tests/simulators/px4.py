@@ -350,6 +350,9 @@ class Px4(Autopilot):
         self._mode_s = self._status_changed_s = self.now_s
         self._hold, self._hold_yaw_rad = self._stopping_point(), self.body.yaw_rad
 
+    def _turn_targets(self, by_rad: float) -> None:
+        self._hold_yaw_rad += by_rad
+
     def _shift_targets(self, offset: Vector) -> None:
         self._hold = plus(self._hold, offset)
         self._takeoff_z_m += offset[2]
