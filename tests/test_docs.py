@@ -37,6 +37,7 @@ from tests.pages import (
 from ual import errors
 from ual._cli import cli
 from ual_daemon.backends.light import LightSettings
+from ual_daemon.backends.values import Cause
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, ToleranceSettings, VehicleSettings
 
@@ -299,6 +300,18 @@ def test_every_error_is_listed_with_its_reason() -> None:
         name: kind for name, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, errors.UalError)
     }
     assert listed == {name: kind.reason for name, kind in raised.items()}
+
+
+def test_who_or_what_ends_a_task_is_listed() -> None:
+    """Commands that replace a task are listed by three of them."""
+    text = (DOCS / "errors.md").read_text(encoding="utf-8").split("| `by` |")[1].split("\n\n")[0]
+    listed = {
+        name for cell in re.findall(r"^\| (`.+?) \|", text, re.MULTILINE) for name in re.findall(r"`(.+?)`", cell)
+    }
+    code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "ual_daemon").rglob("*.py"))
+    literals = set(re.findall(r'"by": "(.+?)"', code))
+    causes = {cause.value for cause in Cause if cause.value}
+    assert listed - {"go_to_waypoint", "set_velocity", "abort"} == literals | causes | {"cancel"}
 
 
 def test_every_event_of_the_log_that_is_listed_exists() -> None:

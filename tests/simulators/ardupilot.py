@@ -132,6 +132,7 @@ class ArduPilot(Autopilot):
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
             "SIM_SPEEDUP": 1.0,
+            "SIM_GPS_DISABLE": 0,
             "FENCE_ENABLE": 0,
             "FENCE_AUTOENABLE": 0,
             "FENCE_TYPE": 7,

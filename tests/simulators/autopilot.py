@@ -471,8 +471,15 @@ class Autopilot(ABC):
             if is_whole:
                 value = self._from_wire(value)
             self.parameters[message.param_id] = value
+            self._on_gps_parameter(message.param_id, value)
             for channel in self.channels:
                 channel.send(self._parameter(message.param_id), self.elapsed_s)
+
+    def _on_gps_parameter(self, name: str, value: float) -> None:
+        """Takes GPS away and gives it back, as the simulators do by parameters."""
+        is_lost = {"SIM_GPS_DISABLE": value > 0, "SIM_GPS_USED": value < 4}.get(name)
+        if is_lost is not None:
+            (self.lose_gps if is_lost else self.find_gps)()
 
     def _parameter(self, name: str) -> Message:
         value = self.parameters[name]

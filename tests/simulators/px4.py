@@ -231,6 +231,7 @@ class Px4(Autopilot):
             "MPC_XY_CRUISE": 5.0,
             "COM_OF_LOSS_T": 1.0,
             "GF_ACTION": 2,
+            "SIM_GPS_USED": 10,
             "GF_MAX_HOR_DIST": 0.0,
             "GF_MAX_VER_DIST": 0.0,
             "COM_DISARM_LAND": _LANDED_DISARM_S,
