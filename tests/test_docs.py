@@ -324,6 +324,14 @@ def test_every_event_of_the_log_that_is_listed_exists() -> None:
     assert [name for name in listed if f'"{name}"' not in code] == []
 
 
+def test_every_test_that_a_page_names_exists() -> None:
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    known = {*re.findall(r"def (test_\w+)", tests), *(path.stem for path in (ROOT / "tests").rglob("test_*.py"))}
+    named = {name for path in DOCS.rglob("*.md") for name in re.findall(r"`(test_\w+)`", path.read_text("utf-8"))}
+    assert len(named) > 50
+    assert named - known == set()
+
+
 def test_every_decision_is_listed_with_its_title() -> None:
     folder = DOCS / "decisions"
     text = (folder / "README.md").read_text(encoding="utf-8")

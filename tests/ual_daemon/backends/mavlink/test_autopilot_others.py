@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
+from typing_extensions import override
 
 from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot, BadLink, MemoryPort
+from tests.simulators.lockstep import ADDRESS, LockstepBackend, MemoryLink
 from tests.ual_daemon.backends.mavlink.test_autopilot_authority import GroundStation
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEIGHT_M, Flight
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions, UpdateCallback
+from ual_daemon.backends.mavlink.links import Connection
+from ual_daemon.backends.mavlink.links.base import Chunk
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 OWN_HOLD = {"px4": (4.0, 3.0), "ardupilot": (17.0, 0.0)}
 """AUTO.LOITER and BRAKE, in the words of DO_SET_MODE."""
 NOTICED_S = 0.1
+IDLE_ID = 192
+"""The component that the second daemon is."""
 
 
 @pytest.fixture(params=["px4", "ardupilot"])
@@ -61,6 +71,62 @@ def test_a_ground_station_that_makes_it_hold_is_named_and_land_ends_the_flight(f
     assert flight.uav.state() is State.FLYING_MANUAL
     flight.uav.land()  # out of the autopilot's own mode
     flight.wait_for_state(State.LANDED_DISARMED)
+
+
+class OnAnotherLink(Flight):
+    """An ArduCopter with a second link, for a daemon that does not step it."""
+
+    def __init__(self) -> None:
+        self.port, self.second_port = MemoryPort(), MemoryPort()
+        self.link = BadLink(self.port, 0)
+        self.autopilot = ArduPilot([self.link, self.second_port])
+        self.start()
+
+
+class Listening(Connection):
+    """The link of a daemon beside the one that steps the autopilot: it waits for what comes."""
+
+    def __init__(self, port: MemoryPort) -> None:
+        super().__init__(MemoryLink(port), "the second link of a simulated autopilot")
+        self._port = port
+
+    @override
+    def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
+        time.sleep(0.002)  # its thread has nothing else to wait for
+        return [(self._port.sent.popleft()[1], ADDRESS) for _ in range(min(64, len(self._port.sent)))]
+
+
+class Second(LockstepBackend):
+    """The backend of the second daemon."""
+
+    @override
+    def open(self, on_update: UpdateCallback) -> None:
+        self._start(Listening(self._port), on_update)
+
+
+def test_a_second_idle_daemon_on_another_link_leaves_the_others_go_to_alone() -> None:
+    """The recipe: a second, idle daemon froze the first one's go-to, and put it into BRAKE when it ended."""
+    flight = OnAnotherLink()
+    try:
+        flight.take_off()
+        goal = flight.goal(60.0, 0.0)
+        task = flight.uav.go_to_waypoint(goal, max_speed_m_s=3.0, blocking=False)
+        flight.let_pass(1.0)
+        settings = {"component_id": IDLE_ID}
+        backend = Second(BackendOptions("uav_1", settings=settings), flight.autopilot, flight.second_port)
+        with UAL(backend) as second:
+            flight.wait_for(lambda: second.state() is State.FLYING_AUTO, "the state of the second")
+            flight.let_pass(2.0)
+            assert not task.done()
+        task.wait(LIMIT_S)
+        assert (flight.uav.pose().pose.position - goal.position).norm() < 0.5
+        assert flight.uav.state() is State.FLYING_AUTO
+        assert flight.autopilot.setpoint_senders.count((1, IDLE_ID)) == 0
+        orders = {command for _, command, _, sender in flight.autopilot.commands if sender == (1, IDLE_ID)}
+        assert orders - ASKING == set()
+        flight.land()
+    finally:
+        flight.uav.close()
 
 
 def test_return_to_launch_ends_a_flight_that_the_autopilot_holds_and_never_one_that_the_pilot_flies(
