@@ -94,6 +94,8 @@ _FAILSAFE_EVENTS = {
     ),
 }
 """What triggers a failsafe, its Hold, and what follows that after 5 s, as recorded."""
+_NO_POSITION = (event_id("check_modes_local_pos"), 0x22, bytes.fromhex("ffffffff00000000"))
+"""By its source."""
 _FAILSAFE_HOLD_S = 5.0
 _FAILSAFE = (0x01C2DC72, 0x42, b"\x00\x06\x00\x03")
 _ARMING_DENIED = (event_id("commander_arm_denied_resolve_failures"), 0x22, b"")
@@ -533,6 +535,8 @@ class Px4(Autopilot):
         wanted = self.failsafe
         if is_blind and self.intention not in (ALTCTL, STABILIZED, MANUAL):
             wanted = ALTCTL
+            if self.failsafe != ALTCTL:
+                self._event(*_NO_POSITION)
         elif self.intention == OFFBOARD and silence_s > self.parameters["COM_OF_LOSS_T"] + STREAM_LOST_S:
             wanted = self.failsafe or (POSCTL if self.has_sticks else RTL)
         elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream and not self._failsafe_kind:
