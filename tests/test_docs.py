@@ -37,6 +37,7 @@ from tests.pages import (
 from ual import errors
 from ual._cli import cli
 from ual_daemon.backends.light import LightSettings
+from ual_daemon.backends.values import Cause
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, ToleranceSettings, VehicleSettings
 
@@ -309,6 +310,18 @@ def test_every_error_is_listed_with_its_reason() -> None:
     assert listed == {name: kind.reason for name, kind in raised.items()}
 
 
+def test_who_or_what_ends_a_task_is_listed() -> None:
+    """Commands that replace a task are listed by three of them."""
+    text = (DOCS / "errors.md").read_text(encoding="utf-8").split("| `by` |")[1].split("\n\n")[0]
+    listed = {
+        name for cell in re.findall(r"^\| (`.+?) \|", text, re.MULTILINE) for name in re.findall(r"`(.+?)`", cell)
+    }
+    code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "ual_daemon").rglob("*.py"))
+    literals = set(re.findall(r'"by": "(.+?)"', code))
+    causes = {cause.value for cause in Cause if cause.value}
+    assert listed - {"go_to_waypoint", "set_velocity", "abort"} == literals | causes | {"cancel"}
+
+
 def test_every_event_of_the_log_that_is_listed_exists() -> None:
     text = (DOCS / "daemon.md").read_text(encoding="utf-8").split("| event |")[1]
     listed = [
@@ -317,6 +330,14 @@ def test_every_event_of_the_log_that_is_listed_exists() -> None:
     code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "ual_daemon").rglob("*.py"))
     assert len(listed) >= 15
     assert [name for name in listed if f'"{name}"' not in code] == []
+
+
+def test_every_test_that_a_page_names_exists() -> None:
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    known = {*re.findall(r"def (test_\w+)", tests), *(path.stem for path in (ROOT / "tests").rglob("test_*.py"))}
+    named = {name for path in DOCS.rglob("*.md") for name in re.findall(r"`(test_\w+)`", path.read_text("utf-8"))}
+    assert len(named) > 50
+    assert named - known == set()
 
 
 def test_every_decision_is_listed_with_its_title() -> None:

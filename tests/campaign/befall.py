@@ -12,9 +12,21 @@ from contextlib import ExitStack
 from typing_extensions import Self
 
 from tests.campaign.plan import Fault
-from tests.campaign.rig import Rig
+from tests.campaign.rig import NAMES, Rig
+from tests.sitl.troubles import TROUBLES, Change, changed
 
 _CLIMB_TIMES = 60
+_BLIND_S = 7.0
+"""So long both autopilots fly on without GPS until they act (PX4 5.8 s)."""
+_NARROW_M = 2.0
+_FENCES = {
+    "px4": (Change("GF_MAX_HOR_DIST", _NARROW_M, 150.0),),
+    "ardupilot": (
+        Change("FENCE_TYPE", 2.0, 2.0),
+        Change("FENCE_RADIUS", _NARROW_M, 150.0),
+        Change("FENCE_ENABLE", 1.0, 0.0),
+    ),
+}
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""
 
@@ -152,6 +164,18 @@ def _battery(rig: Rig, fault: Fault, wait: Wait) -> None:
         rig.pilot.order(42651, (255.0, 100.0))
 
 
+def _fence(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """The autopilot's own fence becomes so narrow that most flights are beyond it."""
+    with changed(rig.pilot, _FENCES[rig.options.autopilot]):
+        wait(2.0 + fault.duration_s)
+
+
+def _ekf(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """GPS is lost: the estimator has no position after some seconds, and the autopilot's failsafe sets in."""
+    with changed(rig.pilot, TROUBLES[NAMES[rig.options.autopilot]]["position failsafe"]):
+        wait(_BLIND_S + fault.duration_s)
+
+
 def _freeze(rig: Rig, fault: Fault, wait: Wait) -> None:
     rig.daemon.signal(signal.SIGSTOP)
     wait(fault.duration_s)
@@ -178,6 +202,8 @@ FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
     "pilot": _pilot,
     "rc_loss": _rc_loss,
     "battery": _battery,
+    "fence": _fence,
+    "ekf": _ekf,
     "freeze": _freeze,
     "busy": _busy,
 }

@@ -32,7 +32,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
     with Befalling(rig, plan.faults) as faults:
         (_foreign if plan.mission == FOREIGN else _ours)(rig, plan, faults)
     rig.bring_down()
-    if any(fault.kind in ("rc_loss", "battery") for fault in plan.faults):
+    if any(fault.kind in ("rc_loss", "battery", "fence", "ekf") for fault in plan.faults):
         rig.set_parameters()
     return record
 

@@ -63,7 +63,14 @@ _FLOWN_S = 0.5
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
 _TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "path"})
-_TAKERS = {"pilot": "safety pilot", "rc_loss": "rc failsafe", "battery": "battery failsafe"}
+_TAKERS = {
+    "pilot": ("safety pilot",),
+    "rc_loss": ("rc failsafe",),
+    "battery": ("battery failsafe",),
+    "fence": ("fence",),
+    "ekf": ("position failsafe", "autopilot"),  # without a position UAL ends a task by itself, too
+}
+_BLINDING = ("ekf",)
 _STARVING = ("freeze", "busy")
 _DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
 _DISTURBED_S = 6.0
@@ -321,7 +328,7 @@ def _doing(record: Record, since_s: float, until_s: float) -> set[str]:
 
 def _is_disturbed(record: Record, time_s: float) -> bool:
     return _has_just_begun(record, time_s) or any(
-        trouble.kind in _DISTURBING and trouble.began_s <= time_s <= trouble.ended_s + _DISTURBED_S
+        trouble.kind in _DISTURBING + _BLINDING and trouble.began_s <= time_s <= trouble.ended_s + _DISTURBED_S
         for trouble in record.troubles
     )
 
@@ -366,7 +373,7 @@ def who_took_it_is_told(case: Case) -> Iterator[Breach]:
 def _takers(record: Record, time_s: float) -> set[str]:
     """Who or what can have taken the vehicle, in the words of UAL; empty where the link may have lost the reason."""
     active = {each.kind for each in record.troubles if each.began_s <= time_s <= each.ended_s + _DISTURBED_S}
-    return set() if active & set(_DISTURBING) else {_TAKERS[kind] for kind in active & set(_TAKERS)}
+    return set() if active & set(_DISTURBING) else {name for kind in active & set(_TAKERS) for name in _TAKERS[kind]}
 
 
 def goals_are_reached(case: Case) -> Iterator[Breach]:

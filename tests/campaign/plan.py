@@ -16,18 +16,21 @@ _KINDS = {
     "delay": 4,
     "corruption": 4,
     "silence": 5,
-    "reboot": 1,
+    "reboot": 2,
     "kill_daemon": 5,
     "kill_client": 4,
     "second_sender": 4,
     "pilot": 8,
     "rc_loss": 3,
     "battery": 2,
+    "fence": 2,
+    "ekf": 2,
     "freeze": 5,
     "busy": 3,
 }
 """How often each is chosen, relative to the others."""
 _GROUND_ONLY = frozenset({"reboot"})
+_IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
@@ -106,6 +109,6 @@ def _place(dice: random.Random) -> tuple[float, float, float]:
 
 def _fault(dice: random.Random, steps_count: int) -> Fault:
     kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
-    step = 0 if kind in _GROUND_ONLY else dice.randrange(0 if kind != "pilot" else 1, steps_count)
+    step = 0 if kind in _GROUND_ONLY else dice.randrange(1 if kind in _IN_FLIGHT else 0, steps_count)
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
     return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())

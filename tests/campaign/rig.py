@@ -41,6 +41,8 @@ _PARAMETERS = {
     "px4": {"RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0, "SIM_BAT_DRAIN": 60.0, "SIM_BAT_MIN_PCT": 50.0},
 }
 """So that a failsafe's return is short, and comes when it is caused."""
+NAMES = {"px4": "PX4", "ardupilot": "ArduPilot"}
+"""The autopilots, as UAL names them."""
 _STATES_HZ = 20.0
 _BOOT_S = 150.0
 _DOWN_S = 60.0

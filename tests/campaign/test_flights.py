@@ -21,6 +21,9 @@ from tests.sitl.pilot import SafetyPilot
 HOST = "127.0.0.1"
 STEPS = (Step("arm"), Step("take_off", (2.5,)), Step("go_to", (4.0, 1.0, 3.0)), Step("land"))
 TAKE_OVER = Plan(0, OURS, "pilot", STEPS, (Fault("pilot", 2, 0.3, 1.5, 0.0),))
+TO_AND_FRO = Step("path", (9.0, 0.0, 3.0, -9.0, 0.0, 3.0, 9.0, 0.0, 3.0))
+BREACH = Plan(0, OURS, "pilot", (*STEPS[:2], TO_AND_FRO, STEPS[3]), (Fault("fence", 2, 0.0, 1.5, 0.0),))
+BLIND = Plan(0, OURS, "pilot", STEPS, (Fault("ekf", 2, 0.3, 1.5, 0.0),))
 RESTART = Plan(0, OURS, "client", STEPS, (Fault("kill_daemon", 2, 0.3, 0.2, 0.0),))
 
 
@@ -68,6 +71,22 @@ def test_a_flight_whose_daemon_is_killed_is_clean(tmp_path: Path) -> None:
     assert judge(record) == []
     assert [life.what for life in record.lives] == [DAEMON_STARTED, DAEMON_KILLED, DAEMON_STARTED]
     assert record.said[-1].state == "LANDED_DISARMED"
+
+
+def test_a_flight_that_the_autopilots_fence_ends_is_clean(tmp_path: Path) -> None:
+    with ardupilot(tmp_path, "ual_daemon") as rig:
+        record = fly(rig, BREACH)
+    assert judge(record) == []
+    assert "fence" in {call.by for call in record.called}
+    assert Case(record).taken_s
+
+
+def test_a_flight_that_loses_its_position_is_clean(tmp_path: Path) -> None:
+    with px4(tmp_path) as rig:
+        record = fly(rig, BLIND)
+    assert judge(record) == []
+    assert {call.by for call in record.called} & {"position failsafe", "autopilot"}
+    assert "UNINITIALIZED" in {said.state for said in record.said}
 
 
 def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Path) -> None:

@@ -286,6 +286,46 @@ def test_who_took_it_must_be_told_truly() -> None:
     assert rules(record) == set()
 
 
+@pytest.mark.parametrize(
+    ("kind", "names", "wrong"),
+    [
+        ("fence", ["fence"], "safety pilot"),
+        ("fence", ["fence"], "autopilot"),
+        ("ekf", ["position failsafe", "autopilot"], "safety pilot"),
+        ("ekf", ["position failsafe", "autopilot"], "fence"),
+    ],
+)
+def test_a_fence_and_a_lost_position_must_be_named(kind: str, names: list[str], wrong: str) -> None:
+    record = clean()
+    record.troubles.append(Trouble(kind, TAKEN_S - 7.0, TAKEN_S - 1.0))
+    for by in names:
+        record.called[2] = dataclasses.replace(record.called[2], by=by)
+        assert rules(record) == set()
+    record.called[2] = dataclasses.replace(record.called[2], by=wrong)
+    assert rules(record) == {"task"}
+
+
+def test_the_state_is_not_known_where_a_fault_takes_the_position_away_and_is_where_the_fence_is_breached() -> None:
+    record = clean()
+    record.said = [
+        dataclasses.replace(said, state="UNINITIALIZED") if 10.0 < said.time_s < 12.0 else said for said in record.said
+    ]
+    record.troubles.append(Trouble("fence", 6.0, 7.9))
+    assert rules(record) == {"state"}
+    record.troubles.append(Trouble("ekf", 6.0, 7.9))
+    assert rules(record) == set()
+
+
+@pytest.mark.parametrize("kind", ["fence", "ekf"])
+def test_a_failsafe_of_the_fence_or_the_estimator_allows_nothing_to_be_sent(kind: str) -> None:
+    record = clean()
+    record.troubles.append(Trouble(kind, TAKEN_S - 3.0, GIVEN_BACK_S))
+    record.called[2] = dataclasses.replace(record.called[2], by="fence" if kind == "fence" else "position failsafe")
+    assert rules(record) == set()
+    record.sent.append(Sent(16.5, "setpoint"))
+    assert rules(record) == {"take-over", "unasked"}
+
+
 def test_a_plan_follows_from_its_seed() -> None:
     assert plan(7) == plan(7)
     assert plan(7) != plan(8)
@@ -296,4 +336,4 @@ def test_a_plan_follows_from_its_seed() -> None:
 def test_the_plans_of_a_campaign_have_every_fault() -> None:
     kinds = {fault.kind for seed in range(100) for fault in plan(seed).faults}
     assert kinds >= {"loss", "delay", "corruption", "silence", "kill_daemon", "kill_client", "second_sender", "pilot"}
-    assert kinds >= {"rc_loss", "battery", "freeze", "busy", "reboot"}
+    assert kinds >= {"rc_loss", "battery", "fence", "ekf", "freeze", "busy", "reboot"}

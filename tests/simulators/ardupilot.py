@@ -132,6 +132,7 @@ class ArduPilot(Autopilot):
             "GUID_TIMEOUT": 3.0,
             "DISARM_DELAY": 10.0,
             "SIM_SPEEDUP": 1.0,
+            "SIM_GPS_DISABLE": 0,
             "FENCE_ENABLE": 0,
             "FENCE_AUTOENABLE": 0,
             "FENCE_TYPE": 7,
@@ -241,6 +242,11 @@ class ArduPilot(Autopilot):
     def cancel_takeoff(self) -> None:
         """Ends a take-off, as any setpoint does before its end."""
         self._takeoff = None
+
+    def _turn_targets(self, by_rad: float) -> None:
+        """A heading that was sent in GUIDED is the companion's, and stays; that of a take-off is its own."""
+        if self._target.yaw_rad is not None and (self.mode != GUIDED or self._takeoff is not None):
+            self._target = replace(self._target, yaw_rad=self._target.yaw_rad + by_rad)
 
     def _shift_targets(self, offset: Vector) -> None:
         """A target of GUIDED is the companion's, and stays; that of a take-off is its own."""

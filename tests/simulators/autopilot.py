@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tests.simulators.channel import Channel
-from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus
+from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from ual.geometry import Vector3
 from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -88,6 +88,8 @@ class Autopilot(ABC):
         """Where the estimator's origin is on the ground, from where it was at first."""
         self.estimate_error: Vector = ZERO
         """How far the estimate is off, as `jump` left it."""
+        self.heading_error_rad = 0.0
+        """How far its estimate of the heading, which `body` has, is off, as `jump_heading` left it."""
         self.velocity_error: Vector = ZERO
         """How wrong its estimate of the velocity is, beside a position that is right: PX4's is, for seconds."""
         self.resets_count = 0
@@ -207,6 +209,23 @@ class Autopilot(ABC):
             self.estimate_error = plus(self.estimate_error, offset)
             self.resets_count += 1
             self._shift_targets(offset)
+
+    def jump_heading(self, by_rad: float) -> None:
+        """Resets the estimate of the heading, and its own targets with it. The vehicle does not turn."""
+        with self.lock:
+            self.heading_error_rad += by_rad
+            self.body.yaw_rad = wrap(self.body.yaw_rad + by_rad)
+            self.resets_count += 1
+            self._turn_targets(by_rad)
+
+    @property
+    def true_heading_rad(self) -> float:
+        """Where its nose really points."""
+        return wrap(self.body.yaw_rad - self.heading_error_rad)
+
+    @abstractmethod
+    def _turn_targets(self, by_rad: float) -> None:
+        """Turns the heading that it holds by itself with its estimate, so that its nose stays where it is."""
 
     @abstractmethod
     def _shift_targets(self, offset: Vector) -> None:
@@ -452,8 +471,15 @@ class Autopilot(ABC):
             if is_whole:
                 value = self._from_wire(value)
             self.parameters[message.param_id] = value
+            self._on_gps_parameter(message.param_id, value)
             for channel in self.channels:
                 channel.send(self._parameter(message.param_id), self.elapsed_s)
+
+    def _on_gps_parameter(self, name: str, value: float) -> None:
+        """Takes GPS away and gives it back, as the simulators do by parameters."""
+        is_lost = {"SIM_GPS_DISABLE": value > 0, "SIM_GPS_USED": value < 4}.get(name)
+        if is_lost is not None:
+            (self.lose_gps if is_lost else self.find_gps)()
 
     def _parameter(self, name: str) -> Message:
         value = self.parameters[name]

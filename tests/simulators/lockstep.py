@@ -22,7 +22,7 @@ from ual_daemon.backends.mavlink.links import Address, Connection
 from ual_daemon.backends.mavlink.links.base import Chunk, Link
 
 SPEED = 6.0
-_ADDRESS = ("127.0.0.1", 14580)
+ADDRESS = ("127.0.0.1", 14580)
 _BEGIN_UTC_S = 1.8e9
 _BATCH = 64
 """So many datagrams are received at once."""
@@ -83,7 +83,7 @@ class _Connection(Connection):
     """Advances the autopilot's time instead of waiting, at most `speed` times as fast as real time."""
 
     def __init__(self, autopilot: Autopilot, port: MemoryPort, speed: float) -> None:
-        super().__init__(_Link(port), "a simulated autopilot")
+        super().__init__(MemoryLink(port), "a simulated autopilot")
         self._autopilot = autopilot
         self._port = port
         self._pace = Pace(STEP_S, speed)
@@ -95,13 +95,13 @@ class _Connection(Connection):
         if len(self._port.sent) < _BATCH:  # else more waits already, as on a UDP link
             pause_s, self.pause_s = self.pause_s, 0.0
             self._autopilot.run(pause_s + STEP_S)
-        return [(self._port.sent.popleft()[1], _ADDRESS) for _ in range(min(_BATCH, len(self._port.sent)))]
+        return [(self._port.sent.popleft()[1], ADDRESS) for _ in range(min(_BATCH, len(self._port.sent)))]
 
     def discard(self, now_s: float) -> None:
         self._port.sent.clear()
 
 
-class _Link(Link):
+class MemoryLink(Link):
     """The link to the autopilot, in memory."""
 
     is_stream = False
@@ -127,4 +127,4 @@ class _Link(Link):
 
     @property
     def peer(self) -> Address | None:
-        return _ADDRESS
+        return ADDRESS

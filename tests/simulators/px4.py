@@ -94,6 +94,8 @@ _FAILSAFE_EVENTS = {
     ),
 }
 """What triggers a failsafe, its Hold, and what follows that after 5 s, as recorded."""
+_NO_POSITION = (event_id("check_modes_local_pos"), 0x22, bytes.fromhex("ffffffff00000000"))
+"""By its source."""
 _FAILSAFE_HOLD_S = 5.0
 _FAILSAFE = (0x01C2DC72, 0x42, b"\x00\x06\x00\x03")
 _ARMING_DENIED = (event_id("commander_arm_denied_resolve_failures"), 0x22, b"")
@@ -231,6 +233,7 @@ class Px4(Autopilot):
             "MPC_XY_CRUISE": 5.0,
             "COM_OF_LOSS_T": 1.0,
             "GF_ACTION": 2,
+            "SIM_GPS_USED": 10,
             "GF_MAX_HOR_DIST": 0.0,
             "GF_MAX_VER_DIST": 0.0,
             "COM_DISARM_LAND": _LANDED_DISARM_S,
@@ -349,6 +352,9 @@ class Px4(Autopilot):
             return
         self._mode_s = self._status_changed_s = self.now_s
         self._hold, self._hold_yaw_rad = self._stopping_point(), self.body.yaw_rad
+
+    def _turn_targets(self, by_rad: float) -> None:
+        self._hold_yaw_rad += by_rad
 
     def _shift_targets(self, offset: Vector) -> None:
         self._hold = plus(self._hold, offset)
@@ -529,6 +535,8 @@ class Px4(Autopilot):
         wanted = self.failsafe
         if is_blind and self.intention not in (ALTCTL, STABILIZED, MANUAL):
             wanted = ALTCTL
+            if self.failsafe != ALTCTL:
+                self._event(*_NO_POSITION)
         elif self.intention == OFFBOARD and silence_s > self.parameters["COM_OF_LOSS_T"] + STREAM_LOST_S:
             wanted = self.failsafe or (POSCTL if self.has_sticks else RTL)
         elif self.intention == OFFBOARD and self.failsafe is not None and self.has_stream and not self._failsafe_kind:

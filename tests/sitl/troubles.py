@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -55,21 +55,29 @@ CAUSES = ("battery failsafe", "rc failsafe", "fence")
 @contextmanager
 def trouble(pilot: Transmitter, autopilot: str, cause: str) -> Iterator[None]:
     """Makes something go wrong, until the end of the block."""
-    changes = TROUBLES[autopilot][cause]
     is_signal_lost = cause == "rc failsafe"
     try:
-        for change in changes:
-            change.make(pilot)
-        if is_signal_lost:
-            pilot.lose_signal()
-        yield
+        with changed(pilot, TROUBLES[autopilot][cause]):
+            if is_signal_lost:
+                pilot.lose_signal()
+            yield
     finally:
         if is_signal_lost:
             pilot.find_signal()
-        for change in reversed(changes):
-            change.undo(pilot)
         if autopilot == "ArduPilot" and cause == "battery failsafe":  # it remembers the failsafe
             pilot.order(mavlink.MAV_CMD_BATTERY_RESET, (65535.0, 100.0))
+
+
+@contextmanager
+def changed(pilot: Transmitter, changes: Sequence[Change]) -> Iterator[None]:
+    """Changes parameters, until the end of the block."""
+    try:
+        for change in changes:
+            change.make(pilot)
+        yield
+    finally:
+        for change in reversed(changes):
+            change.undo(pilot)
 
 
 def _set(pilot: Transmitter, name: str, value: float) -> None:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError, WrongStateError
-from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step, failed, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -36,7 +36,7 @@ class AwaitArming(Manoeuvre):
         self._since_s = now_s
 
     @override
-    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
         """Goes on waiting: it has no way yet."""
         return None
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError, WrongStateError
-from ual.geometry import Pose, Vector3
+from ual.geometry import Pose
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
@@ -25,6 +25,7 @@ from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.flight.geofence import Geofence
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
@@ -359,15 +360,14 @@ class Flight:
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
 
-    def estimate_jumped(self, jump: Vector3, snapshot: Snapshot) -> None:
+    def estimate_jumped(self, jump: Jump, snapshot: Snapshot) -> None:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
 
-        Called by the update thread, before the step. What was flown to lies elsewhere now, so it ends; a take-off and a
-        landing go on.
+        Called by the update thread, before the step. What was flown to lies elsewhere now, or the nose would turn to a
+        heading that was another one, so it ends; a take-off, a landing and a velocity go on.
         """
-        x, y, z = jump
-        logs.event(_log, logging.WARNING, "estimate_jumped", x=round(x, 2), y=round(y, 2), z=round(z, 2))
-        self.geofence.estimate_jumped(jump)
+        logs.event(_log, logging.WARNING, "estimate_jumped", **jump.fields)
+        self.geofence.estimate_jumped(jump.offset)
         self.drift.forget()
         stop = brake(snapshot, self.limits.get())
         with self._lock:

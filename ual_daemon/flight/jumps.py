@@ -1,7 +1,7 @@
 """Detects that the autopilot's estimate of its position has jumped: a reset of its estimator, or a moved origin.
 
 The effect is what counts, as not all autopilots report a reset (PX4 counts its resets, ArduPilot does not): the
-position changed by far more than the velocity explains, and stays there.
+position changed by far more than the velocity explains, and stays there. `heading_jumps` does so for the heading.
 """
 
 from __future__ import annotations
@@ -24,8 +24,31 @@ _ACCELERATION_M_S2 = 4.0
 squared."""
 
 
-_SUSPECTED_S = 0.2
+SUSPECTED_S = 0.2
 """So long a suspicion counts if no other position comes."""
+
+
+class Jump(NamedTuple):
+    """By how much the autopilot's estimate has jumped: the position along the local axes, the heading to the left."""
+
+    offset: Vector3 = Vector3()
+    yaw_rad: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """What has jumped and by how much, for people."""
+        distance_m = self.offset.norm()
+        return f"position jumped by {distance_m:.1f} m" if distance_m else f"heading jumped by {self._yaw_deg:.0f} deg"
+
+    @property
+    def fields(self) -> dict[str, float]:
+        """The same as the fields of an event of the log."""
+        x, y, z = self.offset
+        return {"x": round(x, 2), "y": round(y, 2), "z": round(z, 2), "yaw_deg": round(self._yaw_deg, 1)}
+
+    @property
+    def _yaw_deg(self) -> float:
+        return math.degrees(self.yaw_rad)
 
 
 class _Seen(NamedTuple):
@@ -52,9 +75,9 @@ class JumpDetector:
 
     def is_suspected(self, now_s: float) -> bool:
         """Whether the newest position has jumped, but another one must confirm it."""
-        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < _SUSPECTED_S
+        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < SUSPECTED_S
 
-    def observe(self, snapshot: Snapshot) -> Vector3 | None:
+    def observe(self, snapshot: Snapshot) -> Jump | None:
         """Returns by how much the estimate has jumped; None if it has not.
 
         A jump is returned with its second position, so that a single wrong one is none.
@@ -80,7 +103,7 @@ class JumpDetector:
             self._is_suspected = True
             return None
         self._last, self._is_suspected = new, False
-        return step if has_jumped else None
+        return Jump(step) if has_jumped else None
 
     def _is_continued(self, last: _Seen, new: _Seen) -> bool:
         """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing_extensions import override
 
 from ual.errors import UalError, UalTimeoutError
-from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stuck import WayWatch
@@ -80,9 +80,9 @@ class Land(Manoeuvre):
         return snapshot.time_s - self._command.sent_s > longest_s
 
     @override
-    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
-        self._start_z += jump.z
-        self._descent.moved(jump.z)
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        self._start_z += jump.offset.z
+        self._descent.moved(jump.offset.z)
         if self._reference is not None:
             self._reference = stop
         return None

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
-from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.own_fence import breach_text
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -95,14 +95,14 @@ class Manoeuvre(ABC):
         """Returns the reference that it follows now; None if the autopilot flies by itself."""
         return None
 
-    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
         """Takes note that the autopilot's estimate has jumped. Returns why it cannot go on; None if it can.
 
         By default it cannot: its way lies elsewhere now. `stop` is the reference that brings the UAV to rest where it
         is.
         """
         return TaskAbortedError(
-            f"{self.name}: the autopilot's position jumped by {jump.norm():.1f} m; the UAV holds its position",
+            f"{self.name}: the autopilot's {jump.text}; the UAV holds its position",
             {"by": "estimator"},
         )
 

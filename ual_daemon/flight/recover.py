@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
-from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -89,7 +89,7 @@ class Recover(Manoeuvre):
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
 
     @override
-    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
         return None  # it holds the present pose, wherever that is
 
 

@@ -10,6 +10,10 @@ from ual_daemon.tracker.setpoint_adaptation import adapted
 _DUE_SHARE = 0.9
 """An update sends a setpoint if none was sent for this share of the period: a margin for the jitter of the updates."""
 
+LONGEST_BLIND_S = 0.25
+"""A backend looks for data every 0.05 s, unless the computer starves it. Where it has not for this long, the autopilot
+may be in another mode by now, and what it says waits unread: no setpoint leaves until that was read."""
+
 
 class SetpointSender:
     """Sends setpoints in the form that the autopilot takes."""
@@ -25,7 +29,9 @@ class SetpointSender:
             self.send(setpoint, snapshot)
 
     def send(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
-        """Sends a setpoint now."""
+        """Sends a setpoint now, unless what the autopilot says is not read; see `LONGEST_BLIND_S`."""
+        if snapshot.time_s - snapshot.updated_s > LONGEST_BLIND_S:
+            return
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
             setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get())

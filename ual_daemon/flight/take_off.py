@@ -12,6 +12,7 @@ from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
     TIMEOUT_MARGIN_S,
@@ -203,11 +204,11 @@ class TakeOff(Manoeuvre):
         return self._climb.setpoint(snapshot)
 
     @override
-    def estimate_jumped(self, jump: Vector3, stop: Reference) -> UalError | None:
-        """Goes on to the same height above the ground, from where it is."""
-        self._ground_z += jump.z
-        self._climb_watch.moved(jump.z)
-        self._ground, self._top = self._ground.moved(jump), self._top.moved(jump)
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        """Goes on to the same height above the ground, from where it is, and with the heading that it has."""
+        self._ground_z += jump.offset.z
+        self._climb_watch.moved(jump.offset.z)
+        self._ground, self._top = (each.moved(jump.offset, jump.yaw_rad) for each in (self._ground, self._top))
         self._has_jumped, self._climb = self._has_jumped or self._climb is not None, None
         return None
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
-from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.settings import ToleranceSettings
@@ -50,9 +50,9 @@ class Hold(Reference):
         self.position = position
         self._setpoint = PositionSetpoint(position, yaw_rad)
 
-    def moved(self, offset: Vector3) -> Hold:
-        """Returns the same pose at another position."""
-        return Hold(self.position + offset, self._setpoint.yaw_rad)
+    def moved(self, offset: Vector3, yaw_rad: float = 0.0) -> Hold:
+        """Returns the same pose at another position, and with the heading changed by an angle."""
+        return Hold(self.position + offset, wrap_angle(self._setpoint.yaw_rad + yaw_rad))
 
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:

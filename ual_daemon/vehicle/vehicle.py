@@ -17,6 +17,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import geofence_of
+from ual_daemon.flight.heading_jumps import HeadingJumpDetector
 from ual_daemon.flight.jumps import JumpDetector
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
@@ -79,6 +80,7 @@ class Vehicle:
         self._subscribers: Listeners[_Subscriber] = Listeners()
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._jumps = JumpDetector()
+        self._heading_jumps = HeadingJumpDetector()
         self._sequence = 0
         self._last_state: State | None = None
 
@@ -224,13 +226,7 @@ class Vehicle:
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
         self._resolver.update(snapshot)
-        jump = self._jumps.observe(snapshot)
-        if jump is not None:
-            self._resolver.estimate_jumped(jump)
-            self._flight.estimate_jumped(jump, snapshot)
-        if not self._jumps.is_suspected(
-            snapshot.time_s
-        ):  # else nothing is sent to where the estimate may not be any more
+        if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
         self._publish_state(found)
@@ -239,6 +235,17 @@ class Vehicle:
             sample = self._sample(snapshot, found)
             for subscriber in due:
                 subscriber.callback(sample)
+
+    def _follow_jumps(self, snapshot: Snapshot) -> bool:
+        """Follows jumps of the estimate. Returns whether one is suspected: nothing is then sent to where it was."""
+        jump = self._jumps.observe(snapshot)
+        if jump is not None:
+            self._resolver.estimate_jumped(jump.offset)
+            self._flight.estimate_jumped(jump, snapshot)
+        jump = self._heading_jumps.observe(snapshot)
+        if jump is not None:
+            self._flight.estimate_jumped(jump, snapshot)
+        return self._jumps.is_suspected(snapshot.time_s) or self._heading_jumps.is_suspected(snapshot.time_s)
 
     def _publish_state(self, found: Estimate) -> None:
         last, self._last_state = self._last_state, found.state

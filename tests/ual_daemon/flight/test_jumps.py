@@ -27,7 +27,7 @@ def seen(x: float, speed_m_s: float, received_s: float, stamp_s: float = 0.0, bo
 def jumps(snapshots: Iterable[Snapshot]) -> list[float]:
     detector = JumpDetector()
     found = (detector.observe(snapshot) for snapshot in snapshots)
-    return [jump.x for jump in found if jump is not None]
+    return [jump.offset.x for jump in found if jump is not None]
 
 
 def test_a_jump_is_found_with_its_second_position() -> None:
@@ -39,7 +39,8 @@ def test_a_jump_is_found_with_its_second_position() -> None:
     assert not detector.is_suspected(1.3)  # nothing has confirmed it for long
     jump = detector.observe(seen(5.0, 0.0, 1.02))
     assert jump is not None
-    assert tuple(jump) == (5.0, 0.0, 0.0)
+    assert tuple(jump.offset) == (5.0, 0.0, 0.0)
+    assert jump.text == "position jumped by 5.0 m"
     assert not detector.is_suspected(1.02)
     assert detector.observe(seen(5.0, 0.0, 1.04)) is None
 

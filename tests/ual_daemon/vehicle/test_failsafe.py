@@ -10,6 +10,7 @@ from tests.ual_daemon.stepped import Stepped, at, stepped
 from ual.errors import InvalidArgumentError, TaskAbortedError, WrongStateError
 from ual.simulation import AckLost, Command, CommandRefused, FailsafeTriggered
 from ual.types import Health, RecoverFromManualRequest, State, TakeOffRequest
+from ual_daemon.backends.values import Cause
 
 
 @pytest.fixture
@@ -68,6 +69,40 @@ def test_recover_out_of_a_failsafe_needs_force_and_says_why(uav: Stepped, *, is_
         assert (caught.value.metadata["by"], caught.value.metadata["needed"]) == ("fence", "force")
     assert uav.state is State.FLYING_MANUAL
     uav.end(uav.vehicle.commands.recover_from_manual(force=True).begin())
+    assert uav.is_in(State.FLYING_AUTO)
+
+
+FORCED = [each.value for each in Cause if each.needs_force]
+
+
+@pytest.mark.parametrize("cause", FORCED)
+def test_recover_out_of_each_failsafe_names_it_and_says_force(uav: Stepped, cause: str) -> None:
+    uav.fly()
+    uav.sim.begin_fault(FailsafeTriggered(cause))
+    uav.run(0.1)
+    assert health(uav).held_by == cause
+    with pytest.raises(WrongStateError, match=f"{cause} has taken control.*only with force") as caught:
+        uav.vehicle.commands.recover_from_manual().begin()
+    assert (caught.value.metadata["by"], caught.value.metadata["needed"]) == (cause, "force")
+    uav.end(uav.vehicle.commands.recover_from_manual(force=True).begin())
+    assert uav.is_in(State.FLYING_AUTO)
+
+
+@pytest.mark.parametrize("cause", FORCED)
+def test_no_take_off_into_each_failsafe_and_the_refusal_names_it(uav: Stepped, cause: str) -> None:
+    uav.arm()
+    uav.sim.begin_fault(FailsafeTriggered(cause))
+    uav.run(0.1)
+    with pytest.raises(WrongStateError, match=f"{cause} is active.*only with force") as caught:
+        uav.prepare.take_off(3.0)
+    assert (caught.value.metadata["by"], caught.value.metadata["needed"]) == (cause, "force")
+
+
+def test_setpoints_that_were_lost_are_left_without_force(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.begin_fault(FailsafeTriggered("setpoint failsafe"), 0.5)
+    uav.run(1.0)
+    uav.end(uav.vehicle.commands.recover_from_manual().begin())
     assert uav.is_in(State.FLYING_AUTO)
 
 

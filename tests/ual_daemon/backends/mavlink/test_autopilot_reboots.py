@@ -6,6 +6,7 @@ Simulated autopilots, on one clock with the backend.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from tests.simulators import ArduPilot, Autopilot, BadLink, MemoryPort, Px4
 from tests.simulators.physics import Vector
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import FrameLostError, GeofenceError, TaskAbortedError, WrongStateError
-from ual.geometry import IDENTITY, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import IDENTITY, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, wrap_angle
 from ual.types import GeoPoint, State
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
@@ -23,6 +24,7 @@ from ual_daemon.settings import GeofenceSettings, VehicleSettings
 EAST_10: Vector = (0.0, 10.0, 0.0)
 EAST_20: Vector = (0.0, 20.0, 0.0)
 LIMIT_S = 60.0
+RESET_RAD = math.radians(30.0)
 
 
 class Placed(Flight):
@@ -482,6 +484,83 @@ def test_small_jumps_are_flown_out(start: Start) -> None:
     flight.autopilot.jump((0.4, 0.4, 0.2))
     task.wait(LIMIT_S)
     flight.land()
+
+
+@pytest.mark.parametrize("is_pose_set", [False, True])
+def test_a_held_heading_does_not_turn_when_the_estimate_of_the_heading_is_reset(
+    start: Start, *, is_pose_set: bool
+) -> None:
+    flight = start()
+    flight.take_off()
+    if is_pose_set:
+        flight.uav.set_pose(flight.goal(0.0, 0.0))
+    flight.let_pass(2.0)
+    before, heading_rad = flight.place(), flight.autopilot.true_heading_rad
+    flight.autopilot.jump_heading(RESET_RAD)
+    assert _farthest_turned_rad(flight, heading_rad, 5.0) < 0.1
+    assert (flight.place() - before).norm() < 0.3
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()
+
+
+def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_looks(start: Start) -> None:
+    flight = start()
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(40.0, 0.0), blocking=False)
+    flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.5, "its speed")
+    before, heading_rad = flight.place(), flight.autopilot.true_heading_rad
+    flight.autopilot.jump_heading(-RESET_RAD)
+    with pytest.raises(TaskAbortedError, match="heading jumped by 30 deg") as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == "estimator"
+    assert _farthest_turned_rad(flight, heading_rad, 6.0) < 0.1
+    assert abs((flight.place() - before).y) < 0.5
+    assert flight.uav.velocity().twist.linear.norm() < 0.2
+    flight.uav.go_to_waypoint(flight.goal(-3.0, 0.0))  # by the new heading
+    flight.land()
+
+
+def test_a_velocity_goes_on_and_keeps_the_nose_when_the_heading_jumps(start: Start) -> None:
+    flight = start()
+    flight.take_off()
+    before, heading_rad, jumped = flight.place(), flight.autopilot.true_heading_rad, False
+    until_s, turned_rad = flight.now_s + 5.0, 0.0
+    while flight.now_s < until_s:
+        flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+        flight.let_pass(0.1)
+        turned_rad = max(turned_rad, abs(wrap_angle(flight.autopilot.true_heading_rad - heading_rad)))
+        if not jumped and flight.now_s > until_s - 3.0:
+            jumped = True
+            flight.autopilot.jump_heading(RESET_RAD)
+    assert turned_rad < 0.1
+    assert (flight.place() - before).x > 2.5
+    assert abs((flight.place() - before).y) < 0.4
+    flight.land()
+
+
+def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start) -> None:
+    """PX4 corrects its heading at 1.5 m, where the ground disturbs its compass no more."""
+    flight = start()
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
+    heading_rad = flight.autopilot.true_heading_rad
+    task = flight.uav.take_off(4.0, blocking=False)
+    flight.wait_for(lambda: flight.place().z > 1.5, "its climb")
+    flight.autopilot.jump_heading(RESET_RAD)
+    task.wait(LIMIT_S)
+    assert _farthest_turned_rad(flight, heading_rad, 3.0) < 0.1
+    assert tuple(flight.place()) == near(0, 0, 4, 0.6)
+    flight.land()
+
+
+def _farthest_turned_rad(flight: Placed, from_rad: float, duration_s: float) -> float:
+    """How far its nose really turned away within a time."""
+    until_s, farthest_rad = flight.now_s + duration_s, 0.0
+    while flight.now_s < until_s:
+        flight.let_pass(0.05)
+        farthest_rad = max(farthest_rad, abs(wrap_angle(flight.autopilot.true_heading_rad - from_rad)))
+    return farthest_rad
 
 
 def test_a_set_home_in_the_wrong_state_is_still_refused(lost: Placed) -> None:

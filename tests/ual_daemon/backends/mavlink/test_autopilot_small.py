@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import UalError
+from ual.geometry import Twist, Vector3
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -75,3 +77,29 @@ def test_an_own_pause_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
     flight.backend.connection.pause_s = 2.5
     with pytest.raises(UalError, match=r"this computer did not run UAL for 2\.5 s"):
         task.wait(LIMIT_S)
+
+
+def test_no_setpoint_leaves_while_the_thread_that_hears_the_autopilot_is_starved(flight: Flight) -> None:
+    """The recipe (campaign, PX4, 400061): velocities were passed on for 1.3 s after a mode that waited unread."""
+    forwards = Twist(Vector3(1.0, 0.0, 0.0))
+    flight.take_off()
+    flight.uav.set_velocity(forwards)
+    starved, is_over = threading.Event(), threading.Event()
+
+    def starve() -> None:
+        flight.autopilot.run(0.3)  # what it says meanwhile waits unread
+        starved.set()
+        assert is_over.wait(LIMIT_S)
+
+    flight.when(lambda _: True, starve)
+    assert starved.wait(LIMIT_S)
+    try:
+        left_count = len(flight.port.arriving)
+        assert flight.port.sent
+        flight.uav.set_velocity(forwards)
+        assert len(flight.port.arriving) == left_count
+        over_s = flight.autopilot.elapsed_s
+    finally:
+        is_over.set()
+    flight.wait_for(lambda: any(each > over_s for each in flight.autopilot.setpoints_s), "the velocity, late")
+    flight.land()

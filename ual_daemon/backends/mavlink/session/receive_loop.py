@@ -187,7 +187,8 @@ class ReceiveLoop:
         session, trouble = self._discovery.session, self._connection.trouble
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
         why, paused_s = self._own_pause
-        snapshot = snapshot._replace(updated_s=now_s, own_pause=why if now_s - paused_s < PAUSE_SHOWN_S else "")
+        # What came after the last batch was received is not in it, however long the batch has taken.
+        snapshot = snapshot._replace(updated_s=self._woke_s, own_pause=why if now_s - paused_s < PAUSE_SHOWN_S else "")
         if trouble:
             snapshot = snapshot._replace(status_text=trouble)
         self.snapshot = snapshot

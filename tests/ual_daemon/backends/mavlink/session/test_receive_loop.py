@@ -87,3 +87,29 @@ def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage
     assert all(called_s - posted_s <= BATCH_S + 1e-9 for posted_s, called_s in flood.called_s)
     assert updates[-1].armed is not None
     assert (updates[-1].pose is not None) is moves
+
+
+def test_what_is_known_is_as_old_as_what_was_received_and_not_as_its_snapshot() -> None:
+    """A starved thread may take long for a batch: what came meanwhile is not in the snapshot that it then publishes."""
+    clock = Clock()
+    flood = Flood(clock, b"", moves=True)
+    connection = Connection(flood, "test")
+    discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
+    updates: list[Snapshot] = []
+
+    def publish(snapshot: Snapshot) -> None:
+        updates.append(snapshot)
+        flood.loop.close()
+
+    flood.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, publish)
+    take, received_s = discovery.receiver.receive, []
+
+    def slow(data: bytes, address: Address | None, now_s: float, utc_now_s: float) -> None:
+        received_s.append(clock.time_s)
+        clock.time_s += 0.1
+        take(data, address, now_s, utc_now_s)
+
+    discovery.receiver.receive = slow  # type: ignore[method-assign]
+    flood.loop.run()
+    assert updates[0].updated_s == pytest.approx(received_s[0])
+    assert updates[0].time_s > received_s[0] + 0.2
