@@ -13,6 +13,7 @@ from typing_extensions import override
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
+from ual_daemon.backends.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
@@ -32,7 +33,6 @@ from ual_daemon.backends.mavlink.autopilots.dialect import (
     positive_parameter,
 )
 from ual_daemon.backends.mavlink.autopilots.external_pose import encode_vision_position_estimate
-from ual_daemon.backends.mavlink.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import (

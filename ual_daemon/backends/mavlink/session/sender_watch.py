@@ -7,8 +7,8 @@ from collections import deque
 from typing import NamedTuple
 
 from ual.geometry import Vector3
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.axes import ned_to_enu
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 

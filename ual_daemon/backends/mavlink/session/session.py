@@ -10,10 +10,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
+from ual_daemon.backends.autopilots.feed_forward import FeedForward
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
-from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.session.cause_watch import CauseWatch
@@ -22,7 +23,6 @@ from ual_daemon.backends.mavlink.session.health_report import HealthReport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.sender_watch import TARGET_ID, SenderWatch
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
