@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 
 from ual.types import Health
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, Event
+from ual_daemon.backends.autopilots.px4_events import Event
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 

@@ -10,15 +10,17 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
+from ual_daemon.backends.autopilots.autopilot import SimulationVerdict
+from ual_daemon.backends.autopilots.cause_watch import CauseWatch
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.session.cause_watch import CauseWatch
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
+from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.health_report import HealthReport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
@@ -88,7 +90,7 @@ class Session:
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
-        causes = self._causes = CauseWatch(dialect, setpoints)
+        causes = self._causes = CauseWatch(dialect, setpoints, names_intended_mode=dialect.names_intended_mode)
         self._health = HealthReport(dialect)
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
@@ -98,9 +100,15 @@ class Session:
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
-            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_current_mode(message, now_s),
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sys_status(message, now_s),
-            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(message, now_s),
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_intention(
+                message.custom_mode, message.intended_custom_mode, now_s
+            ),
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sensors(
+                message.onboard_control_sensors_enabled, message.onboard_control_sensors_health, now_s
+            ),
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(
+                channels(message), now_s
+            ),
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
@@ -332,7 +340,7 @@ class Session:
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)
-        self._causes.on_heartbeat(message, now_s)
+        self._causes.on_system_status(message.system_status, now_s)
 
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
