@@ -59,9 +59,29 @@ class Sensor(IntFlag):
     PREARM_CHECK = 1 << 28
 
 
+_SENSOR_NAMES = (
+    """
+3d gyro|3d accel|3d mag|absolute pressure|differential pressure|gps|optical flow|vision position|laser position
+external ground truth|angular rate control|attitude stabilization|yaw position|z altitude control|xy position control
+motor outputs|rc receiver|3d gyro2|3d accel2|3d mag2|geofence|ahrs|terrain|reverse motor|logging|battery|proximity
+satcom|prearm check|obstacle avoidance|propulsion|extension used
+""".strip()
+    .replace("\n", "|")
+    .split("|")
+)
+
+
+def sensor_names(sensors: int) -> list[str]:
+    """Returns the names of sensors by their bits, but not of the check before arming."""
+    sensors &= ~Sensor.PREARM_CHECK
+    return [name for bit, name in enumerate(_SENSOR_NAMES) if sensors >> bit & 1]
+
+
 _IGNORE_POSITION = 0b111
 _IGNORE_ACCELERATION = 0b111 << 6
 _IGNORE_YAW = 1 << 10
+IGNORES_POSITION = _IGNORE_POSITION
+"""The bits of a type mask that say that a target has no position."""
 POSITION_MASK = 0
 """The type mask of a position target (POSITION_TARGET_TYPEMASK) with everything. A bit that is set ignores a field;
 ArduPilot drops a group of which one bit is set, and restarts GUIDED at each combination that it does not know."""

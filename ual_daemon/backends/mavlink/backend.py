@@ -14,6 +14,7 @@ from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual.types import Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.autopilots.autopilot import HomeUnknownError
+from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
@@ -23,7 +24,6 @@ from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
-from ual_daemon.backends.mavlink.session.safety_pilot import SimulatedPilot
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url

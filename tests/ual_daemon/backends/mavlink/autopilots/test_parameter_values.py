@@ -32,6 +32,10 @@ def test_the_shared_numbers_are_mavlinks() -> None:
     ):
         for name, number in members.items():
             assert number in [getattr(mavlink, prefix + name, None) for prefix in prefixes], name
+    for bit in range(32):
+        entry = mavlink.enums["MAV_SYS_STATUS_SENSOR"][1 << bit]
+        name = entry.name.removeprefix(sensor_prefixes[0]).removeprefix(sensor_prefixes[1]).replace("_", " ").lower()
+        assert numbers.sensor_names(1 << bit) == ([] if name == "prearm check" else [name])
     assert {mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4} == set(numbers.Firmware)
     assert {mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_MC} == set(numbers.VtolState)
     assert mavlink.EKF_CONST_POS_MODE == numbers.EstimatorFlag.CONST_POS_MODE
