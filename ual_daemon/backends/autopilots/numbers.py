@@ -73,7 +73,7 @@ satcom|prearm check|obstacle avoidance|propulsion|extension used
 
 def sensor_names(sensors: int) -> list[str]:
     """Returns the names of sensors by their bits, but not of the check before arming."""
-    sensors &= ~Sensor.PREARM_CHECK
+    sensors &= ~int(Sensor.PREARM_CHECK)
     return [name for bit, name in enumerate(_SENSOR_NAMES) if sensors >> bit & 1]
 
 
