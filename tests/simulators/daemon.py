@@ -19,6 +19,8 @@ _BACKENDS = (
     EntryPoint("lockstep_px4", "tests.simulators.lockstep:LockstepPx4", registry.GROUP),
     EntryPoint("lockstep_crazyflie", "tests.simulators.lockstep_crazyflie:LockstepCrazyflie", registry.GROUP),
     EntryPoint("lockstep_ardupilot", "tests.simulators.lockstep:LockstepArduPilot", registry.GROUP),
+    EntryPoint("lockstep_mavros_px4", "tests.simulators.lockstep_mavros:LockstepMavrosPx4", registry.GROUP),
+    EntryPoint("lockstep_mavros_ardupilot", "tests.simulators.lockstep_mavros:LockstepMavrosArduPilot", registry.GROUP),
     EntryPoint("patient_mavlink", "tests.simulators.daemon:PatientBackend", registry.GROUP),
 )
 

@@ -412,6 +412,9 @@ class Px4(Autopilot):
             self.pilot_moves(Sticks())
             self.request_mode(POSCTL)
 
+    def request_custom_mode(self, custom_mode: int) -> None:
+        self.request_mode(Mode(custom_mode >> 16 & 0xFF, custom_mode >> 24))
+
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             self._acknowledge(command, ACCEPTED, sender)  # it was received; the commander's answer follows

@@ -20,6 +20,7 @@ _BUILT_IN = {
     "crazyflie": ("ual_daemon.backends.crazyflie", "CrazyflieBackend"),
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
+    "mavros": ("ual_daemon.backends.mavros", "MavrosBackend"),
 }
 """Module and class by name. Entry points are searched for other names only: that takes 30 ms of the start, and 2 MiB.
 """

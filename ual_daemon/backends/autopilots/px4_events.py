@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from ual_daemon.backends.values import Cause
 
-_AUTOPILOT = 1 << 24
+AUTOPILOT = 1 << 24
+"""The part of an event's id that says that it is of the autopilot, and not of another component."""
 _WARNING = 4
 """An external log level (the lower four bits): this one and lower ones are warnings, errors and worse."""
 
@@ -93,7 +94,7 @@ def event_id(name: str) -> int:
     value = 0x811C9DC5
     for byte in name.encode("ascii"):
         value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
-    return value & 0xFFFFFF | _AUTOPILOT
+    return value & 0xFFFFFF | AUTOPILOT
 
 
 _ARMED = {event_id("commander_armed_by"): True, event_id("commander_disarmed_by"): False}
