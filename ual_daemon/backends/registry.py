@@ -26,6 +26,10 @@ _BUILT_IN = {
 """
 
 
+_EXTRAS = {"mavros": "ros"}
+"""The extra that a backend needs, where it has another name."""
+
+
 def entry_points() -> Iterable[EntryPoint]:
     """Returns the entry points of other packages' backends."""
     from importlib import metadata
@@ -83,7 +87,7 @@ def _kind(name: str) -> type:
     except ImportError as error:
         raise ConfigError(
             f"the backend {name!r} cannot be loaded: {error}; "
-            f"if it needs an extra, install it: pip install 'ual-daemon[{name}]'",
+            f"if it needs an extra, install it: pip install 'ual-daemon[{_EXTRAS.get(name, name)}]'",
             "backend",
         ) from error
     return kind

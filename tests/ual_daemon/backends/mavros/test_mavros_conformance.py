@@ -15,10 +15,10 @@ from tests.patient_checks import PatientFlight, run_check
 from tests.simulators.lockstep_mavros import LockstepMavrosArduPilot, LockstepMavrosPx4
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import (
     LIMIT_M_S,
-    NOT_HERE,
     TOLERANCES,
     grouped,
 )
+from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import NOT_HERE as NOT_OVER_MAVLINK
 from ual import _discovery, conformance
 from ual.conformance import Check
 from ual.conformance.flight import CannotRunError
@@ -28,6 +28,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.settings import LimitSettings, VehicleSettings
 
 BACKENDS = {"px4": LockstepMavrosPx4, "ardupilot": LockstepMavrosArduPilot}
+NOT_HERE = {kind: names | {"bad_poses_from_outside_are_refused"} for kind, names in NOT_OVER_MAVLINK.items()}
 Make = Callable[[ExitStack, str, Path], Uav]
 
 
