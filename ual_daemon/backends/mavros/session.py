@@ -31,7 +31,7 @@ from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Sn
 
 _log = logging.getLogger(__name__)
 
-FRESHNESS = Freshness(link_s=1.0, pose_s=1.2, mode_s=4.0, landed_s=1.5, estimator_s=3.0)
+FRESHNESS = Freshness(link_s=1.0, pose_s=1.2, mode_s=2.5, landed_s=1.5, estimator_s=3.0)
 """A lost autopilot shows by the age of its topics: MAVROS itself says so only after 10 s (``conn/timeout``)."""
 HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.2, 1.0
 """How often PX4 is asked for a heartbeat, which it sends once a second otherwise: while it is armed, or a command is

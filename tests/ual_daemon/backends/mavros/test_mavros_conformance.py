@@ -1,4 +1,4 @@
-"""The conformance checks through MAVROS: PX4 with ROS 2, ArduCopter with ROS 1, by the class and over gRPC to a daemon."""
+"""The conformance checks through MAVROS: PX4 with ROS 2, ArduCopter with ROS 1, by the class and over gRPC."""
 
 from __future__ import annotations
 
