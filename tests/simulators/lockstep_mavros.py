@@ -15,11 +15,14 @@ from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.simulation import PilotSimulation
 from ual.interface import Simulation
-from ual_daemon.backends.base import BackendOptions
+from ual.types import State
+from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavros.backend import MavrosBackend
 from ual_daemon.backends.rosbridge import BridgeUrl, RosbridgeLink
 from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.state import estimate
 
 SPEED = 6.0
 
@@ -39,8 +42,20 @@ class LockstepMavros(MavrosBackend):
         self.node = Mavros(autopilot, port, ros=ros, has_gps_status=ros == 2)
         self.bridge = Bridge(ros, [self.node])
         self.is_bridge_gone = False
+        self.history: list[tuple[float, State]] = []
+        """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
         self.clock = _Clock(autopilot)
         self._pace = Pace(STEP_S, speed)
+
+    @override
+    def open(self, on_update: UpdateCallback) -> None:
+        def update(snapshot: Snapshot) -> None:
+            state = estimate(snapshot, self.freshness).state
+            if not self.history or self.history[-1][1] is not state:
+                self.history.append((snapshot.time_s, state))
+            on_update(snapshot)
+
+        super().open(update)
 
     @override
     def _make_link(self) -> RosbridgeLink:

@@ -7,6 +7,7 @@ passes.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from array import array
 from collections import deque
@@ -26,7 +27,7 @@ from ual_daemon.backends.mavlink.autopilots.axes import (
     orientation_to_enu,
 )
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, mavlink
 
 BEGIN_UTC_S = 1.8e9
 EGM96_M = 47.9
@@ -196,10 +197,9 @@ class Mavros:
                 if frame.message_id == _EVENT:
                     self._event(frame.payload)
                     continue
-                message = self._codec.decode(frame)
-                handler = None if message is None else self._handlers.get(message.get_type())
-                if handler is not None:
-                    handler(message)
+                with contextlib.suppress(CorruptFrameError):  # also of a message that it does not know
+                    message = self._codec.decode(frame)
+                    self._handlers.get(message.get_type(), lambda _: None)(message)
 
     def _supervise(self, now_s: float) -> None:
         if self.is_gone:

@@ -100,7 +100,7 @@ class Session:
             self._on_text(str(message["text"]), now_s)
         elif topic == topics.STATUS_EVENT:
             self._on_event(message, now_s)
-        elif topic == topics.TARGET:
+        elif topic == topics.TARGET and self.autopilot.stays_without_setpoints:
             position, velocity, mask = target(message)
             self._senders.on_target(position, velocity, now_s, has_position=not mask & IGNORES_POSITION)
 

@@ -73,7 +73,9 @@ class Telemetry:
         self._above_home_m: float | None = None
         self._home: Message | None = None
         self._origin: Message | None = None
+        self._placed: object = None
         self._gps_raw: Message | None = None
+        self._fix: Message | None = None
         self._gps: GpsInfo | None = None
         self._satellites_count = 0
         self._battery: Battery | None = None
@@ -267,28 +269,38 @@ class Telemetry:
         self._place_origin()
 
     def _place_origin(self) -> None:
-        """Tells the origin, once the altitude of mean sea level there is known."""
+        """Tells the origin, once the altitude of mean sea level there is known; and once only, as that differs with the
+        place where it is measured.
+        """
         if self._origin is None:
             return
         place = self._origin["position"]
         amsl_m = self._geoid.amsl_m(number(place["altitude"]))
         point = _place(place)
-        if amsl_m is None or not self.plausibility.accepts_geo_point(point):
+        if amsl_m is None or place == self._placed or not self.plausibility.accepts_geo_point(point):
             return
+        self._placed = place
         self.origin.on_origin(self.autopilot.projection(point.latitude_deg, point.longitude_deg, amsl_m))
 
     def _on_fix(self, message: Message, _now_s: float) -> None:
-        raw = self._gps_raw
-        if raw is not None and _is_same_fix(raw, message):
-            self._geoid.on_exact(number(message["altitude"]), number(raw["alt"]) / 1000.0)
-            self._place_origin()
-        self._gps = messages.gps_info(message, raw, self._satellites_count)
+        self._fix = message
+        self._pair_fixes()
+        self._gps = messages.gps_info(message, self._gps_raw, self._satellites_count)
 
     def _on_satellites(self, message: Message, _now_s: float) -> None:
         self._satellites_count = int(message["data"])
 
     def _on_gps_raw(self, message: Message, _now_s: float) -> None:
         self._gps_raw = message
+        self._pair_fixes()
+
+    def _pair_fixes(self) -> None:
+        """Compares the altitudes of one message of the autopilot, which comes on two topics in any order."""
+        fix, raw = self._fix, self._gps_raw
+        if fix is None or raw is None or not _is_same_fix(raw, fix):
+            return
+        self._geoid.on_exact(number(fix["altitude"]), number(raw["alt"]) / 1000.0)
+        self._place_origin()
 
     def _on_vfr_hud(self, message: Message, now_s: float) -> None:
         geo = self._geo
@@ -315,7 +327,7 @@ class Telemetry:
         self.discard_state()
         self.parameters.clear()
         self.origin = LocalOrigin()
-        self._origin = self._home = self._above_home_m = None
+        self._origin = self._home = self._above_home_m = self._placed = None
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 

@@ -21,6 +21,7 @@ from ual_daemon.backends.base import BackendOptions
 LOST_S, HEALED_S = 1.5, 3.0
 SEEN_S = 0.4
 """Until then a pilot who takes over must have been seen: PX4 is asked for a heartbeat five times a second."""
+IN_THE_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
 _GOAL = Pose.at(12.0, 6.0, 4.0)
 
 
@@ -42,8 +43,21 @@ class Flight:
             time.sleep(0.002)
         return self.now_s() - begun_s
 
-    def until_state(self, *states: State) -> float:
-        return self.until(lambda: self.uav.telemetry().state in states)
+    def mark(self) -> tuple[int, float]:
+        """Now: how many changes of the state there were before the present one, and the time."""
+        return max(0, len(self.backend.history) - 1), self.now_s()
+
+    def until_state(self, *states: State, since: tuple[int, float] | None = None) -> float:
+        """Waits until one of the states has been seen since a mark, and returns how long after it that was."""
+        index, begun_s = self.mark() if since is None else since
+
+        def first_s() -> float | None:
+            return next((time_s for time_s, state in self.backend.history[index:] if state in states), None)
+
+        self.until(lambda: first_s() is not None)
+        found_s = first_s()
+        assert found_s is not None
+        return found_s - begun_s
 
     def fly(self, height_m: float = 3.0) -> None:
         self.backend.autopilot.pilot_readies()
@@ -80,21 +94,25 @@ def px4() -> Iterator[Flight]:
 def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight) -> None:
     flight.fly()
     task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
+    gone = flight.mark()
     flight.backend.is_bridge_gone = True
-    assert flight.until_state(State.UNINITIALIZED) < LOST_S
+    assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    back = flight.mark()
+    flight.backend.is_bridge_gone = False
+    assert flight.until_state(*IN_THE_AIR, since=back) < HEALED_S
     with pytest.raises(LinkLostError):
         task.wait(LIMIT_S)
-    flight.backend.is_bridge_gone = False
-    assert flight.until_state(State.FLYING_AUTO, State.FLYING_MANUAL) < HEALED_S
 
 
 def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight) -> None:
     flight.fly()
+    gone = flight.mark()
     flight.backend.node.is_gone = True
-    assert flight.until_state(State.UNINITIALIZED) < LOST_S
+    assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    back = flight.mark()
     flight.backend.node.restart()
     flight.backend.node.is_gone = False
-    assert flight.until_state(State.FLYING_AUTO, State.FLYING_MANUAL) < 2.0 * HEALED_S
+    assert flight.until_state(*IN_THE_AIR, since=back) < 2.0 * HEALED_S
 
 
 @pytest.mark.parametrize(
@@ -111,9 +129,10 @@ def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight
 def test_a_topic_that_stops_is_told_by_name(px4: Flight, topic: str, within_s: float, words: str) -> None:
     px4.until_state(State.LANDED_DISARMED)
     px4.until(lambda: px4.now_s() > 8.0)
+    stopped = px4.mark()
     px4.backend.bridge.faults.silent_topics.add(f"/mavros/{topic}")
-    assert px4.until_state(State.UNINITIALIZED) < within_s
-    assert words in px4.uav.telemetry().state_reason
+    assert px4.until_state(State.UNINITIALIZED, since=stopped) < within_s
+    px4.until(lambda: words in px4.uav.telemetry().state_reason)
     px4.backend.bridge.faults.silent_topics.clear()
     px4.until_state(State.LANDED_DISARMED)
 
@@ -153,8 +172,9 @@ def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight)
 def test_data_that_are_seconds_late_are_no_data(px4: Flight) -> None:
     px4.until_state(State.LANDED_DISARMED)
     px4.until(lambda: px4.now_s() > 8.0)
+    late = px4.mark()
     px4.backend.bridge.faults.delay_s = 3.0
-    px4.until_state(State.UNINITIALIZED)
+    px4.until_state(State.UNINITIALIZED, since=late)
 
 
 def go(uav: UAL) -> None:
@@ -182,12 +202,13 @@ def test_a_pilot_who_takes_over_is_seen_and_nothing_is_sent_after(
     flight.fly()
     manoeuvre(flight.uav)
     flight.until(lambda: flight.setpoints_count > 0)
+    taken = flight.mark()
     flight.backend.autopilot.pilot_take_over()
-    assert flight.until_state(State.FLYING_MANUAL) < SEEN_S + 0.3  # a switch is read for 0.2 s
-    told = flight.setpoints_count
-    begun_s = flight.now_s()
-    flight.until(lambda: flight.now_s() > begun_s + 3.0)
-    assert flight.setpoints_count <= told + 1  # one may have been on its way
+    told_s = taken[1] + flight.until_state(State.FLYING_MANUAL, since=taken)
+    assert told_s - taken[1] < SEEN_S + 0.3  # a switch is read for 0.2 s
+    flight.until(lambda: flight.now_s() > told_s + 3.0)
+    late = [time_s for time_s, _ in flight.backend.node.setpoints if time_s > told_s + 0.02]
+    assert not late
     assert flight.uav.telemetry().state is State.FLYING_MANUAL
 
 
@@ -202,9 +223,9 @@ def test_a_pilot_who_takes_over_ends_the_task(flight: Flight) -> None:
 def test_a_reboot_is_seen_though_mavros_does_not_notice_it(px4: Flight) -> None:
     px4.until_state(State.LANDED_DISARMED)
     before = px4.backend.snapshot().boots_count
+    booted = px4.mark()
     px4.backend.autopilot.reboot()
-    px4.until_state(State.UNINITIALIZED)
-    px4.until_state(State.LANDED_DISARMED)
+    px4.until_state(State.UNINITIALIZED, since=booted)
     px4.until(lambda: px4.backend.snapshot().boots_count != before)
 
 
