@@ -38,6 +38,8 @@ class Telemetry:
         self.poses_count = 0
         self._settings = settings
         self._orientation: Quaternion | None = None
+        self._attitude_s = -math.inf
+        self._stamps: dict[str, float] = {}
         self._rates = Vector3()
         self._velocity: Sample[Vector3] | None = None
         self._pose: Sample[Pose] | None = None
@@ -58,12 +60,17 @@ class Telemetry:
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic (`wrappers.Topic.taken_by`)."""
-        getattr(self, name)(message, now_s)
+        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped."""
         self._heard_s = now_s
+        stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
+        if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
+            return
+        self._stamps[name] = stamp
+        getattr(self, name)(message, now_s)
 
-    def take_attitude(self, message: Message, _: float) -> None:
+    def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
+        self._attitude_s = now_s
         self._orientation = quaternion(message["quaternion"]).normalized()
 
     def take_velocity(self, message: Message, now_s: float) -> None:
@@ -93,7 +100,7 @@ class Telemetry:
         if position is None or self._orientation is None:
             return
         self.poses_count += 1
-        self._pose = Sample(Pose(position, self._orientation), now_s)
+        self._pose = Sample(Pose(position, self._orientation), self._attitude_s)
         self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
         self._stamp_s = stamp_s(message)
 
@@ -278,6 +285,8 @@ class Telemetry:
 
 
 _LEVEL_S = 3.0
+_OVERTAKEN_S = 1.0
+"""A stamp that is older than the newest by more than this shows that the clock was set back."""
 
 
 def _mode_of(display: int, device: int) -> Mode:
