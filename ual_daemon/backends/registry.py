@@ -18,6 +18,7 @@ GROUP = "ual_daemon.backends"
 _BUILT_IN = {
     "airsim": ("ual_daemon.backends.airsim", "AirsimBackend"),
     "crazyflie": ("ual_daemon.backends.crazyflie", "CrazyflieBackend"),
+    "dji": ("ual_daemon.backends.dji", "DjiBackend"),
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
     "mavros": ("ual_daemon.backends.mavros", "MavrosBackend"),
@@ -26,8 +27,8 @@ _BUILT_IN = {
 """
 
 
-_EXTRAS = {"mavros": "ros"}
-"""The extra that a backend needs, where it has another name."""
+_EXTRAS = {"dji": "ros", "mavros": "ros"}
+"""The extras of backends that do not have one of their own name."""
 
 
 def entry_points() -> Iterable[EntryPoint]:
