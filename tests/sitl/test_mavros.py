@@ -19,25 +19,28 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess
 from tests.sitl.simulators import ARDUPILOT, PX4, Simulator
 from tests.sitl.test_conformance import (
+    WITH_PILOT,
     TestWithThePermissionToArm,
-    TestWithTheSafetyPilot,
     WithPilot,
     flying,
     permitted,
     piloted,
+    run_check,
 )
 from tests.sitl.transmitter import Transmitter
 from ual import _discovery
+from ual.conformance import Check, Flight
+from ual.errors import NotSupportedError
 from ual.geometry import Pose
 from ual.interface import Uav
-from ual.types import State
+from ual.types import Capability, State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavros import MavrosBackend
 from ual_daemon.backends.values import Setpoint
 from ual_daemon.settings import LimitSettings, VehicleSettings
 
-__all__ = ["TestWithThePermissionToArm", "TestWithTheSafetyPilot", "permitted", "piloted"]
+__all__ = ["TestWithThePermissionToArm", "permitted", "piloted"]
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 EXAMPLE = "rosbridge://127.0.0.1:9090"
@@ -82,6 +85,17 @@ def simulator(request: pytest.FixtureRequest) -> Simulator:
 @pytest.fixture(scope="class", params=[over_class, over_grpc], ids=lambda connect: str(connect.__name__))
 def connect(request: pytest.FixtureRequest) -> object:
     return request.param
+
+
+class TestWithTheSafetyPilot:
+    @pytest.mark.parametrize(
+        "check",
+        [check for check in WITH_PILOT if Capability.EXTERNAL_POSE not in check.capabilities],
+        ids=lambda check: check.name,
+    )
+    def test_conformance(self, piloted: Flight, check: Check, simulator: Simulator) -> None:
+        gives_back = check.name == "the_pilot_flies_and_gives_back"
+        run_check(piloted, check, [NotSupportedError] if gives_back and simulator.autopilot == "PX4" else [])
 
 
 @pytest.fixture
