@@ -331,6 +331,9 @@ class ArduPilot(Autopilot):
         self._switch_us = _SWITCH_US[mode]
         self.set_mode(mode)
 
+    def request_custom_mode(self, custom_mode: int) -> None:
+        self.set_mode(custom_mode)
+
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             return ACCEPTED if self.set_mode(int(params[1])) else FAILED

@@ -25,6 +25,8 @@ ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
+SET_MODE = -1
+"""Stands for the message SET_MODE in `Autopilot.commands`."""
 FORCE = 21196.0
 """The second parameter of an arming command that forces arming or disarming."""
 GEOID_SEPARATION_M = 47.4
@@ -116,6 +118,7 @@ class Autopilot(ABC):
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command_long,
             mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._on_command_int,
+            mavlink.MAVLINK_MSG_ID_SET_MODE: self._on_set_mode,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_param_request_read,
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
@@ -408,6 +411,15 @@ class Autopilot(ABC):
         params = tuple(float(getattr(message, f"param{number}")) for number in range(1, 8))
         self._obey(message.command, params, sender)
 
+    def _on_set_mode(self, message: Message, sender: Sender) -> None:
+        """Changes the mode by the message that came before the command, which is never acknowledged."""
+        self.commands.append((self.elapsed_s, SET_MODE, (float(message.custom_mode),), _ids(sender)))
+        self.request_custom_mode(message.custom_mode)
+
+    @abstractmethod
+    def request_custom_mode(self, custom_mode: int) -> None:
+        """Changes to the mode of a number as in heartbeats, if it can."""
+
     def _on_command_int(self, message: Message, sender: Sender) -> None:
         params = (message.param1, message.param2, message.param3, message.param4, message.x, message.y, message.z)
         self._obey(message.command, tuple(map(float, params)), sender)
@@ -524,6 +536,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            mavlink.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._origin,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._home_position,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
@@ -584,6 +597,10 @@ class Autopilot(ABC):
         return mavlink.MAVLink_global_position_int_message(
             self.time_ms, latitude, longitude, altitude, round(above_home * 1e3), vx, vy, vz, heading
         )
+
+    def _vfr_hud(self) -> Message:
+        speed, climb = math.hypot(*self.velocity[:2]), -self.velocity[2]
+        return mavlink.MAVLink_vfr_hud_message(0.0, speed, 0, 0, self.geo(self.position)[2] / 1e3, climb)
 
     def _sim_state(self) -> Message:
         """Returns where it really is, as ArduPilot's simulator tells."""
@@ -663,6 +680,10 @@ class Autopilot(ABC):
         )
 
     uid = 0
+
+
+def _ids(sender: Sender) -> tuple[int, int]:
+    return sender.system_id, sender.component_id
 
 
 def filler(message_id: int) -> Callable[[], Any]:

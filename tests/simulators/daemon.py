@@ -18,7 +18,12 @@ PATIENCE_S = 60.0
 _BACKENDS = (
     EntryPoint("lockstep_px4", "tests.simulators.lockstep:LockstepPx4", registry.GROUP),
     EntryPoint("lockstep_crazyflie", "tests.simulators.lockstep_crazyflie:LockstepCrazyflie", registry.GROUP),
+    EntryPoint("lockstep_psdk", "tests.simulators.lockstep_dji:LockstepPsdk", registry.GROUP),
+    EntryPoint("lockstep_osdk", "tests.simulators.lockstep_dji:LockstepOsdk", registry.GROUP),
+    EntryPoint("lockstep_osdk_vehicle", "tests.simulators.lockstep_dji:LockstepOsdkVehicle", registry.GROUP),
     EntryPoint("lockstep_ardupilot", "tests.simulators.lockstep:LockstepArduPilot", registry.GROUP),
+    EntryPoint("lockstep_mavros_px4", "tests.simulators.lockstep_mavros:LockstepMavrosPx4", registry.GROUP),
+    EntryPoint("lockstep_mavros_ardupilot", "tests.simulators.lockstep_mavros:LockstepMavrosArduPilot", registry.GROUP),
     EntryPoint("patient_mavlink", "tests.simulators.daemon:PatientBackend", registry.GROUP),
 )
 

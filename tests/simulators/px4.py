@@ -21,7 +21,7 @@ from tests.simulators.autopilot import (
 from tests.simulators.channel import Channel
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
-from ual_daemon.backends.mavlink.autopilots.px4_events import event_id
+from ual_daemon.backends.autopilots.px4_events import event_id
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import SphereProjection
 
@@ -417,6 +417,9 @@ class Px4(Autopilot):
         with self.lock:
             self.pilot_moves(Sticks())
             self.request_mode(POSCTL)
+
+    def request_custom_mode(self, custom_mode: int) -> None:
+        self.request_mode(Mode(custom_mode >> 16 & 0xFF, custom_mode >> 24))
 
     def _command(self, command: int, params: tuple[float, ...], sender: Sender) -> int | None:
         if command == mavlink.MAV_CMD_DO_SET_MODE:

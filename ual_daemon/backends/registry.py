@@ -18,11 +18,17 @@ GROUP = "ual_daemon.backends"
 _BUILT_IN = {
     "airsim": ("ual_daemon.backends.airsim", "AirsimBackend"),
     "crazyflie": ("ual_daemon.backends.crazyflie", "CrazyflieBackend"),
+    "dji": ("ual_daemon.backends.dji", "DjiBackend"),
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
+    "mavros": ("ual_daemon.backends.mavros", "MavrosBackend"),
 }
 """Module and class by name. Entry points are searched for other names only: that takes 30 ms of the start, and 2 MiB.
 """
+
+
+_EXTRAS = {"dji": "ros", "mavros": "ros"}
+"""The extras of backends that do not have one of their own name."""
 
 
 def entry_points() -> Iterable[EntryPoint]:
@@ -82,7 +88,7 @@ def _kind(name: str) -> type:
     except ImportError as error:
         raise ConfigError(
             f"the backend {name!r} cannot be loaded: {error}; "
-            f"if it needs an extra, install it: pip install 'ual-daemon[{name}]'",
+            f"if it needs an extra, install it: pip install 'ual-daemon[{_EXTRAS.get(name, name)}]'",
             "backend",
         ) from error
     return kind

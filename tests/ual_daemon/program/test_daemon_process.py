@@ -204,8 +204,8 @@ def refusal(tmp_path: Path) -> Callable[..., str]:
     ("flags", "expected"),
     [
         (
-            ["--backend", "dji"],
-            "ual-daemon: --backend: there is no backend 'dji'; known are airsim, crazyflie, light, mavlink",
+            ["--backend", "parrot"],
+            "ual-daemon: --backend: there is no backend 'parrot'; known are airsim, crazyflie, dji, light, mavlink",
         ),
         (["--ns", "uav 1"], "ual-daemon: --ns: Expected `str` matching regex"),
         (["--listen", "50051"], "ual-daemon: --listen: '50051' is no address: expected HOST:PORT or unix:PATH"),
@@ -268,7 +268,7 @@ def test_a_key_that_everyone_can_read_is_refused(refusal: Callable[..., str], tm
 
 
 def test_a_wrong_environment_is_told_by_its_variable(refusal: Callable[..., str]) -> None:
-    assert refusal(UAL_BACKEND="dji").startswith("ual-daemon: UAL_BACKEND: there is no backend 'dji'")
+    assert refusal(UAL_BACKEND="parrot").startswith("ual-daemon: UAL_BACKEND: there is no backend 'parrot'")
     assert refusal(UAL_SET="light.seed=x").startswith("ual-daemon: UAL_SET light.seed: Expected `int`")
 
 

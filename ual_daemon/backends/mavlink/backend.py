@@ -13,17 +13,18 @@ from typing_extensions import override
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual.types import Limits
 from ual_daemon.backends import futures
+from ual_daemon.backends.autopilots.autopilot import HomeUnknownError
+from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, HomeUnknownError
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
-from ual_daemon.backends.mavlink.session.safety_pilot import SimulatedPilot
 from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key

@@ -6,10 +6,10 @@ from typing import Any
 
 from typing_extensions import override
 
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink

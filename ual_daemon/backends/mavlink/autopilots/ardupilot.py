@@ -1,18 +1,16 @@
-"""ArduCopter: flown in GUIDED mode with setpoints in its local NED frame. Measured with 4.6.3
+"""ArduCopter over MAVLink: flown in GUIDED mode with setpoints in its local NED frame. Measured with 4.6.3
 (docs/backends/mavlink.md).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 from typing_extensions import override
 
-from ual.errors import WrongStateError
-from ual.geometry import Vector3
-from ual.types import Capability, Limits
+from ual_daemon.backends.autopilots import ardupilot
+from ual_daemon.backends.autopilots.autopilot import NO_PARAMETERS
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
@@ -23,199 +21,22 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
     shows_mode,
     slow_streams,
 )
-from ual_daemon.backends.mavlink.autopilots.dialect import (
-    NO_PARAMETERS,
-    Dialect,
-    HomeUnknownError,
-    SimulationVerdict,
-    fence_limit,
-    positive_parameter,
-)
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.external_pose import encode_vision_position_estimate
-from ual_daemon.backends.mavlink.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import (
-    NO_FENCE,
-    Cause,
-    Control,
-    Estimator,
-    ExternalPose,
-    Freshness,
-    LandedState,
-    Mode,
-    OwnFence,
-    PositionSetpoint,
-    Setpoint,
-    Snapshot,
-)
-from ual_daemon.geodesy import FlatProjection, Projection
+from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
-_MODES = {
-    0: "STABILIZE",
-    1: "ACRO",
-    2: "ALT_HOLD",
-    3: "AUTO",
-    4: "GUIDED",
-    5: "LOITER",
-    6: "RTL",
-    7: "CIRCLE",
-    9: "LAND",
-    11: "DRIFT",
-    13: "SPORT",
-    14: "FLIP",
-    15: "AUTOTUNE",
-    16: "POSHOLD",
-    17: "BRAKE",
-    18: "THROW",
-    19: "AVOID_ADSB",
-    20: "GUIDED_NOGPS",
-    21: "SMART_RTL",
-    22: "FLOWHOLD",
-    23: "FOLLOW",
-    24: "ZIGZAG",
-    25: "SYSTEMID",
-    26: "AUTOROTATE",
-    27: "AUTO_RTL",
-    28: "TURTLE",
-}
-_GUIDED, _LAND, _BRAKE = 4, 9, 17
-_UNARMABLE = frozenset(
-    {
-        "LAND",  # its mode after we have landed it
-        "BRAKE",  # its mode after the daemon has ended in flight
-        "AUTOROTATE",
-        "AUTOTUNE",
-        "AVOID_ADSB",
-        "CIRCLE",
-        "FLIP",
-        "FOLLOW",
-        "RTL",
-        "SMART_RTL",
-        "SYSTEMID",
-    }
-)
-"""Modes in which ArduCopter always refuses to be armed (`allows_arming` in its mode.h)."""
-_CONTROL = {_GUIDED: Control.REFERENCES, _LAND: Control.LAND}
-
-_SIMULATION_PARAMETER = "SIM_SPEEDUP"
-"""A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
-_FENCE_ALT_MAX, _FENCE_CIRCLE, _FENCE_POLYGON, _FENCE_ALT_MIN = 1, 2, 4, 8
-"""The bits of FENCE_TYPE."""
-_COPTER_VTOL_STATES = (mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_VTOL_STATE_MC)
-_PLANE_PARAMETER = "Q_ENABLE"
-"""A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
-
-_SLOW_CLIMB_M = 1.5
-"""So far it climbs by itself where a slower climb is wanted. Lower, the error of its height could leave it standing."""
-_NEAR_HOME_M = 1.0
-"""How far above or below home its estimate of height may wander; see `_above_home_m`."""
-ACCELERATION_SHARE = 0.6
-"""The part of ArduPilot's own acceleration limits that our references may use. ArduPilot follows references within the
-same limits: with no reserve to catch up it overshoots, by 1.7 m where it is stopped on the way. At the goal of an
-18.7 m diagonal a part of 0.6 overshoots by 0.13 m, as 0.5 does (benchmarks/tracker.md)."""
-
-LONGEST_LEAD_S = 0.7
-"""The velocity leads by no more than this, even where the jerk limit is low for the acceleration limit. When setpoints
-end, the UAV is faster by the acceleration times this."""
+_GUIDED, _BRAKE = 4, 17
 
 
-_PILOTS_MODES = frozenset(
-    {
-        "STABILIZE",
-        "ACRO",
-        "ALT_HOLD",
-        "LOITER",
-        "DRIFT",
-        "SPORT",
-        "FLIP",
-        "AUTOTUNE",
-        "POSHOLD",
-        "THROW",
-        "FLOWHOLD",
-        "ZIGZAG",
-        "SYSTEMID",
-        "TURTLE",
-    }
-)
-_AUTONOMOUS = frozenset({"AUTO", "AUTO_RTL", "BRAKE", "CIRCLE", "FOLLOW", "RTL", "SMART_RTL"})
-_FAILSAFE_TEXTS = (
-    ("battery failsafe", Cause.BATTERY),
-    ("radio failsafe", Cause.RC),
-    ("fence breached", Cause.FENCE),
-    ("gcs failsafe", Cause.GROUND_STATION_LOST),
-    ("ekf failsafe", Cause.POSITION),
-    ("failsafe", Cause.FAILSAFE),
-)
-"""What its texts hold, lower case, the first that fits. "Battery 1 is low" comes without an action, too."""
-_SENSORS = (
-    (mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, Cause.BATTERY),
-    (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, Cause.RC),
-    (mavlink.MAV_SYS_STATUS_GEOFENCE, Cause.FENCE),
-)
+class ArduCopter(ardupilot.ArduCopter, Dialect):
+    """ArduPilot multirotors, 4.6, over MAVLink."""
 
-
-class ArduCopter(Dialect):
-    """ArduPilot multirotors, 4.6."""
-
-    name = "ArduPilot"
-    capabilities = frozenset(Capability)
-    sends_landed_state = True
-    unarmable_modes = _UNARMABLE
     # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
     freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
-    pilots_modes = _PILOTS_MODES
-    stays_without_setpoints = True  # in GUIDED it hovers for ever
-    flies_takeoff_on_setpoints = False  # a setpoint on the way up cancels the take-off, silently
     estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
-    parameters = (
-        "WPNAV_SPEED",
-        "WPNAV_SPEED_UP",
-        "WPNAV_SPEED_DN",
-        "WPNAV_ACCEL",
-        "WPNAV_ACCEL_Z",
-        "PSC_JERK_XY",
-        "PSC_JERK_Z",
-        "ATC_SLEW_YAW",
-        _SIMULATION_PARAMETER,
-        _PLANE_PARAMETER,
-        "FENCE_ENABLE",
-        "FENCE_AUTOENABLE",
-        "FENCE_TYPE",
-        "FENCE_RADIUS",
-        "FENCE_ALT_MAX",
-        "FENCE_ALT_MIN",
-        "FENCE_TOTAL",
-    )
-    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE"})
-
-    @override
-    def mode(self, custom_mode: int) -> Mode:
-        name = _MODES.get(custom_mode, f"MODE{custom_mode}")
-        return Mode(name, _CONTROL.get(custom_mode, Control.OTHER), is_autonomous=name in _AUTONOMOUS)
-
-    @override
-    def cause_of_text(self, text: str) -> Cause | None:
-        lower = text.lower()
-        if "cleared" in lower or lower.startswith("prearm"):
-            return None
-        return next((cause for part, cause in _FAILSAFE_TEXTS if part in lower), None)
-
-    @override
-    def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
-        # It enables a sensor only where it is there: a fence that is set, a receiver that was heard.
-        return next((cause for bit, cause in _SENSORS if failing & bit), None)
-
-    @override
-    def estimator(self, flags: int) -> Estimator:
-        if flags & mavlink.EKF_CONST_POS_MODE:
-            return Estimator(False, "it assumes that it stands still (no GPS or other position yet)")
-        return super().estimator(flags)
-
-    @override
-    def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
-        return FlatProjection(latitude_deg, longitude_deg, altitude_amsl_m)
 
     @override
     def streams(self, pose_rate_hz: float) -> list[CommandLong]:
@@ -238,68 +59,12 @@ class ArduCopter(Dialect):
         return float(message.param_value)  # integers too, as numbers
 
     @override
-    def judge_simulation(
-        self, version: Message | None, parameters: Mapping[str, float], system_id: int
-    ) -> SimulationVerdict:
-        if version is None:
-            return SimulationVerdict(None, "its version and board are not known yet")
-        if version.board_version or version.vendor_id or version.product_id:  # also where it simulates by itself
-            return SimulationVerdict(
-                False,
-                f"it runs on a flight controller (board {version.board_version >> 16}, "
-                f"USB {version.vendor_id:04x}:{version.product_id:04x})",
-            )
-        if _SIMULATION_PARAMETER not in parameters:
-            return SimulationVerdict(None, f"it has not sent {_SIMULATION_PARAMETER}, which only simulators have")
-        return SimulationVerdict(True)
-
-    @override
-    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
-        return vtol_state in _COPTER_VTOL_STATES and _PLANE_PARAMETER not in parameters
-
-    @override
-    def limits(self, parameters: Mapping[str, float]) -> Limits:
-        default = Limits()
-
-        def read(name: str, otherwise: float, share: float = 1.0) -> float:
-            """Its parameters are in cm and hundredths of degrees."""
-            return positive_parameter(parameters, name, otherwise, share=share, per_unit=100.0)
-
-        return Limits(
-            horizontal_speed_m_s=read("WPNAV_SPEED", default.horizontal_speed_m_s),
-            climb_speed_m_s=read("WPNAV_SPEED_UP", default.climb_speed_m_s),
-            descent_speed_m_s=read("WPNAV_SPEED_DN", default.descent_speed_m_s),
-            horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2, ACCELERATION_SHARE),
-            vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2, ACCELERATION_SHARE),
-            yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
-        )
-
-    @override
-    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
-        return ACCELERATION_SHARE if "WPNAV_ACCEL" in parameters else 1.0
-
-    @override
-    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
-        if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
-            return NO_FENCE
-        kinds, corners = int(parameters.get("FENCE_TYPE", 0.0)), int(parameters.get("FENCE_TOTAL", 0.0))
-        unread = f"its polygons and circles (FENCE_TOTAL {corners})" if kinds & _FENCE_POLYGON and corners else ""
-        return OwnFence(
-            fence_limit(parameters, "FENCE_RADIUS") if kinds & _FENCE_CIRCLE else None,
-            fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
-            fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
-            unread,
-        )
-
-    @override
     def encode_setpoint(
         self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
-        # Without the acceleration: when setpoints end (a killed daemon), ArduPilot continues with the last one, and
-        # would gain speed for GUID_TIMEOUT; with the last velocity it only keeps its speed.
         if isinstance(setpoint, PositionSetpoint):
-            setpoint = replace(setpoint, velocity=velocity_lead(setpoint, parameters))
-        return encode_position_target(setpoint, system_id, time_ms, with_acceleration=False)
+            setpoint = self.position_setpoint(setpoint, parameters)
+        return encode_position_target(setpoint, system_id, time_ms, with_acceleration=self.takes_acceleration)
 
     @override
     def encode_external_pose(self, measured: ExternalPose) -> Message:
@@ -307,91 +72,30 @@ class ArduCopter(Dialect):
 
     @override
     def arm(self, snapshot: Snapshot) -> CommandLong:
-        # GUIDED, as the take-off that follows needs it. There, unlike in LOITER, the throttle stick does not matter.
-        return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), _set_mode(_GUIDED, "arm"))
+        return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), self._set_mode(_GUIDED, "arm"))
 
     @override
     def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
-        # The height must be above home. Home is where it was armed, by an estimate of height that has wandered since.
-        standing_m = _above_home_m(snapshot)
-        if standing_m is None:
-            raise HomeUnknownError("take_off: ArduPilot has not sent the position of its home yet")
-        if snapshot.has_rangefinder and standing_m > _NEAR_HOME_M:
-            raise WrongStateError(
-                f"take_off: ArduPilot's home is {standing_m:.1f} m below the UAV, and with its rangefinder it counts "
-                f"the height from the ground: it would climb to {standing_m + height_m:.1f} m instead of {height_m:g} "
-                "m; set its home to where it stands"
-            )
-        # Its climb takes no speed (WPNAV_SPEED_UP). UAL's setpoints fly the rest of the way, within the limits.
-        own_climb_m = min(height_m, _SLOW_CLIMB_M) if is_slower else height_m
         climb = CommandLong(
             mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0,) * 6 + (standing_m + own_climb_m,),
+            (0.0,) * 6 + (self.takeoff_altitude_m(height_m, snapshot, is_slower=is_slower),),
             "take off",
             group="mode",
             shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),
         )
-        return replace(_set_mode(_GUIDED, "take off"), then=climb)
+        return replace(self._set_mode(_GUIDED, "take off"), then=climb)
 
     @override
     def land(self) -> CommandLong:
-        return CommandLong(mavlink.MAV_CMD_NAV_LAND, (), "land", group="mode", shows=shows_mode(_MODES[_LAND]))
+        return CommandLong(mavlink.MAV_CMD_NAV_LAND, (), "land", group="mode", shows=shows_mode(self.land_mode))
 
     @override
     def take_control(self) -> CommandLong:
-        return _set_mode(_GUIDED, "take control")
+        return self._set_mode(_GUIDED, "take control")
 
     @override
     def hold(self) -> CommandLong:
-        # LOITER would hold, too, but follows the throttle stick: with it at its bottom, or without a transmitter,
-        # the UAV would descend.
-        return _set_mode(_BRAKE, "hold")
+        return self._set_mode(_BRAKE, "hold")
 
-
-def _above_home_m(snapshot: Snapshot) -> float | None:
-    """Returns its height above home; None where that is not known well enough to climb by it.
-
-    On a bad link ArduPilot's own value comes sooner than the positions of home and origin do, but it may be from before
-    the arming, which moved home to where it stands. So it counts only where it makes little difference, which is
-    corrected at the end of the climb. Otherwise a climb from a home down in the valley would go that much too high.
-    """
-    pose, origin, home_m = snapshot.pose, snapshot.projection, snapshot.home_altitude_amsl_m
-    if pose is not None and origin is not None and home_m is not None:
-        return origin.altitude_amsl_m + pose.value.position.z - home_m
-    own_m = None if snapshot.position_geo is None else snapshot.position_geo.altitude_home_m
-    return None if own_m is None or abs(own_m) > _NEAR_HOME_M else own_m
-
-
-def _set_mode(number: int, what: str) -> CommandLong:
-    return set_mode(_MODES[number], number, what=what)
-
-
-def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -> Vector3:
-    """Returns the velocity that makes ArduPilot accelerate as the reference does, in m/s: v + a * tau.
-
-    Its input shaping (AP_Math/control.cpp, `shape_vel_accel`) accelerates by a_in + (v_in - v) * jerk / accel, with
-    its own limits of both. So a velocity that is higher by a * accel / jerk has the same effect as a_in = a, until
-    setpoints end. tau is that time, and the time that the vehicle takes to tilt. The result is never faster than
-    ArduPilot's own speed limits, unless the reference is; it is the reference's velocity while the limits are not
-    known.
-    """
-    v, a = setpoint.velocity, setpoint.acceleration
-    horizontal_s = _shaping_s(parameters, "WPNAV_ACCEL", "PSC_JERK_XY")
-    vertical_s = _shaping_s(parameters, "WPNAV_ACCEL_Z", "PSC_JERK_Z")
-    led = Vector3(v.x + a.x * horizontal_s, v.y + a.y * horizontal_s, v.z + a.z * vertical_s)
-    speed_m_s = max(v.horizontal_norm(), parameters.get("WPNAV_SPEED", 0.0) / 100.0)
-    share = min(1.0, speed_m_s / max(led.horizontal_norm(), 1e-9))
-    up_m_s = max(v.z, parameters.get("WPNAV_SPEED_UP", 0.0) / 100.0)
-    down_m_s = min(v.z, -parameters.get("WPNAV_SPEED_DN", 0.0) / 100.0)
-    return Vector3(led.x * share, led.y * share, min(max(led.z, down_m_s), up_m_s))
-
-
-def _shaping_s(parameters: Mapping[str, float], acceleration: str, jerk: str) -> float:
-    """Returns its acceleration limit (cm/s^2) over its jerk limit (m/s^3) and the time to tilt, in seconds.
-
-    It is 0 where they are not known.
-    """
-    acceleration_m_s2, jerk_m_s3 = parameters.get(acceleration, 0.0) / 100.0, parameters.get(jerk, 0.0)
-    if acceleration_m_s2 <= 0.0 or jerk_m_s3 <= 0.0:
-        return 0.0
-    return min(acceleration_m_s2 / jerk_m_s3 + TILT_S, LONGEST_LEAD_S)
+    def _set_mode(self, number: int, what: str) -> CommandLong:
+        return set_mode(self.mode(number).name, number, what=what)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ual_daemon.backends.autopilots.autopilot import MULTIROTORS
 from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.autopilots.dialect import MULTIROTORS, Dialect
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.mavlink.autopilots.unknown import Unknown, autopilot_text, vehicle_text
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink

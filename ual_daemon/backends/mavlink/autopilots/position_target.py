@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from ual.geometry import Vector3
+from ual_daemon.backends.autopilots.numbers import POSITION_MASK, UNACCELERATED_MASK, VELOCITY_MASK
 from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
-
-_IGNORE_POSITION = 0b111
-_IGNORE_ACCELERATION = 0b111 << 6
-_IGNORE_YAW = 1 << 10
-POSITION_MASK = 0
-VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 
 _ZERO = Vector3()
 
@@ -27,7 +22,7 @@ def encode_position_target(
     """
     velocity = enu_to_ned(setpoint.velocity)
     if isinstance(setpoint, PositionSetpoint):
-        mask = POSITION_MASK if with_acceleration else _IGNORE_ACCELERATION
+        mask = POSITION_MASK if with_acceleration else UNACCELERATED_MASK
         position, acceleration = enu_to_ned(setpoint.position), enu_to_ned(setpoint.acceleration)
         yaw_rad = enu_to_ned_yaw(setpoint.yaw_rad)
     else:

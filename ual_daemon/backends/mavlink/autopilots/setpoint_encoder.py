@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 

@@ -8,13 +8,14 @@ from typing_extensions import override
 
 from ual.errors import NotSupportedError
 from ual.types import Limits
+from ual_daemon.backends.autopilots.autopilot import NO_PARAMETERS, Board, SimulationVerdict
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     pose_streams,
     set_message_interval,
     slow_streams,
 )
-from ual_daemon.backends.mavlink.autopilots.dialect import NO_PARAMETERS, Dialect, SimulationVerdict
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
@@ -34,7 +35,11 @@ class Unknown(Dialect):
 
     @override
     def mode(self, custom_mode: int) -> Mode:
-        return Mode(f"mode {custom_mode}", Control.OTHER)
+        return self.mode_named(f"mode {custom_mode}")
+
+    @override
+    def mode_named(self, name: str) -> Mode:
+        return Mode(name, Control.OTHER)
 
     @override
     def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
@@ -51,7 +56,7 @@ class Unknown(Dialect):
 
     @override
     def judge_simulation(
-        self, version: Message | None, parameters: Mapping[str, float], system_id: int
+        self, version: Board | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
         return SimulationVerdict(False, "UAL cannot recognize a simulator of this autopilot")
 

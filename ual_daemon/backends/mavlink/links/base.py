@@ -10,7 +10,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-Address = tuple[str, int] | tuple[str, int, int, int]
+from ual_daemon.backends import hosts
+
+Address = hosts.Address
 Chunk = tuple[bytes, Address | None]
 """Received bytes, and the address that they came from; None on a link that has only one other end."""
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
+from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links.base import (
     BATCH_BYTES,
     Address,
@@ -22,7 +23,6 @@ from ual_daemon.backends.mavlink.links.base import (
     cannot_listen,
 )
 from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
-from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class TcpClientLink(Link):
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
-        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM)
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM, LinkError)
         self._address: Address | None = None
         self._socket: socket.socket | None = None
         self._writer = StreamWriter(os.write)
@@ -120,7 +120,7 @@ class TcpServerLink(Link):
 
     def __init__(self, endpoint: TcpEndpoint) -> None:
         self._endpoint = endpoint
-        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM)
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM, LinkError)
         self._listener: socket.socket | None = None
         self._client: socket.socket | None = None
         self._address: Address | None = None

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, cannot_listen
+from ual_daemon.backends.hosts import Host
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, LinkError, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
-from ual_daemon.backends.mavlink.links.resolve import Host
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ class UdpLink(Link):
 
     def __init__(self, endpoint: UdpEndpoint) -> None:
         self._endpoint = endpoint
-        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_DGRAM)
+        self._host = Host(endpoint.host, endpoint.port, socket.SOCK_DGRAM, LinkError)
         self._socket: socket.socket | None = None
         self._descriptors: Mapping[int, int] = {}
         self._poll = select.poll()

@@ -74,3 +74,8 @@ def geo_point(message: Message, geoid_separation_m: float | None) -> GeoPoint | 
         altitude_home_m=milli(message.relative_alt),
         altitude_ellipsoid_m=None if geoid_separation_m is None else altitude_m + geoid_separation_m,
     )
+
+
+def channels(message: Message) -> list[int]:
+    """Returns the channels of an RC_CHANNELS, in microseconds."""
+    return [getattr(message, f"chan{number}_raw") for number in range(1, min(message.chancount, 18) + 1)]

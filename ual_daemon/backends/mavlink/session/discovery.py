@@ -8,12 +8,12 @@ from dataclasses import replace
 
 from typing_extensions import override
 
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.session import Session, Successor
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message

@@ -10,19 +10,23 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
+from ual_daemon.backends.autopilots.autopilot import SimulationVerdict
+from ual_daemon.backends.autopilots.cause_watch import CauseWatch
+from ual_daemon.backends.autopilots.feed_forward import FeedForward
+from ual_daemon.backends.autopilots.health_report import HealthReport
+from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
+from ual_daemon.backends.autopilots.sender_watch import SenderWatch
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.autopilots.axes import ned_to_enu
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, SimulationVerdict
-from ual_daemon.backends.mavlink.autopilots.feed_forward import FeedForward
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.session.cause_watch import CauseWatch
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
-from ual_daemon.backends.mavlink.session.health_report import HealthReport
+from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
-from ual_daemon.backends.mavlink.session.sender_watch import TARGET_ID, SenderWatch
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -88,8 +92,8 @@ class Session:
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
-        causes = self._causes = CauseWatch(dialect, setpoints)
-        self._health = HealthReport(dialect)
+        causes = self._causes = CauseWatch(dialect, setpoints, names_intended_mode=dialect.names_intended_mode)
+        self._health = HealthReport()
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
         self._next_home_request_s = -math.inf
@@ -98,13 +102,23 @@ class Session:
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
-            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_current_mode(message, now_s),
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sys_status(message, now_s),
-            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(message, now_s),
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_intention(
+                message.custom_mode, message.intended_custom_mode, now_s
+            ),
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sensors(
+                message.onboard_control_sensors_enabled, message.onboard_control_sensors_health, now_s
+            ),
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda message, now_s, _: causes.on_rc_channels(
+                channels(message), now_s
+            ),
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_position,
             mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
-            **({TARGET_ID: self._on_target} if dialect.stays_without_setpoints else {}),
+            **(
+                {mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target}
+                if dialect.stays_without_setpoints
+                else {}
+            ),
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self.decoded_ids = self.telemetry.decoded_ids | self._handlers.keys()
@@ -219,11 +233,16 @@ class Session:
         return snapshot._replace(
             other_sender=self._sender_watch.another(snapshot),
             health=self._health.report(
-                now_s, self.telemetry, self._causes.failing_sensors, lambda: self._supervision.statistics(now_s).loss
+                now_s, self.telemetry.readiness, self._causes.failing_sensors, lambda: self._supervision.loss(now_s)
             ),
             failsafe=self._causes.failsafe(is_armed=is_armed),
             held_by=held_by,
         )
+
+    @property
+    def label(self) -> str:
+        """What it is, for people."""
+        return f"{self.dialect.name} (system {self.system_id})"
 
     def judge_simulation(self) -> SimulationVerdict:
         """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
@@ -332,14 +351,19 @@ class Session:
 
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)
-        self._causes.on_heartbeat(message, now_s)
+        self._causes.on_system_status(message.system_status, now_s)
 
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:
             self._unlearned_s = (now_s, message.time_boot_ms / 1000.0)
 
     def _on_target(self, message: Message, now_s: float, _: float) -> None:
-        self._sender_watch.on_target(message, now_s)
+        self._sender_watch.on_target(
+            ned_to_enu(message.x, message.y, message.z),
+            ned_to_enu(message.vx, message.vy, message.vz),
+            now_s,
+            has_position=not message.type_mask & IGNORES_POSITION,
+        )
 
     def _on_text(self, _message: Message, now_s: float, _: float) -> None:
         text = self.telemetry.status_text

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon import logs
+from ual_daemon.backends.autopilots.clock_offset import ClockOffset
+from ual_daemon.backends.autopilots.local_origin import LocalOrigin
+from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
 from ual_daemon.backends.mavlink.session.conversions import battery, degrees, geo_point, gps_info, landed_state, milli
-from ual_daemon.backends.mavlink.session.local_origin import LocalOrigin
-from ual_daemon.backends.mavlink.session.plausibility import Plausibility
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -186,6 +186,11 @@ class Telemetry:
     def mode_name(self) -> str:
         """The name of its mode; empty while it is not known."""
         return "" if self._mode is None else self._mode.value.name
+
+    @property
+    def readiness(self) -> bool | None:
+        """Whether it is ready to arm; None where it does not say."""
+        return self.is_ready_to_arm if self.reports_readiness else None
 
     @property
     def status_text(self) -> str:

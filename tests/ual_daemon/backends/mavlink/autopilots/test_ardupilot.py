@@ -10,7 +10,8 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, hear
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import Capability, GeoPoint, Limits
-from ual_daemon.backends.mavlink.autopilots.ardupilot import LONGEST_LEAD_S, ArduCopter, velocity_lead
+from ual_daemon.backends.autopilots.ardupilot import LONGEST_LEAD_S, velocity_lead
+from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.session.session import SILENCE_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Sample, Snapshot, VelocitySetpoint

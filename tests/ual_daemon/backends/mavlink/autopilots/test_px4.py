@@ -9,8 +9,10 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.types import Capability, Limits
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, version_text
-from ual_daemon.backends.mavlink.autopilots.px4 import ACCELERATION_SHARE, Px4
+from ual_daemon.backends.autopilots.autopilot import version_text
+from ual_daemon.backends.autopilots.px4 import ACCELERATION_SHARE
+from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.mavlink.autopilots.unknown import Unknown
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint

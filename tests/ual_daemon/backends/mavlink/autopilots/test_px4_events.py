@@ -4,8 +4,8 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, position
 from tests.ual_daemon.backends.mavlink.traces import load
+from ual_daemon.backends.autopilots.px4_events import event_id
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
-from ual_daemon.backends.mavlink.autopilots.px4_events import event_id, read
 from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import Frame, split
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, mavlink
@@ -43,7 +43,7 @@ def test_ids_are_those_that_a_real_px4_sends() -> None:
 
 
 def test_words_of_a_denial_are_those_of_its_name() -> None:
-    found = read(frame(event("commander_arm_denied_resolve_failures")), LOITER_NAME)
+    found = Px4().event(frame(event("commander_arm_denied_resolve_failures")), LOITER_NAME)
     assert found.text == "arm denied resolve failures"
     assert found.armed is None
 
@@ -69,13 +69,13 @@ def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int
     ],
 )
 def test_a_failed_check_is_told_where_it_concerns_the_mode(modes: int, mode: str, is_told: bool) -> None:
-    found = read(frame(event("check_modes_manual_control", modes=modes)), mode)
+    found = Px4().event(frame(event("check_modes_manual_control", modes=modes)), mode)
     assert found.text == ("check modes manual control" if is_told else "")
 
 
 def test_what_is_not_known_or_no_trouble_has_no_words() -> None:
-    assert read(frame(event("some_event_of_a_later_px4")), LOITER_NAME).text == ""
-    assert read(frame(event("check_battery_low", levels=INFO, modes=MODES_ALL)), LOITER_NAME).text == ""
+    assert Px4().event(frame(event("some_event_of_a_later_px4")), LOITER_NAME).text == ""
+    assert Px4().event(frame(event("check_battery_low", levels=INFO, modes=MODES_ALL)), LOITER_NAME).text == ""
 
 
 def test_arming_and_disarming_are_known_with_the_event_before_the_heartbeat() -> None:
@@ -113,7 +113,7 @@ def test_the_events_of_a_recorded_flight_say_when_it_was_armed_and_disarmed(name
     events = [
         (time_s, found.armed)
         for time_s, data in trace.frames
-        if (each := frame(data)).message_id == EVENT_ID and (found := read(each, "")).armed is not None
+        if (each := frame(data)).message_id == EVENT_ID and (found := Px4().event(each, "")).armed is not None
     ]
     assert [armed for _, armed in events] == [True, False]
     assert events[0][0] == pytest.approx(trace.time_s("pilot_arms"), abs=0.3)

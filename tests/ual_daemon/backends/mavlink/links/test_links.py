@@ -20,11 +20,11 @@ from typing_extensions import override
 
 from tests.conftest import open_terminal
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
+from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links import Connection, make_link
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk, LinkError
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
-from ual_daemon.backends.mavlink.links.resolve import Host
 from ual_daemon.settings import ConfigError
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ PATIENCE_S = 20.0
 HERE = "127.0.0.1"
 
 
-PATIENCE = "ual_daemon.backends.mavlink.links.resolve._PATIENCE_S"
+PATIENCE = "ual_daemon.backends.hosts._PATIENCE_S"
 
 
 @pytest.fixture(autouse=True)
@@ -539,5 +539,5 @@ def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:
 def test_a_numeric_address_is_not_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Host, "_look_up", lambda *_: pytest.fail("looked up"))
     for name in ("127.0.0.1", "::1"):
-        _, address = Host(name, 14540, socket.SOCK_DGRAM).address()
+        _, address = Host(name, 14540, socket.SOCK_DGRAM, LinkError).address()
         assert address[:2] == (name, 14540)

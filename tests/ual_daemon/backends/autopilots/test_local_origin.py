@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, heartbeat
 from ual.geometry import Vector3
 from ual.types import GeoPoint
-from ual_daemon.backends.mavlink.session.local_origin import LocalOrigin
+from ual_daemon.backends.autopilots.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.geodesy import FlatProjection
 

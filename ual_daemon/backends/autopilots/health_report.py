@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable
 
 from ual.types import Health
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect, Event
-from ual_daemon.backends.mavlink.session.telemetry import Telemetry
-from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.autopilots.numbers import sensor_names
+from ual_daemon.backends.autopilots.px4_events import Event
 
 LINK_PERIOD_S = 1.0
 """How often the quality of the link is computed."""
@@ -16,14 +15,12 @@ TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
 _MOST_TEXTS = 16
 _PREARM = "PreArm: "
-_PREFIXES = ("MAV_SYS_STATUS_SENSOR_", "MAV_SYS_STATUS_")
 
 
 class HealthReport:
     """Composes the health of one autopilot. Belongs to the thread that receives."""
 
-    def __init__(self, dialect: Dialect) -> None:
-        self._dialect = dialect
+    def __init__(self) -> None:
         self._texts: dict[str, float] = {}
         self._checks: dict[str, None] = {}
         self._link_quality: float | None = None
@@ -44,13 +41,19 @@ class HealthReport:
         elif event.is_check:
             self._checks[event.text.removeprefix("check ")] = None
 
-    def report(self, now_s: float, telemetry: Telemetry, failing_sensors: int, loss: Callable[[], float]) -> Health:
-        """Returns the health; the same object while nothing has changed. `loss` is asked for once a second."""
+    def report(
+        self, now_s: float, is_ready: bool | None, failing_sensors: int, loss: Callable[[], float | None]
+    ) -> Health:
+        """Returns the health; the same object while nothing has changed.
+
+        `is_ready` is whether it is ready to arm (None: it does not say). `loss` is asked for once a second; None where
+        it is not known.
+        """
         if now_s >= self._next_link_s:
             self._next_link_s = now_s + LINK_PERIOD_S
-            self._link_quality = round(1.0 - loss(), 3)
-        is_ready = telemetry.is_ready_to_arm if telemetry.reports_readiness else None
-        failing = (*_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
+            lost = loss()
+            self._link_quality = None if lost is None else round(1.0 - lost, 3)
+        failing = (*sensor_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
         known = (is_ready, failing, self._link_quality)
         if known != self._known:
             self._known = known
@@ -63,17 +66,3 @@ class HealthReport:
             return ()
         self._texts = {text: time_s for text, time_s in self._texts.items() if now_s - time_s <= TEXTS_S}
         return tuple(self._texts)
-
-
-def _names(sensors: int) -> list[str]:
-    """Returns the names of sensors by their bits, but not of the check before arming."""
-    sensors &= ~int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
-    return [] if not sensors else [_name(1 << bit) for bit in range(32) if sensors >> bit & 1]
-
-
-def _name(bit: int) -> str:
-    entry = mavlink.enums["MAV_SYS_STATUS_SENSOR"].get(bit)
-    name = f"sensor {bit:#x}" if entry is None else str(entry.name)
-    for prefix in _PREFIXES:
-        name = name.removeprefix(prefix)
-    return name.replace("_", " ").lower()

@@ -1,4 +1,4 @@
-"""PX4's events (its libevents interface, message 410), which it sends on every link at once, ground station or not.
+"""PX4's events (its libevents interface), which it sends on every link at once, ground station or not.
 
 An event is identified by the hash of its name (PX4's ``events::ID``). PX4's own sentences are in a file on the vehicle;
 the names say as much, so the names are reported. Those below are of PX4 1.17, and concern arming and its refusal.
@@ -7,14 +7,12 @@ the names say as much, so the names are reported. Those below are of PX4 1.17, a
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 
-from ual_daemon.backends.mavlink.autopilots.dialect import Event
-from ual_daemon.backends.mavlink.wire.frames import Frame
 from ual_daemon.backends.values import Cause
 
-_LAYOUT = struct.Struct("<IIHBBB40s")
-"""EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
-_AUTOPILOT = 1 << 24
+AUTOPILOT = 1 << 24
+"""The part of an event's id that says that it is of the autopilot, and not of another component."""
 _WARNING = 4
 """An external log level (the lower four bits): this one and lower ones are warnings, errors and worse."""
 
@@ -74,12 +72,29 @@ NAVIGATION_STATES = {
 """PX4's numbers of its modes (vehicle_status ``nav_state``), by which a failed check lists those that it concerns."""
 
 
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What an autopilot's event says: that it was armed or disarmed, the reason of a refusal, what triggers a failsafe;
+    perhaps nothing of these.
+
+    `boot_s` is when it happened, as time since the autopilot's boot. `begins_report` is whether a report of all its
+    checks begins, in which each further event names a check that fails (`is_check`).
+    """
+
+    boot_s: float
+    armed: bool | None = None
+    text: str = ""
+    cause: Cause | None = None
+    begins_report: bool = False
+    is_check: bool = False
+
+
 def event_id(name: str) -> int:
     """Returns the id of the autopilot's event of a name: its FNV-1a hash, 24 bits, below the component."""
     value = 0x811C9DC5
     for byte in name.encode("ascii"):
         value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
-    return value & 0xFFFFFF | _AUTOPILOT
+    return value & 0xFFFFFF | AUTOPILOT
 
 
 _ARMED = {event_id("commander_armed_by"): True, event_id("commander_disarmed_by"): False}
@@ -116,13 +131,10 @@ _TRIGGERS = {
 }
 
 
-def read(frame: Frame, mode: str) -> Event:
-    """Returns the content of the event in a frame (message 410). A failed check that does not concern the present mode,
-    given by its name, has no text.
+def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -> Event:
+    """Returns the content of an event: its id, when it happened, its log levels and its arguments. A failed check that
+    does not concern the present mode, given by its name, has no text.
     """
-    payload = frame.payload.ljust(_LAYOUT.size, b"\0")
-    number, boot_ms, _, _, _, levels, arguments = _LAYOUT.unpack_from(payload)
-    boot_s = boot_ms / 1000.0
     if number in _ARMED:
         return Event(boot_s, armed=_ARMED[number])
     if number == _REPORT_BEGINS:

@@ -7,9 +7,7 @@ from collections import deque
 from typing import NamedTuple
 
 from ual.geometry import Vector3
-from ual_daemon.backends.mavlink.autopilots.axes import ned_to_enu
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Control, LandedState, Snapshot
 
 QUIET_S = 4.0
@@ -24,7 +22,6 @@ STRANGE_COUNT, STRANGE_S = 2, 3.0
 """So many strange targets within so many seconds, while we send, show another program."""
 SENDING_S = 0.5
 """A target is judged by ours once we have sent for so long: an older one is from before."""
-_IGNORES_POSITION = 0b111
 _SILENT = "another program sends setpoints: {}"
 
 
@@ -44,9 +41,9 @@ class SenderWatch:
         self._found = ""
         self._found_s = -math.inf
 
-    def on_target(self, message: Message, now_s: float) -> None:
-        """Takes a POSITION_TARGET_LOCAL_NED: the target that the autopilot flies to."""
-        new = _Target.of(message, now_s)
+    def on_target(self, position: Vector3, velocity: Vector3, now_s: float, *, has_position: bool) -> None:
+        """Takes the target that the autopilot flies to, in the local frame; what it does not have may be NaN."""
+        new = _Target(now_s, _finite(position), _finite(velocity), has_position)
         old, self._target = self._target, new
         if old is None or now_s < self._flies_since_s:
             return
@@ -97,12 +94,6 @@ class _Target(NamedTuple):
     velocity: Vector3
     has_position: bool
 
-    @staticmethod
-    def of(message: Message, now_s: float) -> _Target:
-        position = _finite(message.x, message.y, message.z)
-        velocity = _finite(message.vx, message.vy, message.vz)
-        return _Target(now_s, position, velocity, not message.type_mask & _IGNORES_POSITION)
-
     def has_jumped_from(self, old: _Target) -> bool:
         """Whether both are positions, and the velocity does not explain the way between them."""
         way_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
@@ -114,9 +105,8 @@ class _Target(NamedTuple):
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
 
 
-def _finite(north: float, east: float, down: float) -> Vector3:
-    north, east, down = (each if math.isfinite(each) else 0.0 for each in (north, east, down))
-    return ned_to_enu(north, east, down)
+def _finite(vector: Vector3) -> Vector3:
+    return Vector3(*(each if math.isfinite(each) else 0.0 for each in (vector.x, vector.y, vector.z)))
 
 
 def _is_flown_by_setpoints(snapshot: Snapshot) -> bool:
@@ -124,6 +114,3 @@ def _is_flown_by_setpoints(snapshot: Snapshot) -> bool:
         return False
     is_ours = snapshot.mode.value.control is Control.REFERENCES
     return snapshot.armed.value and is_ours and snapshot.landed.value is LandedState.IN_AIR
-
-
-TARGET_ID: int = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED

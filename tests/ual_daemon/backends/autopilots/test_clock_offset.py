@@ -1,7 +1,7 @@
 import random
 from collections.abc import Callable
 
-from ual_daemon.backends.mavlink.session.clock_offset import ClockOffset
+from ual_daemon.backends.autopilots.clock_offset import ClockOffset
 
 UTC_S = 1.8e9
 

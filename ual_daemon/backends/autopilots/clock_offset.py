@@ -16,7 +16,8 @@ class ClockOffset:
     it and has no other effect.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        self._window_s = window_s
         self._window_ends_s = -math.inf
         self._last_window_s = math.inf
         self._this_window_s = math.inf
@@ -25,7 +26,7 @@ class ClockOffset:
         """Returns `boot_s` as UTC, from a message received at `now_s` (monotonic), which is `utc_now_s`."""
         offset_s = now_s - boot_s
         if now_s >= self._window_ends_s:
-            self._window_ends_s = now_s + WINDOW_S / 2
+            self._window_ends_s = now_s + self._window_s / 2
             self._last_window_s, self._this_window_s = self._this_window_s, offset_s
         self._this_window_s = min(self._this_window_s, offset_s)
         return utc_now_s - (offset_s - min(self._last_window_s, self._this_window_s))

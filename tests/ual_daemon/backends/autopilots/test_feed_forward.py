@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.geometry import Pose, Quaternion, Vector3
-from ual_daemon.backends.mavlink.autopilots.feed_forward import (
+from ual_daemon.backends.autopilots.feed_forward import (
     GRAVITY_M_S2,
     MOST_LEAD_M_S2,
     MOST_VELOCITY_ERROR_M_S,

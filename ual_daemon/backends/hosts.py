@@ -8,7 +8,7 @@ import threading
 from concurrent.futures import Future
 from typing import cast
 
-from ual_daemon.backends.mavlink.links.base import Address, LinkError
+Address = tuple[str, int] | tuple[str, int, int, int]
 
 _PATIENCE_S = 0.02
 """Enough for numeric addresses, and for names that this computer resolves by itself."""
@@ -17,7 +17,9 @@ _PATIENCE_S = 0.02
 class Host:
     """A port of a host. The name is resolved anew each time, on a thread of its own: that may take many seconds."""
 
-    def __init__(self, name: str, port: int, kind: socket.SocketKind) -> None:
+    def __init__(self, name: str, port: int, kind: socket.SocketKind, error: type[Exception]) -> None:
+        """`error` is what is raised where there is no address."""
+        self._error = error
         self._name = name
         self._port = port
         self._kind = kind
@@ -27,7 +29,7 @@ class Host:
         """Returns the family and the address.
 
         Raises:
-            LinkError: There is none, or not yet; call again later.
+            Exception: There is none, or not yet (of the type `error`); call again later.
 
         """
         numeric = self._numeric()
@@ -38,13 +40,13 @@ class Host:
             threading.Thread(target=self._look_up, args=(self._found,), name="host name", daemon=True).start()
         done, _ = concurrent.futures.wait([self._found], timeout=_PATIENCE_S)
         if not done:  # a timeout error would be ambiguous: a name service that times out raises the same
-            raise LinkError(f"looking for the host {self._name}")
+            raise self._error(f"looking for the host {self._name}")
         found, self._found = self._found, None
         try:
             return found.result()
         except (OSError, UnicodeError) as error:
             why = error.strerror if isinstance(error, OSError) else "that is no host name"
-            raise LinkError(f"cannot find the host {self._name}: {why}; trying again") from None
+            raise self._error(f"cannot find the host {self._name}: {why}; trying again") from None
 
     def _numeric(self) -> tuple[socket.AddressFamily, Address] | None:
         """Returns the address if the name is one; the name service is not asked then."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.session.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.autopilots.numbers import Sensor, SystemStatus
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import Cause, Control, Mode
 
 BEFORE_S = 1.5
@@ -22,17 +23,23 @@ OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for a mode is ours."""
 STREAM_S = 0.5
 """A failsafe that comes when no setpoint of ours came for so long may be for that reason alone."""
-_SUSPICIOUS = int(mavlink.MAV_SYS_STATUS_SENSOR_BATTERY | mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
-_SWITCHES_FROM, _MOVED_US, _NO_SIGNAL = 5, 100, 65535
-"""The first channel that can be a switch, by how much a switch moves one, and the value of one that is not there."""
+_SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
+_SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
+"""The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
+there."""
 _MOST_SIGNS = 8
 
 
 class CauseWatch:
-    """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives."""
+    """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives.
 
-    def __init__(self, dialect: Dialect, sent: SetpointMonitor) -> None:
-        self._dialect = dialect
+    `names_intended_mode` is whether it is told here which mode the autopilot was asked for, beside the one that flies:
+    another one is then a failsafe's.
+    """
+
+    def __init__(self, autopilot: Autopilot, sent: SetpointMonitor, *, names_intended_mode: bool) -> None:
+        self._autopilot = autopilot
+        self._names_intended_mode = names_intended_mode
         self._sent = sent
         self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
         self._mode_name = ""
@@ -66,37 +73,34 @@ class CauseWatch:
         """Takes note of a command of ours that changes the mode."""
         self._commanded_s = now_s
 
-    def on_heartbeat(self, message: Message, now_s: float) -> None:
-        """Takes a HEARTBEAT, for its system status."""
-        is_critical = message.system_status >= mavlink.MAV_STATE_CRITICAL
+    def on_system_status(self, status: int, now_s: float) -> None:
+        """Takes the system status of a heartbeat."""
+        is_critical = status >= SystemStatus.CRITICAL
         if is_critical and not self._is_critical:
             self._critical_s = now_s
         self._is_critical = is_critical
 
-    def on_current_mode(self, message: Message, now_s: float) -> None:
-        """Takes a CURRENT_MODE, for the mode that the autopilot was asked for."""
-        intended = message.intended_custom_mode
-        is_unintended = bool(intended) and intended != message.custom_mode
-        self._intention = (self._dialect.mode(message.custom_mode).name, is_unintended)
+    def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
+        """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
+        is_unintended = bool(intended_custom_mode) and intended_custom_mode != custom_mode
+        self._intention = (self._autopilot.mode(custom_mode).name, is_unintended)
         if not is_unintended:
             self._episode = None
         elif self._episode is None:
             self._episode = self._sign_since(now_s - EPISODE_S)
 
-    def on_sys_status(self, message: Message, now_s: float) -> None:
-        """Takes a SYS_STATUS, for the sensors that fail."""
-        enabled, healthy = message.onboard_control_sensors_enabled, message.onboard_control_sensors_health
+    def on_sensors(self, enabled: int, healthy: int, now_s: float) -> None:
+        """Takes which sensors are enabled and which are healthy (bits of MAV_SYS_STATUS_SENSOR)."""
         self.failing_sensors = enabled & ~healthy
         self._healthy_once |= enabled & healthy
-        found = self._dialect.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
+        found = self._autopilot.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
         if found is not None and found is not self._sensors:
             self._sensors_s = now_s
         self._sensors = found
 
-    def on_rc_channels(self, message: Message, now_s: float) -> None:
-        """Takes an RC_CHANNELS, for the switches of the transmitter."""
-        numbers = range(_SWITCHES_FROM, min(message.chancount, 16) + 1)
-        switches = tuple(getattr(message, f"chan{number}_raw") for number in numbers)
+    def on_rc_channels(self, channels: Sequence[int], now_s: float) -> None:
+        """Takes the channels of the transmitter in microseconds, for its switches."""
+        switches = tuple(channels[_SWITCHES_FROM - 1 : _SWITCHES_TO])
         pairs = zip(switches, self._switches, strict=False)
         if any(abs(new - old) >= _MOVED_US and _NO_SIGNAL not in (new, old) for new, old in pairs):
             self._switched_s = now_s
@@ -148,12 +152,12 @@ class CauseWatch:
                 return failsafe or Cause.OPEN
         if self._was_found:
             return None
-        is_intention_open = self._dialect.names_intended_mode and self._is_unintended is None
-        if mode.name in self._dialect.pilots_modes and not is_intention_open:
+        is_intention_open = self._names_intended_mode and self._is_unintended is None
+        if mode.name in self._autopilot.pilots_modes and not is_intention_open:
             return Cause.SAFETY_PILOT
         if not is_over:
             return Cause.OPEN
-        if mode.name in self._dialect.pilots_modes:
+        if mode.name in self._autopilot.pilots_modes:
             return Cause.SAFETY_PILOT
         return self._other_than_failsafe()
 

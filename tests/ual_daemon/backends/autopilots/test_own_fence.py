@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import struct
-
 import pytest
 
-from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.autopilots.px4 import Px4
 from ual_daemon.backends.values import NO_FENCE, FenceLimit, OwnFence
 
 FENCE = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 30.0, "FENCE_ALT_MAX": 100.0, "FENCE_ALT_MIN": -10.0}
@@ -39,15 +36,3 @@ def test_px4s_fence_is_off_without_an_action_and_without_distances() -> None:
     found = own({"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 30.0, "GF_MAX_VER_DIST": 20.0}, is_enabled=False)
     assert found.limits == (FenceLimit(30.0, "GF_MAX_HOR_DIST"), FenceLimit(20.0, "GF_MAX_VER_DIST"))
     assert "polygons" in found.unread
-
-
-def _value(number: float, kind: int) -> Message:
-    return mavlink.MAVLink_param_value_message(b"ANY", number, kind, 1, 0)
-
-
-def test_integers_are_read_as_each_autopilot_sends_them() -> None:
-    (bytes_of_2,) = struct.unpack("<f", struct.pack("<i", 2))
-    assert Px4().parameter_value(_value(bytes_of_2, mavlink.MAV_PARAM_TYPE_INT32)) == 2.0
-    assert Px4().parameter_value(_value(2.5, mavlink.MAV_PARAM_TYPE_REAL32)) == 2.5
-    assert Px4().parameter_value(_value(2.5, mavlink.MAV_PARAM_TYPE_UINT8)) is None
-    assert ArduCopter().parameter_value(_value(7.0, mavlink.MAV_PARAM_TYPE_INT8)) == 7.0

@@ -1,0 +1,257 @@
+"""A small rosbridge: protocol 2 in JSON and CBOR, ROS 1 and ROS 2, rosapi, and nodes that are plain Python objects.
+
+It behaves as rosbridge_suite does: a wrong type or an unknown topic is written to its own log and not sent to the
+client (unless `sends_status`), a service that is not there is answered with an error, NaN is null in JSON.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import json
+import math
+import random
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import cbor2
+
+Message = Mapping[str, Any]
+Service = Callable[[Message], Message]
+_TAGS = {"d": 86, "f": 85, "h": 77, "H": 69, "i": 78, "I": 70}
+
+
+class Node(Protocol):
+    """A ROS node. Types are ``pkg/Name``; stamps have ``sec`` and ``nanosec``; arrays of numbers are `array.array`."""
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """What it publishes: types by topic."""
+
+    @property
+    def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
+        """What it subscribes to: type and callback by topic."""
+
+    @property
+    def services(self) -> Mapping[str, Service]:
+        """Its services by name. One raises `RefusedError` to fail."""
+
+    def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
+        """Advances to a time, and returns the messages that it publishes meanwhile."""
+
+
+class RefusedError(Exception):
+    """A service fails; the words go to the caller."""
+
+
+@dataclass
+class Faults:
+    """What is wrong with the bridge. Delays apply to what is published to clients; jitter lets messages overtake."""
+
+    has_master: bool = True
+    silent_topics: set[str] = field(default_factory=set)
+    dead_services: set[str] = field(default_factory=set)
+    """They never answer."""
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+
+
+@dataclass
+class _Subscription:
+    throttle_s: float
+    queue: deque[Message]
+    is_cbor: bool
+    sent_s: float = -math.inf
+
+
+class Bridge:
+    """The bridge and its nodes. `step` advances both; `sessions` are the clients."""
+
+    def __init__(self, ros: int, nodes: Iterable[Node], *, has_cbor: bool = True, sends_status: bool = False) -> None:
+        self.ros = ros
+        self.nodes = list(nodes)
+        self.has_cbor = has_cbor
+        self.sends_status = sends_status
+        self.faults = Faults()
+        self.sessions: list[Session] = []
+        self.now_s = 0.0
+        self.published: list[tuple[float, str, Message]] = []
+        """What clients have published, with its time."""
+        self.noise = random.Random(1)
+
+    def connect(self) -> Session:
+        """Adds a client."""
+        session = Session(self)
+        self.sessions.append(session)
+        return session
+
+    def step(self, now_s: float) -> None:
+        """Advances the nodes, and gives clients what is due."""
+        self.now_s = now_s
+        for node in list(self.nodes):
+            for topic, message in node.step(now_s):
+                if topic not in self.faults.silent_topics:
+                    for session in self.sessions:
+                        session.offer(topic, message)
+        for session in self.sessions:
+            session.step(now_s)
+
+    def topics(self) -> dict[str, str]:
+        """Returns the types by topic, as this ROS writes them."""
+        found = {"/rosout": "rosgraph_msgs/Log" if self.ros == 1 else "rcl_interfaces/Log"}
+        for node in self.nodes:
+            found.update(node.topics)
+            found.update({topic: kind for topic, (kind, _) in node.subscriptions.items()})
+        return {topic: self.spelled(kind) for topic, kind in found.items()}
+
+    def spelled(self, kind: str) -> str:
+        """Returns a type's name as this ROS writes it."""
+        package, name = kind.split("/")
+        return kind if self.ros == 1 else f"{package}/msg/{name}"
+
+    def service(self, name: str) -> Service | None:
+        """Returns a service of rosapi or a node."""
+        if name == "/rosapi/topics":
+            return self._list_topics
+        return next((node.services[name] for node in self.nodes if name in node.services), None)
+
+    def call(self, name: str, arguments: Message) -> Message:
+        """Calls a service.
+
+        Raises:
+            RefusedError: It is not there, or fails.
+        """
+        service = self.service(name)
+        if service is None:
+            raise RefusedError(f"Service {name} does not exist")
+        return service(arguments)
+
+    def _list_topics(self, _: Message) -> Message:
+        if not self.faults.has_master:
+            raise RefusedError("Unable to communicate with master!")
+        topics = self.topics()
+        return {"topics": list(topics), "types": list(topics.values())}
+
+    def deliver(self, topic: str, message: Message) -> None:
+        """Gives a node what a client publishes."""
+        self.published.append((self.now_s, topic, message))
+        for node in self.nodes:
+            if topic in node.subscriptions:
+                node.subscriptions[topic][1](message)
+
+
+class Session:
+    """One client: `receive` takes what it sends, and `out` has what it gets."""
+
+    def __init__(self, bridge: Bridge) -> None:
+        self._bridge = bridge
+        self._subscriptions: dict[str, _Subscription] = {}
+        self._advertised: set[str] = set()
+        self._late: list[tuple[float, int, str, Message]] = []
+        self._numbers = itertools.count()
+        self.out: deque[str | bytes] = deque()
+        self.operations: list[str] = []
+        """What was asked for, for tests."""
+
+    def receive(self, text: str | bytes) -> None:
+        """Takes an operation."""
+        operation = json.loads(text)
+        self.operations.append(operation["op"])
+        try:
+            getattr(self, f"_{operation['op']}")(operation)
+        except RefusedError as error:
+            self._log(operation.get("id", ""), str(error))
+
+    def offer(self, topic: str, message: Message) -> None:
+        """Takes a node's message, to be sent when its delay is over."""
+        if topic in self._subscriptions:
+            faults = self._bridge.faults
+            due_s = self._bridge.now_s + faults.delay_s + self._bridge.noise.uniform(0.0, faults.jitter_s)
+            heapq.heappush(self._late, (due_s, next(self._numbers), topic, message))
+
+    def step(self, now_s: float) -> None:
+        """Sends what is due."""
+        while self._late and self._late[0][0] <= now_s:
+            _, _, topic, message = heapq.heappop(self._late)
+            if topic in self._subscriptions:
+                self._subscriptions[topic].queue.append(message)
+        for topic, subscription in self._subscriptions.items():
+            while subscription.queue and now_s - subscription.sent_s >= subscription.throttle_s - 1e-6:
+                subscription.sent_s = now_s
+                self._send(topic, subscription.queue.popleft(), is_cbor=subscription.is_cbor)
+
+    def _subscribe(self, operation: Message) -> None:
+        topic, kind = operation["topic"], operation.get("type")
+        known = self._bridge.topics().get(topic)
+        if known is not None and kind is not None and known != kind:
+            raise RefusedError(f"subscribe: {topic} has the type {known}, not {kind}")
+        length = operation.get("queue_length", 0)
+        is_cbor = self._bridge.has_cbor and operation.get("compression") == "cbor"
+        throttle_s = operation.get("throttle_rate", 0) / 1000.0
+        self._subscriptions[topic] = _Subscription(throttle_s, deque(maxlen=length or None), is_cbor)
+
+    def _unsubscribe(self, operation: Message) -> None:
+        self._subscriptions.pop(operation["topic"], None)
+
+    def _advertise(self, operation: Message) -> None:
+        known = self._bridge.topics().get(operation["topic"])
+        if known is not None and known != operation["type"]:
+            raise RefusedError(f"advertise: {operation['topic']} has the type {known}, not {operation['type']}")
+        self._advertised.add(operation["topic"])
+
+    def _unadvertise(self, operation: Message) -> None:
+        self._advertised.discard(operation["topic"])
+
+    def _publish(self, operation: Message) -> None:
+        if operation["topic"] not in self._advertised:
+            raise RefusedError(f"publish: {operation['topic']} was not advertised")
+        self._bridge.deliver(operation["topic"], operation["msg"])
+
+    def _call_service(self, operation: Message) -> None:
+        name = operation["service"]
+        if name in self._bridge.faults.dead_services:
+            return
+        answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
+        try:
+            answer |= {"values": _json_ready(self._bridge.call(name, operation.get("args", {}))), "result": True}
+        except RefusedError as error:
+            answer |= {"values": str(error), "result": False}
+        self.out.append(json.dumps(answer))
+
+    def _send(self, topic: str, message: Message, *, is_cbor: bool) -> None:
+        message = _stamped(message, self._bridge.ros)
+        if is_cbor:
+            self.out.append(cbor2.dumps({"op": "publish", "topic": topic, "msg": _cbor_ready(message)}))
+        else:
+            self.out.append(json.dumps({"op": "publish", "topic": topic, "msg": _json_ready(message)}))
+
+    def _log(self, ident: str, words: str) -> None:
+        if self._bridge.sends_status:
+            self.out.append(json.dumps({"op": "status", "level": "error", "msg": words, "id": ident}))
+
+
+def _stamped(message: Message, ros: int) -> Message:
+    header = message.get("header")
+    if ros == 2 or header is None:
+        return message
+    stamp = {"secs": header["stamp"]["sec"], "nsecs": header["stamp"]["nanosec"]}
+    return {**message, "header": {**header, "stamp": stamp, "seq": 0}}
+
+
+def _json_ready(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _json_ready(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple, array)):
+        return [_json_ready(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _cbor_ready(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _cbor_ready(each) for key, each in value.items()}
+    if isinstance(value, array):
+        return bytes(value) if value.typecode == "B" else cbor2.CBORTag(_TAGS[value.typecode], value.tobytes())
+    return [_cbor_ready(each) for each in value] if isinstance(value, (list, tuple)) else value

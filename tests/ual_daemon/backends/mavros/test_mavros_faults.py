@@ -1,0 +1,265 @@
+"""Bridge, MAVROS and topics that fail, in flight and on the ground; and the pilot who takes over in each manoeuvre."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from tests.conftest import LIMIT_S
+from tests.simulators.ardupilot import ArduPilot
+from tests.simulators.lockstep_mavros import LockstepMavros
+from tests.simulators.ports import MemoryPort
+from tests.simulators.px4 import Px4
+from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.geometry import Pose, Twist, Vector3
+from ual.types import State
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+
+LOST_S, HEALED_S = 1.5, 3.0
+SEEN_S = 0.4
+"""Until then a pilot who takes over must have been seen: PX4 is asked for a heartbeat five times a second."""
+IN_THE_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
+_GOAL = Pose.at(12.0, 6.0, 4.0)
+
+
+class Flight:
+    """A UAV through MAVROS, and the clock of its autopilot."""
+
+    def __init__(self, backend: LockstepMavros, uav: UAL) -> None:
+        self.backend = backend
+        self.uav = uav
+
+    def now_s(self) -> float:
+        return self.backend.clock.now_s()
+
+    def until(self, condition: Callable[[], bool]) -> float:
+        """Waits, and returns how long it took by the autopilot's clock."""
+        begun_s, deadline_s = self.now_s(), time.monotonic() + LIMIT_S
+        while not condition():
+            assert time.monotonic() < deadline_s, self.uav.telemetry()
+            time.sleep(0.002)
+        return self.now_s() - begun_s
+
+    def mark(self) -> tuple[int, float]:
+        """Now: how many changes of the state there were before the present one, and the time."""
+        return max(0, len(self.backend.history) - 1), self.now_s()
+
+    def until_state(self, *states: State, since: tuple[int, float] | None = None) -> float:
+        """Waits until one of the states has been seen since a mark, and returns how long after it that was."""
+        index, begun_s = self.mark() if since is None else since
+
+        def first_s() -> float | None:
+            return next((time_s for time_s, state in self.backend.history[index:] if state in states), None)
+
+        self.until(lambda: first_s() is not None)
+        found_s = first_s()
+        assert found_s is not None
+        return found_s - begun_s
+
+    def fly(self, height_m: float = 3.0) -> None:
+        self.backend.autopilot.pilot_readies()
+        self.until(self.uav.is_ready)
+        self.uav.arm()
+        self.uav.take_off(height_m)
+
+    @property
+    def setpoints_count(self) -> int:
+        return len(self.backend.node.setpoints)
+
+
+def make(kind: str, ros: int | None = None) -> LockstepMavros:
+    port = MemoryPort()
+    autopilot = Px4(port, is_terse=True) if kind == "px4" else ArduPilot(port)
+    usual = 2 if kind == "px4" else 1
+    return LockstepMavros(BackendOptions("uav_1"), autopilot, port, usual if ros is None else ros)
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    backend = make(request.param)
+    with UAL(backend, allow_arming=True) as uav:
+        yield Flight(backend, uav)
+
+
+@pytest.fixture
+def px4() -> Iterator[Flight]:
+    backend = make("px4")
+    with UAL(backend, allow_arming=True) as uav:
+        yield Flight(backend, uav)
+
+
+def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight) -> None:
+    flight.fly()
+    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
+    gone = flight.mark()
+    flight.backend.is_bridge_gone = True
+    assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    back = flight.mark()
+    flight.backend.is_bridge_gone = False
+    assert flight.until_state(*IN_THE_AIR, since=back) < HEALED_S
+    with pytest.raises(LinkLostError):
+        task.wait(LIMIT_S)
+
+
+def test_a_mavros_that_is_killed_and_started_again_is_found_again(flight: Flight) -> None:
+    flight.fly()
+    gone = flight.mark()
+    flight.backend.node.is_gone = True
+    assert flight.until_state(State.UNINITIALIZED, since=gone) < LOST_S
+    back = flight.mark()
+    flight.backend.node.restart()
+    flight.backend.node.is_gone = False
+    assert flight.until_state(*IN_THE_AIR, since=back) < 2.0 * HEALED_S
+
+
+@pytest.mark.parametrize(
+    ("topic", "within_s", "words"),
+    [
+        ("state", 3.0, "whether it is armed"),
+        ("extended_state", 2.0, "landed"),
+        ("local_position/pose", 1.7, "its pose"),
+        ("local_position/velocity_local", 1.6, "velocity"),
+        ("imu/data", 1.9, "attitude"),
+        ("estimator_status", 3.5, "whether its position is good"),
+    ],
+)
+def test_a_topic_that_stops_is_told_by_name(px4: Flight, topic: str, within_s: float, words: str) -> None:
+    px4.until_state(State.LANDED_DISARMED)
+    px4.until(lambda: px4.now_s() > 8.0)
+    stopped = px4.mark()
+    px4.backend.bridge.faults.silent_topics.add(f"/mavros/{topic}")
+    assert px4.until_state(State.UNINITIALIZED, since=stopped) < within_s
+    px4.until(lambda: words in px4.uav.telemetry().state_reason)
+    px4.backend.bridge.faults.silent_topics.clear()
+    px4.until_state(State.LANDED_DISARMED)
+
+
+@pytest.mark.parametrize(
+    "topic", ["sys_status", "battery", "rc/in", "vfr_hud", "timesync_status", "global_position/global"]
+)
+def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
+    px4.until_state(State.LANDED_DISARMED)
+    px4.backend.bridge.faults.silent_topics.add(f"/mavros/{topic}")
+    px4.fly(2.0)
+    assert px4.uav.telemetry().state is State.FLYING_AUTO
+
+
+def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
+    px4.fly()
+    names = ("cmd/command", "set_mode", "vehicle_info_get", "param/get_parameters", "set_message_interval")
+    px4.backend.bridge.faults.dead_services |= {f"/mavros/{name}" for name in names}
+    px4.uav.go_to_waypoint(_GOAL)
+    with pytest.raises(UalError):
+        px4.uav.land()
+    assert px4.uav.telemetry().state is State.FLYING_AUTO
+    px4.backend.bridge.faults.dead_services.clear()
+    px4.until(lambda: px4.uav.telemetry().state is State.FLYING_AUTO)
+    px4.uav.land()
+
+
+def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
+    flight.until(flight.uav.is_ready)
+    flight.backend.bridge.faults.delay_s, flight.backend.bridge.faults.jitter_s = 0.03, 0.06
+    flight.fly()
+    flight.uav.go_to_waypoint(_GOAL)
+    assert flight.uav.telemetry().state is State.FLYING_AUTO
+    flight.uav.land()
+
+
+def test_data_that_are_seconds_late_are_no_data(px4: Flight) -> None:
+    px4.until_state(State.LANDED_DISARMED)
+    px4.until(lambda: px4.now_s() > 8.0)
+    late = px4.mark()
+    px4.backend.bridge.faults.delay_s = 3.0
+    px4.until_state(State.UNINITIALIZED, since=late)
+
+
+def go(uav: UAL) -> None:
+    uav.go_to_waypoint(_GOAL, blocking=False)
+
+
+def follow(uav: UAL) -> None:
+    uav.follow_path([Pose.at(6.0, 0.0, 4.0), Pose.at(6.0, 6.0, 4.0), _GOAL], blocking=False)
+
+
+def hold(uav: UAL) -> None:
+    pose = uav.telemetry().pose
+    assert pose is not None
+    uav.set_pose(pose)
+
+
+def stream(uav: UAL) -> None:
+    uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("manoeuvre", [go, follow, hold, stream])
+def test_a_pilot_who_takes_over_is_seen_and_nothing_is_sent_after(
+    flight: Flight, manoeuvre: Callable[[UAL], None]
+) -> None:
+    flight.fly()
+    manoeuvre(flight.uav)
+    flight.until(lambda: flight.setpoints_count > 0)
+    taken = flight.mark()
+    flight.backend.autopilot.pilot_take_over()
+    told_s = taken[1] + flight.until_state(State.FLYING_MANUAL, since=taken)
+    assert told_s - taken[1] < SEEN_S + 0.3  # a switch is read for 0.2 s
+    flight.until(lambda: flight.now_s() > told_s + 3.0)
+    late = [time_s for time_s, _ in flight.backend.node.setpoints if time_s > told_s + 0.02]
+    assert not late
+    assert flight.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_a_pilot_who_takes_over_ends_the_task(flight: Flight) -> None:
+    flight.fly()
+    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
+    flight.backend.autopilot.pilot_take_over()
+    with pytest.raises(TaskAbortedError, match="safety pilot"):
+        task.wait(LIMIT_S)
+
+
+def test_a_reboot_is_seen_though_mavros_does_not_notice_it(px4: Flight) -> None:
+    px4.until_state(State.LANDED_DISARMED)
+    before = px4.backend.snapshot().boots_count
+    booted = px4.mark()
+    px4.backend.autopilot.reboot()
+    px4.until_state(State.UNINITIALIZED, since=booted)
+    px4.until(lambda: px4.backend.snapshot().boots_count != before)
+
+
+def test_a_wrong_target_system_is_named() -> None:
+    backend = make("px4")
+    backend.node.target_system = 7
+    with UAL(backend) as uav:
+        it = Flight(backend, uav)
+        it.until(lambda: "tgt_system" in uav.telemetry().status_text)
+        assert uav.telemetry().state is State.UNINITIALIZED
+
+
+def test_a_mavros_that_is_not_there_is_named() -> None:
+    backend = make("px4")
+    backend.node.is_gone = True
+    with UAL(backend) as uav:
+        it = Flight(backend, uav)
+        it.until(lambda: "does not exist" in uav.telemetry().status_text)
+
+
+@pytest.mark.parametrize(("kind", "ros"), [("px4", 1), ("ardupilot", 2)])
+def test_the_other_ros_flies_as_well(kind: str, ros: int) -> None:
+    backend = make(kind, ros)
+    with UAL(backend, allow_arming=True) as uav:
+        it = Flight(backend, uav)
+        it.until(lambda: uav.info().limits.climb_speed_m_s >= 2.0)
+        it.fly()
+        uav.go_to_waypoint(_GOAL)
+        uav.land()
+
+
+def test_altitudes_are_above_mean_sea_level_again(flight: Flight) -> None:
+    flight.until(flight.uav.is_ready)
+    flight.until(lambda: flight.backend.snapshot().projection is not None)
+    origin = flight.backend.snapshot().projection
+    assert origin is not None
+    assert origin.altitude_amsl_m == pytest.approx(flight.backend.autopilot.projection.altitude_amsl_m, abs=0.05)

@@ -1,0 +1,15 @@
+"""The DJI backend: enterprise aircraft through the ROS wrappers of DJI's SDKs. See ``docs/backends/dji.md``.
+
+It has not flown a real aircraft yet. The modules, from the top down (a contract in pyproject.toml checks it):
+
+- ``backend``: the interface that the layers above call
+- ``commands``: services that are called one after another
+- ``telemetry``: from messages to snapshots
+- ``authority``: who controls the aircraft, where the wrapper does not say it
+- ``wrappers``: names, types and numbers of the two wrappers
+- ``local_frame``, ``obstacles``, ``modes``, ``settings``
+"""
+
+from ual_daemon.backends.dji.backend import DjiBackend
+
+__all__ = ["DjiBackend"]

@@ -1,0 +1,302 @@
+"""From messages to snapshots."""
+
+from __future__ import annotations
+
+import math
+
+from ual.geometry import Pose, Quaternion, Twist, Vector3
+from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon.backends.dji import modes
+from ual_daemon.backends.dji.authority import Authority
+from ual_daemon.backends.dji.local_frame import LocalFrame
+from ual_daemon.backends.dji.obstacles import ObstacleWatch
+from ual_daemon.backends.dji.settings import DjiSettings
+from ual_daemon.backends.dji.wrappers import Wrapper
+from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
+from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+
+_REMOTE, _APP, _OURS = 0, 1, 4
+"""Who controls the aircraft (`device_mode`)."""
+_RTK_FIXED = 50
+_PLACE = ("latitude", "longitude", "altitude")
+_WARNING_ROS1, _WARNING_ROS2 = 4, 30
+
+
+class Telemetry:
+    """The newest values. Belongs to the link's thread; `snapshot` is for any."""
+
+    def __init__(self, wrapper: Wrapper, settings: DjiSettings) -> None:
+        self.wrapper = wrapper
+        self.frame = LocalFrame()
+        self.authority = Authority()
+        self.obstacles = ObstacleWatch()
+        self.status_text = ""
+        self.words = ""
+        """What the wrapper logged last as a warning or an error; taken by commands."""
+        self.height_m: float | None = None
+        self.poses_count = 0
+        self._settings = settings
+        self._orientation: Quaternion | None = None
+        self._attitude_s = -math.inf
+        self._stamps: dict[str, float] = {}
+        self._rates = Vector3()
+        self._velocity: Sample[Vector3] | None = None
+        self._pose: Sample[Pose] | None = None
+        self._geo: GeoPoint | None = None
+        self._status: Sample[int] | None = None
+        self._display: Sample[int] | None = None
+        self._device: Sample[int] | None = None
+        self._level: Sample[int] | None = None
+        self._is_rtk_fixed = False
+        self._has_rc = True
+        self._battery: Battery | None = None
+        self._home: GeoPoint | None = None
+        self._motor_error = 0
+        self._altitude_m: float | None = None
+        self._stamp_s = 0.0
+        self._heard_s: float | None = None
+
+    # --- One method for each topic ------------------------------------------------------------------------------------
+
+    def take(self, name: str, message: Message, now_s: float) -> None:
+        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped."""
+        self._heard_s = now_s
+        stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
+        if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
+            return
+        self._stamps[name] = stamp
+        getattr(self, name)(message, now_s)
+
+    def take_attitude(self, message: Message, now_s: float) -> None:
+        """Takes the rotation from forward, left, up to east, north, up."""
+        self._attitude_s = now_s
+        self._orientation = quaternion(message["quaternion"]).normalized()
+
+    def take_velocity(self, message: Message, now_s: float) -> None:
+        """Takes the velocity: east, north, up."""
+        self._velocity = Sample(vector(message["vector"]), now_s)
+
+    def take_rates(self, message: Message, _: float) -> None:
+        """Takes the angular velocity about east, north, up; only that about up is used."""
+        self._rates = Vector3(0.0, 0.0, number(message["vector"]["z"]))
+
+    def take_body_rates(self, message: Message, _: float) -> None:
+        """Takes the angular velocity about the axes of the body."""
+        self._rates = vector(message["vector"])
+
+    def take_position(self, message: Message, now_s: float) -> None:
+        """Takes the fused position, which makes a pose."""
+        latitude_deg, longitude_deg, altitude_m = (number(message[name]) for name in _PLACE)
+        is_known = all(map(math.isfinite, (latitude_deg, longitude_deg, altitude_m)))
+        if not is_known or latitude_deg == longitude_deg == 0.0:
+            return
+        ellipsoid_m: float | None = None
+        if self.wrapper.has_sea_level:
+            if self._altitude_m is None:
+                return
+            ellipsoid_m, altitude_m = altitude_m, self._altitude_m
+        position = self.frame.position(latitude_deg, longitude_deg, altitude_m, now_s, is_good=self._is_good(now_s))
+        if position is None or self._orientation is None:
+            return
+        self.poses_count += 1
+        self._pose = Sample(Pose(position, self._orientation), self._attitude_s)
+        self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
+        self._stamp_s = stamp_s(message)
+
+    def take_altitude(self, message: Message, _: float) -> None:
+        """Takes the fused altitude above mean sea level."""
+        self._altitude_m = number(message["data"])
+
+    def take_rtk_info(self, message: Message, _: float) -> None:
+        """Takes the quality of RTK."""
+        self._is_rtk_fixed = message["data"] == _RTK_FIXED
+
+    def take_rtk_position(self, message: Message, now_s: float) -> None:
+        """Takes the position by RTK."""
+        place = number(message["latitude"]), number(message["longitude"])
+        self.frame.note_rtk(*place, now_s, is_fixed=self._is_rtk_fixed and all(map(math.isfinite, place)))
+
+    def take_gps_level(self, message: Message, now_s: float) -> None:
+        """Takes how good the position is, 0 to 5."""
+        self._level = Sample(int(number(message["data"])), now_s)
+
+    def take_flight_status(self, message: Message, now_s: float) -> None:
+        """Takes whether it stands, runs its motors on the ground, or flies."""
+        self._status = Sample(int(number(message.get("flight_status", message.get("data")))), now_s)
+
+    def take_display_mode(self, message: Message, now_s: float) -> None:
+        """Takes the mode."""
+        mode = int(number(message.get("display_mode", message.get("data"))))
+        self._display = Sample(mode, now_s)
+        if not self.wrapper.says_authority:
+            follows = self.authority.observe(mode, now_s)
+            self._device = Sample(_OURS if follows else _REMOTE, now_s)
+
+    def take_control_mode(self, message: Message, now_s: float) -> None:
+        """Takes who controls the aircraft."""
+        is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
+        other = _APP if message["device_mode"] == _APP else _REMOTE
+        self._device = Sample(_OURS if is_ours else other, now_s)
+
+    def take_rc_connection(self, message: Message, _: float) -> None:
+        """Takes whether the remote controller is connected."""
+        self._has_rc = bool(message["air_or_ground_disconnected"])
+
+    def take_battery(self, message: Message, _: float) -> None:
+        """Takes the battery; its current is negative while it discharges."""
+        scale = self.wrapper
+        self._battery = Battery(
+            number(message["percentage"]) * scale.battery_scale * 100.0,
+            number(message["voltage"]) * scale.volt_scale,
+            -number(message["current"]) * scale.volt_scale,
+        )
+
+    def take_height(self, message: Message, _: float) -> None:
+        """Takes the height above the ground, or above where it took off."""
+        self.height_m = number(message["data"])
+
+    def take_home(self, message: Message, _: float) -> None:
+        """Takes where it would return to."""
+        self._home = GeoPoint(number(message["latitude"]), number(message["longitude"]))
+
+    def take_motor_error(self, message: Message, _: float) -> None:
+        """Takes why the motors would not start; 0: they would."""
+        self._motor_error = int(number(message["data"]))
+
+    def take_obstacles(self, message: Message, _: float) -> None:
+        """Takes the distances of obstacles."""
+        names = [name for name in ("front", "left", "back", "right") if message[f"{name}_health"]]
+        self.obstacles.distances_m = {name: number(message[name]) for name in names}
+
+    def take_log(self, message: Message, _: float) -> None:
+        """Takes what the wrapper logs: that is where it writes what DJI's SDK answered."""
+        least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
+        if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
+            self.words = self.status_text = str(message["msg"])
+
+    # --- What they say together ---------------------------------------------------------------------------------------
+
+    @property
+    def has_authority(self) -> bool:
+        """Whether the aircraft follows us."""
+        return self._device is not None and self._device.value == _OURS
+
+    @property
+    def is_landing(self) -> bool:
+        """Whether it lands by itself."""
+        return self._display is not None and self._display.value == modes.AUTO_LANDING
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether it stands on the ground."""
+        return self._status is not None and self._status.value != modes.IN_AIR
+
+    @property
+    def why_not_start(self) -> str:
+        """Returns why it would not start its motors, for people; empty if it does not say."""
+        return f"motor start error {self._motor_error}" if self._motor_error else ""
+
+    def note_setpoint(self, wanted: Vector3, now_s: float) -> str:
+        """Notes what was sent. Returns what brakes it, for people; empty if nothing seems to."""
+        self.authority.note_setpoint(now_s)
+        pose, velocity = self._pose, self._velocity
+        if pose is None or velocity is None:
+            return ""
+        braked = self.obstacles.observe(wanted, velocity.value, pose.value.yaw_rad, now_s)
+        self.status_text = braked or self.status_text
+        return braked
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """Returns what is known."""
+        status, velocity = self._status, self._velocity
+        mode = self._mode()
+        return Snapshot(
+            time_s=now_s,
+            heard_s=self._heard_s,
+            stamp_s=self._stamp_s,
+            measured_s=self._stamp_s,
+            armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
+            landed=None if status is None else Sample(self._landed(status.value), status.time_s),
+            mode=mode,
+            estimator=self._estimator(now_s),
+            pose=self._pose,
+            velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
+            position_geo=self._geo,
+            projection=self.frame.projection,
+            home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
+            home_geo=self._home,
+            battery=self._battery,
+            gps=self._gps(),
+            status_text=self.status_text,
+            failsafe=self._failsafe(),
+            held_by=None if mode is None else self._held_by(),
+            health=self._health(),
+        )
+
+    def _is_good(self, now_s: float) -> bool:
+        level = self._level
+        return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _LEVEL_S
+
+    def _estimator(self, now_s: float) -> Sample[Estimator] | None:
+        level = self._level
+        if level is None:
+            return None
+        why = f"the quality of the position is {level.value} of 5, and {self._settings.least_gps_level} is needed"
+        return Sample(Estimator(True) if self._is_good(now_s) else Estimator(False, why), level.time_s)
+
+    def _gps(self) -> GpsInfo | None:
+        if self._level is None:
+            return None
+        if self._is_rtk_fixed:
+            return GpsInfo(GpsFix.RTK_FIXED)
+        return GpsInfo(GpsFix.FIX_3D if self._level.value >= self._settings.least_gps_level else GpsFix.NONE)
+
+    def _landed(self, status: int) -> LandedState:
+        display = None if self._display is None else self._display.value
+        if display in modes.TAKING_OFF:
+            return LandedState.TAKING_OFF
+        if status != modes.IN_AIR:
+            return LandedState.ON_GROUND
+        return LandedState.LANDING if display in modes.LANDING else LandedState.IN_AIR
+
+    def _mode(self) -> Sample[Mode] | None:
+        """Returns the mode, as old as the older one of its two parts."""
+        display, device = self._display, self._device
+        if display is None or device is None:
+            return None
+        return Sample(_mode_of(display.value, device.value), min(display.time_s, device.time_s))
+
+    def _failsafe(self) -> Cause | None:
+        display = None if self._display is None else self._display.value
+        if display == modes.FORCED_LANDING:
+            return Cause.FAILSAFE
+        return Cause.RC if display == modes.GO_HOME and not self._has_rc else None
+
+    def _held_by(self) -> Cause | None:
+        assert self._device is not None
+        if self._device.value == _OURS:
+            return self._failsafe()
+        return Cause.GROUND_STATION if self._device.value == _APP else self._failsafe() or Cause.SAFETY_PILOT
+
+    def _health(self) -> Health:
+        failing = (self.why_not_start,) if self.why_not_start else ()
+        return Health(is_ready_to_arm=not failing, failing_checks=failing)
+
+
+_LEVEL_S = 3.0
+_OVERTAKEN_S = 1.0
+"""A stamp that is older than the newest by more than this shows that the clock was set back."""
+
+
+def _mode_of(display: int, device: int) -> Mode:
+    name = modes.NAMES.get(display, f"DISPLAY_MODE_{display}")
+    if display in modes.LANDING:
+        return Mode(name, Control.LAND)
+    if display in modes.TAKING_OFF and device == _OURS:
+        return Mode(name, Control.TAKE_OFF)
+    if display in (modes.GO_HOME, modes.HOTPOINT):
+        return Mode(name, Control.OTHER, is_autonomous=True)
+    if device == _OURS and display not in modes.TAKING_OFF:
+        return Mode(f"SDK ({name})" if display != modes.SDK_CONTROL else name, Control.REFERENCES)
+    return Mode(f"{'APP' if device == _APP else 'RC'} ({name})", Control.OTHER)

@@ -1,0 +1,190 @@
+"""The wrappers of DJI's SDKs: their topics, types, services and numbers, as their sources have them."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
+
+from typing_extensions import override
+
+from ual_daemon.backends.rosbridge import Graph, Message
+from ual_daemon.backends.values import VelocitySetpoint
+
+JOY = "sensor_msgs/Joy"
+
+
+class Topic(NamedTuple):
+    """A topic, its type, and which of `Telemetry`'s methods takes it."""
+
+    name: str
+    kind: str
+    taken_by: str
+
+
+class Call(NamedTuple):
+    """A service and its arguments. It may take `patience_s`: some answer only when what they began has ended."""
+
+    service: str
+    arguments: Message
+    patience_s: float = 3.0
+
+
+class Wrapper(ABC):
+    """One wrapper."""
+
+    name: str
+    says_authority: bool
+    """Whether it publishes who controls the aircraft."""
+    has_sea_level: bool = False
+    """Whether altitudes above mean sea level have a topic of their own; else those of positions are such."""
+    topics: tuple[Topic, ...]
+    setpoint_topic: str = ""
+    """Where it takes velocities; empty: by a service."""
+    obtain: tuple[Call, ...]
+    release: Call
+    motors_on: Call
+    motors_off: Call
+    take_off: Call
+    land: Call
+    confirm_landing: Call | None
+    """None: the aircraft lands without a confirmation."""
+    logger: str
+    """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
+    battery_scale: float = 1.0
+    """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
+    volt_scale: float = 1.0
+
+    @abstractmethod
+    def is_there(self, graph: Graph, namespace: str) -> bool:
+        """Whether its topics are there."""
+
+    def setpoint(self, setpoint: VelocitySetpoint) -> Message:
+        """Returns the message (or the arguments of the service) of a velocity."""
+        velocity = setpoint.velocity
+        axes = [velocity.x, velocity.y, velocity.z, setpoint.yaw_rate_rad_s]
+        return {"axes": axes, "buttons": []}
+
+
+def _trigger(name: str) -> Call:
+    return Call(f"psdk_ros2/{name}", {})
+
+
+class PsdkRos2(Wrapper):
+    """umdlife/psdk_ros2 on ROS 2: M300, M350, M30."""
+
+    name = "psdk_ros2"
+    says_authority = has_sea_level = True
+    setpoint_topic = "psdk_ros2/flight_control_setpoint_ENUvelocity_yawrate"
+    topics = (
+        Topic("psdk_ros2/attitude", "geometry_msgs/QuaternionStamped", "take_attitude"),
+        Topic("psdk_ros2/velocity_ground_fused", "geometry_msgs/Vector3Stamped", "take_velocity"),
+        Topic("psdk_ros2/angular_rate_ground_fused", "geometry_msgs/Vector3Stamped", "take_rates"),
+        Topic("psdk_ros2/gps_position_fused", "sensor_msgs/NavSatFix", "take_position"),
+        Topic("psdk_ros2/altitude_sea_level", "std_msgs/Float32", "take_altitude"),
+        Topic("psdk_ros2/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
+        Topic("psdk_ros2/rtk_position_info", "std_msgs/UInt8", "take_rtk_info"),
+        Topic("psdk_ros2/gps_control_level", "std_msgs/UInt8", "take_gps_level"),
+        Topic("psdk_ros2/flight_status", "psdk_interfaces/FlightStatus", "take_flight_status"),
+        Topic("psdk_ros2/display_mode", "psdk_interfaces/DisplayMode", "take_display_mode"),
+        Topic("psdk_ros2/control_mode", "psdk_interfaces/ControlMode", "take_control_mode"),
+        Topic("psdk_ros2/rc_connection_status", "psdk_interfaces/RCConnectionStatus", "take_rc_connection"),
+        Topic("psdk_ros2/battery", "sensor_msgs/BatteryState", "take_battery"),
+        Topic("psdk_ros2/height_above_ground", "std_msgs/Float32", "take_height"),
+        Topic("psdk_ros2/home_point", "sensor_msgs/NavSatFix", "take_home"),
+        Topic("psdk_ros2/motor_start_error", "std_msgs/UInt16", "take_motor_error"),
+        Topic("psdk_ros2/relative_obstacle_info", "psdk_interfaces/RelativeObstacleInfo", "take_obstacles"),
+        Topic("/rosout", "rcl_interfaces/Log", "take_log"),
+    )
+    obtain = (_trigger("obtain_ctrl_authority"),)
+    release = _trigger("release_ctrl_authority")
+    motors_on = _trigger("turn_on_motors")
+    motors_off = _trigger("turn_off_motors")
+    take_off = _trigger("takeoff")
+    land = _trigger("land")
+    confirm_landing = _trigger("start_confirm_landing")
+    logger = "flight_control"
+
+    @override
+    def is_there(self, graph: Graph, namespace: str) -> bool:
+        return f"{namespace}/psdk_ros2/attitude" in graph.topics
+
+
+_OSDK_TOPICS = (
+    Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "take_attitude"),
+    Topic("dji_osdk_ros/velocity", "geometry_msgs/Vector3Stamped", "take_velocity"),
+    Topic("dji_osdk_ros/angular_velocity_fused", "geometry_msgs/Vector3Stamped", "take_body_rates"),
+    Topic("dji_osdk_ros/gps_position", "sensor_msgs/NavSatFix", "take_position"),
+    Topic("dji_osdk_ros/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
+    Topic("dji_osdk_ros/rtk_info_position", "std_msgs/UInt8", "take_rtk_info"),
+    Topic("dji_osdk_ros/gps_health", "std_msgs/UInt8", "take_gps_level"),
+    Topic("dji_osdk_ros/flight_status", "std_msgs/UInt8", "take_flight_status"),
+    Topic("dji_osdk_ros/display_mode", "std_msgs/UInt8", "take_display_mode"),
+    Topic("dji_osdk_ros/battery_state", "sensor_msgs/BatteryState", "take_battery"),
+    Topic("dji_osdk_ros/height_above_takeoff", "std_msgs/Float32", "take_height"),
+    Topic("/rosout", "rosgraph_msgs/Log", "take_log"),
+)
+
+
+class OsdkVehicleNode(Wrapper):
+    """dji-sdk/Onboard-SDK-ROS 4.1 on ROS 1, its node `dji_vehicle_node`: M210, M300.
+
+    Its services do not begin with the name of the package.
+    """
+
+    name = "dji_osdk_ros"
+    says_authority = False
+    topics = _OSDK_TOPICS
+    obtain = (
+        Call("obtain_release_control_authority", {"enable_obtain": True}),
+        Call(
+            "set_joystick_mode",
+            {"horizontal_mode": 1, "vertical_mode": 0, "yaw_mode": 1, "horizontal_coordinate": 0, "stable_mode": 1},
+        ),
+    )
+    release = Call("obtain_release_control_authority", {"enable_obtain": False})
+    motors_on = Call("flight_task_control", {"task": 7})
+    motors_off = Call("flight_task_control", {"task": 8})
+    take_off = Call("flight_task_control", {"task": 4}, patience_s=30.0)
+    land = Call("flight_task_control", {"task": 6}, patience_s=120.0)
+    confirm_landing = Call("flight_task_control", {"task": 30})
+    joystick = "joystick_action"
+    logger = "vehicle_node"
+    battery_scale, volt_scale = 0.01, 0.001
+
+    @override
+    def is_there(self, graph: Graph, namespace: str) -> bool:
+        has_topics = f"{namespace}/dji_osdk_ros/attitude" in graph.topics
+        return has_topics and f"{namespace}/{OsdkSdkNode.setpoint_topic}" not in graph.topics
+
+    @override
+    def setpoint(self, setpoint: VelocitySetpoint) -> dict[str, Any]:
+        """North, east, up in m/s, and degrees clockwise a second: DJI's own axes."""
+        velocity, yaw = setpoint.velocity, -math.degrees(setpoint.yaw_rate_rad_s)
+        return {"joystickCommand": {"x": velocity.y, "y": velocity.x, "z": velocity.z, "yaw": yaw}}
+
+
+class OsdkSdkNode(Wrapper):
+    """The older node of the same package, `dji_sdk_node`: A3, N3, M600, M210 V1. It takes velocities on a topic."""
+
+    name = "dji_osdk_ros (dji_sdk_node)"
+    says_authority = False
+    topics = _OSDK_TOPICS
+    setpoint_topic = "dji_osdk_ros/flight_control_setpoint_ENUvelocity_yawrate"
+    obtain = (Call("dji_osdk_ros/sdk_control_authority", {"control_enable": 1}),)
+    release = Call("dji_osdk_ros/sdk_control_authority", {"control_enable": 0})
+    motors_on = Call("dji_osdk_ros/drone_arm_control", {"arm": 1})
+    motors_off = Call("dji_osdk_ros/drone_arm_control", {"arm": 0})
+    take_off = Call("dji_osdk_ros/drone_task_control", {"task": 4})
+    land = Call("dji_osdk_ros/drone_task_control", {"task": 6})
+    confirm_landing = None
+    logger = "dji_sdk"
+    battery_scale, volt_scale = 0.01, 0.001
+
+    @override
+    def is_there(self, graph: Graph, namespace: str) -> bool:
+        names = (f"{namespace}/dji_osdk_ros/attitude", f"{namespace}/{self.setpoint_topic}")
+        return all(each in graph.topics for each in names)
+
+
+WRAPPERS: tuple[Wrapper, ...] = (PsdkRos2(), OsdkSdkNode(), OsdkVehicleNode())

@@ -1,0 +1,20 @@
+"""The MAVROS backend: PX4 and ArduPilot multirotors through ROS 1 or ROS 2. See ``docs/backends/mavros.md``.
+
+The modules, from the top down (a contract in pyproject.toml checks it):
+
+- ``backend``: the interface that the layers above call
+- ``session``: the exchange with one autopilot through MAVROS over time; belongs to the link's thread
+- ``commands``: commands as calls of MAVROS' services, until they show their effect
+- ``discovery``: what MAVROS is connected to, and the session with it
+- ``parameters``, ``streams``, ``vehicle``: what is asked of MAVROS: parameters, rates, what it is connected to
+- ``telemetry``: what MAVROS publishes, as a snapshot
+- ``geoid``, ``ordering``: how MAVROS' altitudes and stamps are read
+- ``messages``, ``topics``: names, types and fields
+- ``settings``
+
+What PX4 and ArduPilot are is in ``ual_daemon.backends.autopilots``, the way to ROS in ``ual_daemon.backends.rosbridge``
+"""
+
+from ual_daemon.backends.mavros.backend import MavrosBackend
+
+__all__ = ["MavrosBackend"]

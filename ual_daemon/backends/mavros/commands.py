@@ -1,0 +1,241 @@
+"""Commands as calls of MAVROS' services. Each is repeated until the autopilot shows its effect, or refuses.
+
+``set_mode`` answers only that its message was sent, and ``cmd/...`` with the autopilot's acknowledgement, or after 5 s
+without one. So the effect counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from ual.errors import RejectedByAutopilotError
+from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.mavros.parameters import Call
+from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.values import LandedState, Snapshot
+
+AGAIN_S = 1.0
+"""A mode that is not entered is asked for again after this."""
+LIMIT_S = 4.5
+"""A command is not sent any more after this."""
+CALL_S = 6.0
+SETPOINTS_WAIT_S = 3.0
+"""A mode that needs setpoints is asked for after this even without them, so that the autopilot says what is wrong."""
+SILENT_S = 0.5
+"""A mode is not asked for again while nothing is heard: the safety pilot may have taken over meanwhile."""
+TEXT_S = 0.3
+"""How long after a refusal the autopilot's texts about it may come."""
+MOST_TEXTS = 20
+_ACCEPTED = 0
+_RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 5: "IN_PROGRESS", 6: "CANCELLED"}
+_IN_PROGRESS = 5
+
+Shows = Callable[[Snapshot, float], bool]
+"""Whether a snapshot shows the effect of what was sent at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One call of a service. `is_mode`: its answer says nothing of the autopilot's."""
+
+    service: str
+    arguments: Message
+    what: str
+    shows: Shows
+    is_mode: bool = False
+    setpoints_before_s: float = 0.0
+
+
+def set_mode(name: str, what: str, setpoints_before_s: float = 0.0) -> Step:
+    """Changes the mode."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        mode = snapshot.mode
+        return mode is not None and mode.time_s > since_s and mode.value.name == name
+
+    arguments = {"base_mode": 0, "custom_mode": name}
+    return Step(topics.SET_MODE, arguments, what, shows, is_mode=True, setpoints_before_s=setpoints_before_s)
+
+
+def arm_or_disarm(*, is_arming: bool) -> Step:
+    """Arms or disarms, never by force."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        armed = snapshot.armed
+        return armed is not None and armed.time_s > since_s and armed.value is is_arming
+
+    return Step(topics.ARMING, {"value": is_arming}, "arm" if is_arming else "disarm", shows)
+
+
+def climb(altitude_m: float) -> Step:
+    """Takes off to a height above home, as ArduPilot takes it. Its place is where it stands."""
+
+    def shows(snapshot: Snapshot, since_s: float) -> bool:
+        landed, flying = snapshot.landed, (LandedState.TAKING_OFF, LandedState.IN_AIR)
+        return landed is not None and landed.time_s > since_s and landed.value in flying
+
+    place = {"min_pitch": 0.0, "yaw": 0.0, "latitude": 0.0, "longitude": 0.0}
+    return Step(topics.TAKE_OFF, {**place, "altitude": altitude_m}, "take off", shows)
+
+
+def arming(autopilot: Autopilot, snapshot: Snapshot) -> tuple[Step, ...]:
+    """Arms, from a mode in which it can be armed."""
+    mode = "" if snapshot.mode is None else snapshot.mode.value.name
+    arm = arm_or_disarm(is_arming=True)
+    if autopilot.can_be_armed_in(mode):
+        return (arm,)
+    return (set_mode(autopilot.arming_mode, f"leave {mode}, to be armed"), arm)
+
+
+def taking_off(autopilot: Autopilot, altitude_m: float | None) -> tuple[Step, ...]:
+    """Takes off: by setpoints, or to a height above home."""
+    enter = set_mode(autopilot.setpoint_mode, "take off", autopilot.setpoints_before_mode_s)
+    return (enter,) if altitude_m is None else (enter, climb(altitude_m))
+
+
+@dataclass(slots=True)
+class _Running:
+    """A command under way, and the step at which it is."""
+
+    steps: tuple[Step, ...]
+    is_withdrawn: Callable[[], bool]
+    begun_s: float
+    mode_before: str
+    future: Future[None] = field(default_factory=Future)
+    sent_s: float = 0.0
+    next_s: float = 0.0
+    sends_count: int = 0
+    is_called: bool = False
+    refusal: str = ""
+    refused_s: float = 0.0
+    texts: list[str] = field(default_factory=list)
+
+    @property
+    def step(self) -> Step:
+        return self.steps[0]
+
+
+class Commands:
+    """The command under way to one autopilot; a newer one replaces it. Belongs to the link's thread.
+
+    `call` calls a service, `setpoints_s` returns for how long setpoints have been sent.
+    """
+
+    def __init__(self, name: str, call: Call, setpoints_s: Callable[[float], float]) -> None:
+        self._name = name
+        self._call = call
+        self._setpoints_s = setpoints_s
+        self._running: _Running | None = None
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a command waits for its effect, so that the state is wanted often."""
+        return self._running is not None
+
+    def submit(self, steps: tuple[Step, ...], snapshot: Snapshot, is_withdrawn: Callable[[], bool]) -> Future[None]:
+        """Begins a command. The future ends with its effect, or with the autopilot's refusal; else it stays open."""
+        mode = "" if snapshot.mode is None else snapshot.mode.value.name
+        running = self._running = _Running(steps, is_withdrawn, snapshot.time_s, mode)
+        running.future.set_running_or_notify_cancel()
+        return running.future
+
+    def drop(self) -> None:
+        """Drops the command: what it was for may have changed. Its future stays open."""
+        self._running = None
+
+    def on_text(self, text: str) -> None:
+        """Takes a text of the autopilot, which may explain a refusal."""
+        running = self._running
+        if running is None or not running.sends_count or text in running.texts:
+            return
+        if len(running.texts) < MOST_TEXTS:
+            running.texts.append(text)
+
+    def tick(self, snapshot: Snapshot) -> None:
+        """Does what is due; to be called often."""
+        running, now_s = self._running, snapshot.time_s
+        if running is None:
+            return
+        if running.is_withdrawn() or self._is_over(running, snapshot):
+            self._running = None
+        elif running.sends_count and running.step.shows(snapshot, running.sent_s):
+            self._advance(running, now_s)
+        elif running.refusal:
+            if now_s - running.refused_s >= TEXT_S:
+                self._refuse(running)
+        elif now_s >= running.next_s and not running.is_called and self._may_send(running, snapshot):
+            self._send(running, now_s)
+
+    def _is_over(self, running: _Running, snapshot: Snapshot) -> bool:
+        """Whether it is too late, or somebody else has changed the mode since, and must not be overruled."""
+        if snapshot.time_s - running.begun_s > LIMIT_S and not running.refusal:
+            if running.step.is_mode and running.texts:
+                running.refusal = "the mode was not entered"
+                self._refuse(running)
+            return True
+        mode = "" if snapshot.mode is None else snapshot.mode.value.name
+        ours = {running.mode_before, *(_mode_of(step) for step in running.steps), ""}
+        return bool(running.sends_count) and mode not in ours
+
+    def _may_send(self, running: _Running, snapshot: Snapshot) -> bool:
+        now_s, needed_s = snapshot.time_s, running.step.setpoints_before_s
+        if needed_s and self._setpoints_s(now_s) < needed_s and now_s - running.begun_s < SETPOINTS_WAIT_S:
+            return False
+        return running.sends_count == 0 or (snapshot.heard_s is not None and now_s - snapshot.heard_s < SILENT_S)
+
+    def _send(self, running: _Running, now_s: float) -> None:
+        running.sends_count += 1
+        running.sent_s = running.sent_s if running.sends_count > 1 else now_s
+        running.next_s = now_s + AGAIN_S
+        running.is_called = not running.step.is_mode
+        step = running.step
+
+        def take(answer: Message) -> None:
+            if self._running is running and running.step is step:
+                running.is_called = False
+                self._take(running, answer)
+
+        self._call(step.service, step.arguments, take, CALL_S)
+
+    def _take(self, running: _Running, answer: Message) -> None:
+        """Takes the answer of a service; an empty one if none came in time."""
+        if running.step.is_mode:
+            if answer.get("mode_sent") is False:
+                running.refusal, running.refused_s = "MAVROS does not know the mode, or hears no autopilot", 0.0
+            return
+        result = int(answer.get("result", _ACCEPTED))
+        if result not in (_ACCEPTED, _IN_PROGRESS):
+            running.refusal = _RESULTS.get(result, f"result {result}")
+            running.refused_s = self._now_s
+        elif answer.get("success"):
+            running.next_s = float("inf")  # acknowledged: only the effect is to come
+
+    _now_s = 0.0
+
+    def at(self, now_s: float) -> None:
+        """Sets the time of what comes next."""
+        self._now_s = now_s
+
+    def _advance(self, running: _Running, now_s: float) -> None:
+        if len(running.steps) == 1:
+            self._running = None
+            running.future.set_result(None)
+            return
+        running.mode_before = _mode_of(running.step) or running.mode_before
+        running.steps = running.steps[1:]
+        running.begun_s, running.next_s, running.sends_count, running.is_called = now_s, now_s, 0, False
+
+    def _refuse(self, running: _Running) -> None:
+        self._running = None
+        said = "".join(f"; it said: {text}" for text in running.texts)
+        words = f"{self._name} refused to {running.step.what}: {running.refusal}{said}"
+        running.future.set_exception(
+            RejectedByAutopilotError(words, {"result": running.refusal, "text": "; ".join(running.texts)})
+        )
+
+
+def _mode_of(step: Step) -> str:
+    return str(step.arguments["custom_mode"]) if step.is_mode else ""

@@ -1,0 +1,178 @@
+"""Finds out what MAVROS is connected to, and keeps the session with it. Belongs to the link's thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+
+from ual_daemon import logs
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.mavros.settings import MavrosSettings
+from ual_daemon.backends.mavros.topics import TOPICS
+from ual_daemon.backends.mavros.vehicle import VehicleDescription, read_vehicle
+from ual_daemon.backends.rosbridge import Graph, Message, RosbridgeLink
+from ual_daemon.backends.rosbridge.calls import ServiceError
+from ual_daemon.backends.values import VehicleInfo
+
+_log = logging.getLogger(__name__)
+
+ASK_S, ASK_AGAIN_S = 1.0, 10.0
+"""How often MAVROS is asked for its autopilot while it is not fully known; and later, as it may be another one."""
+_CALL_S = 3.0
+_SILENCE_S = 5.0
+"""A topic that is silent for so long is subscribed to anew."""
+
+OnMessage = Callable[[Session, str, Message, float], None]
+
+
+class Discovery:
+    """`on_message` gets the messages of the session's autopilot; `why_not` says for people why none is flown."""
+
+    def __init__(
+        self,
+        link: RosbridgeLink,
+        settings: MavrosSettings,
+        sent: SetpointMonitor,
+        on_message: OnMessage,
+        utc_s: Callable[[], float],
+    ) -> None:
+        self.session: Session | None = None
+        self.info = VehicleInfo()
+        """What is known while there is no session."""
+        self._link = link
+        self._settings = settings
+        self._sent = sent
+        self._on_message = on_message
+        self._utc_s = utc_s
+        self._trouble = "MAVROS was not asked yet"
+        self._said = ""
+        self._question: Future[Message] | None = None
+        self._ask_s = -math.inf
+        self._graph: Graph | None = None
+        self._subscribed: set[str] = set()
+        self._connections_count = 0
+        self._boots_count = 0
+
+    @property
+    def why_not(self) -> str:
+        """Why no autopilot can be flown, for people; empty if one can."""
+        if self._link.why_not:
+            return self._link.why_not
+        if self._trouble:
+            return self._trouble
+        session = self.session
+        if session is not None and session.telemetry.counts[topics.STATE] and not session.telemetry.is_connected:
+            return _UNHEARD
+        required = [name for name, topic in TOPICS.items() if topic.is_required]
+        faults = [each for each in self._link.faults() if each.endswith(tuple(required))]
+        return faults[0] if faults else ""
+
+    def tick(self, now_s: float) -> None:
+        """Does what is due; to be called often."""
+        link, session = self._link, self.session
+        if link.connections_count != self._connections_count:
+            self._connections_count, self._question, self._ask_s = link.connections_count, None, -math.inf
+            if session is not None:
+                session.restart()
+        if not link.is_up or link.graph is None:
+            return
+        self._ask(now_s)
+        if session is not None:
+            if link.graph is not self._graph:
+                self._graph = link.graph
+                self._subscribe(session)
+            session.tick(now_s, link.graph.ros)
+
+    def call(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
+        """Calls a service of MAVROS; `take` gets its values, or an empty message if there are none."""
+
+        def ended(future: Future[Message]) -> None:
+            error = future.exception()
+            if error is None:
+                take(future.result())
+                return
+            self._say(str(error))
+            take({})
+
+        name = f"{self._settings.node}/{service}"
+        self._link.call_service(name, arguments, limit_s).add_done_callback(ended)
+
+    def _ask(self, now_s: float) -> None:
+        question = self._question
+        if question is not None and question.done():
+            self._question = None
+            self._learn(question)
+        elif question is None and now_s >= self._ask_s:
+            is_known = self.session is not None and self.session.description.has_version and not self._trouble
+            self._ask_s = now_s + (ASK_AGAIN_S if is_known else ASK_S)
+            name = f"{self._settings.node}/{topics.VEHICLE_INFO}"
+            arguments = {"sysid": 0, "compid": 0, "get_all": False}  # 0: those of its autopilot
+            self._question = self._link.call_service(name, arguments, _CALL_S)
+
+    def _learn(self, question: Future[Message]) -> None:
+        try:
+            found = read_vehicle(question.result())
+        except ServiceError as error:
+            self._set_trouble(f"MAVROS does not answer: {error}")
+            return
+        except (KeyError, TypeError, ValueError) as error:
+            self._set_trouble(f"{topics.VEHICLE_INFO} answers in another way than MAVROS: {error!r}")
+            return
+        if found is None:
+            self._set_trouble(_UNHEARD)
+        else:
+            self._meet(found)
+
+    def _meet(self, found: VehicleDescription) -> None:
+        autopilot, session = found.autopilot, self.session
+        if autopilot is None:
+            self.session = None
+            self.info = VehicleInfo(limitation=f"UAL flies PX4 and ArduPilot multirotors, not {found.text}")
+            self._set_trouble(self.info.limitation)
+            return
+        self._set_trouble("")
+        if session is not None and session.description[:3] == found[:3]:
+            session.description = found if found.has_version else session.description
+            return
+        self._boots_count += 1
+        boots_count = self._boots_count * 1000
+        session = self.session = Session(
+            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s
+        )
+        logs.event(_log, logging.INFO, "autopilot_connected", autopilot=autopilot.name, system_id=found.system_id)
+        for name in self._subscribed:
+            self._link.unsubscribe(name)
+        self._subscribed.clear()
+        self._subscribe(session)
+
+    def _subscribe(self, session: Session) -> None:
+        """Subscribes to what is there, and to what must be. What MAVROS latches comes again with each subscription."""
+        graph = self._link.graph
+        for topic, how in TOPICS.items():
+            name = f"{self._settings.node}/{topic}"
+            is_there = graph is not None and self._link.url.resolve(name) in graph.topics
+            if name in self._subscribed or not (is_there or how.is_required):
+                continue
+            self._subscribed.add(name)
+            take = partial(self._on_message, session, topic)
+            silence_s = _SILENCE_S if how.is_required else math.inf
+            self._link.subscribe(name, how.kind, take, how.throttle_ms, how.queue_length, silence_s)
+
+    def _set_trouble(self, why: str) -> None:
+        self._trouble = why
+        if why:
+            self._say(why)
+
+    def _say(self, why: str) -> None:
+        """Logs a trouble, once until there is another one."""
+        if why != self._said:
+            self._said = why
+            logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
+
+
+_UNHEARD = "MAVROS hears no autopilot: is its fcu_url right, and its target system (tgt_system) that of the autopilot?"

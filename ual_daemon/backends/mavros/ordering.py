@@ -1,0 +1,29 @@
+"""The stamps of messages: which is the newest, and how late one came."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.autopilots.clock_offset import ClockOffset
+
+CLOCK_STEP_S = 10.0
+"""A stamp that is older by more than this is of a clock that was set, and not of a late message."""
+_LATENESS_WINDOW_S = 5.0
+
+
+class Ordering:
+    """Judges the stamps of all topics. They are of the clock of the computer that runs MAVROS, whatever that says."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, float] = {}
+        self._fastest = ClockOffset(_LATENESS_WINDOW_S)
+
+    def accepts(self, topic: str, stamp_s: float) -> bool:
+        """Returns whether a message is not older than the one before of its topic. One without a stamp always is."""
+        newest_s = self._newest.get(topic, stamp_s)
+        if stamp_s and newest_s - CLOCK_STEP_S < stamp_s < newest_s:
+            return False
+        self._newest[topic] = stamp_s
+        return True
+
+    def sent_s(self, stamp_s: float, now_s: float) -> float:
+        """Returns when a message would have come, had it been as fast as the fastest one of late."""
+        return self._fastest.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s

@@ -1,0 +1,96 @@
+"""Reads the autopilot's parameters from MAVROS, which holds a copy of all of them.
+
+MAVROS fetches them 10 s after it has found the autopilot; over a slow link that takes a minute (ArduPilot has 1,400).
+Until then it knows none, and logs an error for each that is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.autopilots.plausibility import Plausibility
+from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge.fields import number
+
+FIRST_ROUND_S, LONGEST_ROUND_S = 2.0, 60.0
+AGAIN_S = 30.0
+"""Known ones are read again so often: a ground station may have changed them."""
+
+_BOOL, _INTEGER, _DOUBLE = 1, 2, 3
+_FIELDS = {_BOOL: "bool_value", _INTEGER: "integer_value", _DOUBLE: "double_value"}
+
+Call = Callable[[str, Message, Callable[[Message], None], float], None]
+"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
+
+
+class ParameterReader:
+    """Reads parameters, one call at a time. `on_read` is called when some have come."""
+
+    def __init__(
+        self, autopilot: Autopilot, parameters: dict[str, float], judge: Plausibility, on_read: Callable[[], None]
+    ) -> None:
+        self._names = autopilot.parameters
+        self._optional = autopilot.optional_parameters
+        self._parameters = parameters
+        self._judge = judge
+        self._on_read = on_read
+        self._queue: list[str] = []
+        self._next_s = 0.0
+        self._round_s = FIRST_ROUND_S
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The names of those that should be there, and have not come."""
+        return tuple(sorted(set(self._names) - self._optional - self._parameters.keys()))
+
+    def tick(self, now_s: float, ros: Ros, call: Call) -> bool:
+        """Asks for what is due. Returns whether it has called a service."""
+        if not self._queue:
+            if now_s < self._next_s:
+                return False
+            self._begin_round(now_s)
+        if ros is Ros.ROS2:
+            names, self._queue = self._queue, []
+            call(topics.GET_PARAMETERS_ROS2, {"names": names}, lambda answer: self._take_all(names, answer), 3.0)
+        else:
+            name = self._queue.pop(0)
+            call(topics.GET_PARAMETER_ROS1, {"param_id": name}, lambda answer: self._take_one(name, answer), 3.0)
+        return True
+
+    def _begin_round(self, now_s: float) -> None:
+        absent = [name for name in self._names if name not in self._parameters]
+        if self.missing:
+            self._queue = absent
+            self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
+        else:
+            self._queue = [name for name in self._names if name in self._parameters] + self._never_asked(absent)
+            self._next_s = now_s + AGAIN_S
+
+    def _never_asked(self, absent: list[str]) -> list[str]:
+        """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
+        asked, self._optional_asked = self._optional_asked, True
+        return [] if asked else absent
+
+    _optional_asked = False
+
+    def _take_all(self, names: list[str], answer: Message) -> None:
+        for name, value in zip(names, answer["values"], strict=False):
+            field = _FIELDS.get(int(value["type"]))
+            if field is not None:
+                self._take(name, number(value[field]))
+        self._on_read()
+
+    def _take_one(self, name: str, answer: Message) -> None:
+        if not answer["success"]:
+            if name not in self._optional:
+                self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
+            return
+        value = answer["value"]
+        self._take(name, float(int(value["integer"])) or number(value["real"]))
+        self._on_read()
+
+    def _take(self, name: str, value: float) -> None:
+        if self._judge.accepts_parameter(name, value):
+            self._parameters[name] = value

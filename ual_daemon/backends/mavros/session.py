@@ -1,0 +1,275 @@
+"""The exchange with one autopilot through MAVROS. Belongs to the link's thread, but for what says otherwise."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+
+from ual.types import Capability
+from ual_daemon import logs
+from ual_daemon.backends.autopilots import px4_events
+from ual_daemon.backends.autopilots.autopilot import Autopilot, SimulationVerdict, version_text
+from ual_daemon.backends.autopilots.cause_watch import CauseWatch
+from ual_daemon.backends.autopilots.feed_forward import FeedForward
+from ual_daemon.backends.autopilots.health_report import HealthReport
+from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
+from ual_daemon.backends.autopilots.sender_watch import SenderWatch
+from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavros import messages, topics
+from ual_daemon.backends.mavros.commands import Commands, Step
+from ual_daemon.backends.mavros.parameters import Call, ParameterReader
+from ual_daemon.backends.mavros.settings import MavrosSettings
+from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
+from ual_daemon.backends.mavros.telemetry import Telemetry, target
+from ual_daemon.backends.mavros.vehicle import VehicleDescription
+from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
+from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
+
+_log = logging.getLogger(__name__)
+
+FRESHNESS = Freshness(link_s=1.0, pose_s=1.2, mode_s=2.5, landed_s=1.5, estimator_s=3.0)
+"""A lost autopilot shows by the age of its topics: MAVROS itself says so only after 10 s (``conn/timeout``)."""
+HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.2, 1.0
+"""How often PX4 is asked for a heartbeat, which it sends once a second otherwise: while it is armed, or a command is
+under way; else."""
+HOME_S, ORIGIN_S = 0.5, 2.0
+"""How often home and the origin are asked for while they are not known."""
+_REQUEST_MESSAGE = 512
+_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
+_EVENT_BYTES = 40
+_CALL_S = 6.0
+
+
+class Session:
+    """The session with the autopilot of a description. `sent` are the setpoints that were sent to it."""
+
+    def __init__(
+        self,
+        description: VehicleDescription,
+        autopilot: Autopilot,
+        settings: MavrosSettings,
+        sent: SetpointMonitor,
+        call: Call,
+        boots_count: int,
+        utc_s: Callable[[], float],
+    ) -> None:
+        self.description = description
+        self.autopilot = autopilot
+        self.telemetry = Telemetry(autopilot, boots_count, utc_s)
+        self.freshness = FRESHNESS
+        self._call = call
+        self._feed_forward = FeedForward() if settings.learns_feed_forward and autopilot.takes_feed_forward else None
+        self._commands = Commands(autopilot.name, call, sent.duration_s)
+        self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
+        self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
+        self._health = HealthReport()
+        telemetry = self.telemetry
+        self._parameters = ParameterReader(autopilot, telemetry.parameters, telemetry.plausibility, self._on_parameters)
+        self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
+        self._is_calling = False
+        self._next_request_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
+        self._boots_count = boots_count
+        self._reported_missing: tuple[str, ...] = ()
+        self._began_s = math.inf
+
+    @property
+    def label(self) -> str:
+        """What it is, for people."""
+        return f"{self.autopilot.name} (system {self.description.system_id})"
+
+    def on_message(self, topic: str, message: Message, now_s: float) -> None:
+        """Takes a message of MAVROS. After a silence that counts as a lost link nothing from before it is valid."""
+        telemetry = self.telemetry
+        if telemetry.heard_s is not None and now_s - telemetry.heard_s > self.freshness.link_s:
+            telemetry.discard_state()
+        if not telemetry.update(topic, message, now_s):
+            return
+        if topic == topics.VELOCITY:
+            self._learn(message)
+        elif topic == topics.STATE:
+            self._causes.on_system_status(int(message["system_status"]), now_s)
+        elif topic == topics.SYS_STATUS:
+            self._causes.on_sensors(int(message["sensors_enabled"]), int(message["sensors_health"]), now_s)
+        elif topic == topics.RC_IN:
+            self._causes.on_rc_channels([int(each) for each in numbers(message["channels"])], now_s)
+        elif topic == topics.STATUS_TEXT:
+            self._on_text(str(message["text"]), now_s)
+        elif topic == topics.STATUS_EVENT:
+            self._on_event(message, now_s)
+        elif topic == topics.TARGET and self.autopilot.stays_without_setpoints:
+            position, velocity, mask = target(message)
+            self._senders.on_target(position, velocity, now_s, has_position=not mask & IGNORES_POSITION)
+
+    def submit(self, steps: tuple[Step, ...], now_s: float, is_withdrawn: Callable[[], bool]) -> Future[None]:
+        """Begins a command; see `Commands.submit`."""
+        if steps[0].is_mode:
+            self._causes.on_own_command(now_s)
+        return self._commands.submit(steps, self.telemetry.snapshot(now_s), is_withdrawn)
+
+    def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
+        """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
+        autopilot = self.autopilot
+        if isinstance(setpoint, PositionSetpoint):
+            if self._feed_forward is not None:
+                setpoint = self._feed_forward.apply(setpoint, now_s)
+            setpoint = autopilot.position_setpoint(setpoint, self.telemetry.parameters)
+        return messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
+
+    def restart(self) -> None:
+        """Discards what may have changed in a time in which nothing came, and asks for everything anew."""
+        self.telemetry.discard_state()
+        self._commands.drop()
+        self._streams.restart()
+        self._is_calling = False
+
+    def tick(self, now_s: float, ros: Ros) -> None:
+        """Does what is due; to be called often."""
+        self._began_s = min(self._began_s, now_s)
+        self._commands.at(now_s)
+        self._commands.tick(self.telemetry.snapshot(now_s))
+        self._update_freshness()
+        self._check_boot()
+        # One call at a time: in ROS 2 MAVROS serves them one after another, and each waits for the autopilot's answer.
+        if self._is_calling or not self.telemetry.is_connected:
+            return
+        if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self._commands.is_under_way:
+            self._ask(now_s, ros)
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """Returns the newest data as of now."""
+        snapshot = self.telemetry.snapshot(now_s)
+        is_armed = self.telemetry.is_armed
+        mode = snapshot.mode
+        return snapshot._replace(
+            other_sender=self._senders.another(snapshot),
+            health=self._health.report(
+                now_s, self.telemetry.is_ready_to_arm, self._causes.failing_sensors, lambda: None
+            ),
+            failsafe=self._causes.failsafe(is_armed=is_armed),
+            held_by=None if mode is None else self._causes.held_by(mode.value, now_s, is_armed=is_armed),
+        )
+
+    def judge_simulation(self) -> SimulationVerdict:
+        """Judges whether it is a simulator, and surely not a flight controller. From any thread."""
+        found = self.description
+        board = found if found.has_version else None
+        return self.autopilot.judge_simulation(board, self.telemetry.parameters, found.system_id)
+
+    def is_ready_to_arm(self) -> bool:
+        """Returns whether its data say that arming would succeed. From any thread."""
+        telemetry = self.telemetry
+        return bool(telemetry.is_ready_to_arm) or not self.autopilot.can_be_armed_in(telemetry.mode_name)
+
+    def info(self) -> VehicleInfo:
+        """Returns what is known of the vehicle so far."""
+        autopilot, parameters, found = self.autopilot, self.telemetry.parameters, self.description
+        is_multirotor = autopilot.is_multirotor(self.telemetry.vtol_state, parameters)
+        return VehicleInfo(
+            autopilot=autopilot.name,
+            autopilot_version=version_text(found.software_version) if found.has_version else "",
+            is_simulation=self.judge_simulation().is_simulated is True,
+            capabilities=autopilot.capabilities - {Capability.EXTERNAL_POSE} if is_multirotor else frozenset(),
+            limits=autopilot.limits(parameters),
+            flies_takeoff_on_setpoints=autopilot.flies_takeoff_on_setpoints,
+            identity=f"{autopilot.name} {found.system_id} {found.uid:x}" if found.has_version else "",
+            limitation="" if is_multirotor else "it calls itself a multirotor, but is a VTOL: UAL only watches it",
+            cruise_speed_m_s=autopilot.cruise_speed_m_s(parameters),
+            acceleration_share=autopilot.acceleration_share(parameters),
+        )
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def _learn(self, message: Message) -> None:
+        telemetry, velocity = self.telemetry, self.telemetry.velocity
+        if self._feed_forward is None or telemetry.pose is None or velocity is None:
+            return
+        if stamp_s(message) == telemetry.measured_s:  # the two topics are of one message of the autopilot
+            self._feed_forward.learn(telemetry.measured_s, telemetry.pose.value, velocity.value.linear)
+
+    def _on_text(self, text: str, now_s: float) -> None:
+        self._commands.on_text(text)
+        self._causes.on_sign(self.autopilot.cause_of_text(text), now_s)
+        self._health.on_text(text, now_s)
+
+    def _on_event(self, message: Message, now_s: float) -> None:
+        """Takes an event of PX4: in ROS 2 MAVROS publishes them, without the component in their numbers."""
+        arguments = bytes(int(each) for each in numbers(message["arguments"])).ljust(_EVENT_BYTES, b"\0")
+        identity = int(message["px4_id"]) | px4_events.AUTOPILOT
+        severity = int(number(message["severity"]))
+        event = px4_events.read(identity, 0.0, severity, arguments, self.telemetry.mode_name)
+        self._next_request_s[_HEARTBEAT_ID] = now_s
+        self._causes.on_sign(event.cause, now_s)
+        self._health.on_event(event)
+        if event.armed is not None:
+            self.telemetry.set_armed(event.armed, now_s)
+        if event.text:
+            self._commands.on_text(event.text)
+
+    def _on_parameters(self) -> None:
+        self.telemetry.update_fence()
+
+    # --- What is asked for --------------------------------------------------------------------------------------------
+
+    def _heartbeat_s(self) -> float:
+        if not self.autopilot.takes_feed_forward:
+            return math.inf  # ArduPilot streams them
+        is_urgent = self.telemetry.is_armed or self._commands.is_under_way
+        return HEARTBEAT_S if is_urgent else SLOW_HEARTBEAT_S
+
+    def _ask(self, now_s: float, ros: Ros) -> bool:
+        telemetry = self.telemetry
+        return (
+            (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
+            or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
+            or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
+            or self._streams.tick(now_s, self._call_alone)
+            or self._read_parameters(now_s, ros)
+        )
+
+    def _read_parameters(self, now_s: float, ros: Ros) -> bool:
+        missing = self._parameters.missing
+        if missing and now_s - self._began_s > 60.0 and missing != self._reported_missing:
+            self._reported_missing = missing
+            logs.event(_log, logging.WARNING, "parameters_missing", names=", ".join(missing), assumed=self._assumed())
+        return self._parameters.tick(now_s, ros, self._call_alone)
+
+    def _assumed(self) -> str:
+        limits = self.info().limits
+        return (
+            f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
+            f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+        )
+
+    def _request(self, message_id: int, now_s: float, period_s: float) -> bool:
+        """Asks the autopilot for a message, if that is due."""
+        if now_s - self._next_request_s[message_id] < 0.0 or period_s == math.inf:
+            return False
+        self._next_request_s[message_id] = now_s + period_s
+        arguments = {"command": _REQUEST_MESSAGE, "param1": float(message_id)}
+        self._call_alone(topics.COMMAND, arguments, lambda _: None, _CALL_S)
+        return True
+
+    def _call_alone(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
+        def ended(answer: Message) -> None:
+            self._is_calling = False
+            if answer:
+                take(answer)
+
+        self._is_calling = True
+        self._call(service, arguments, ended, limit_s)
+
+    def _update_freshness(self) -> None:
+        link_s = min(FRESHNESS.link_s, self.autopilot.setpoints_lost_s(self.telemetry.parameters))
+        if link_s != self.freshness.link_s:
+            self.freshness = replace(FRESHNESS, link_s=link_s)
+
+    def _check_boot(self) -> None:
+        boots_count = self.telemetry.boots_count
+        if boots_count != self._boots_count:
+            self._boots_count = boots_count
+            self._commands.drop()
+            self._streams.restart()

@@ -1,0 +1,90 @@
+"""Which messages the autopilot is asked to stream: MAVROS asks for none by itself, and ArduPilot sends none unasked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.mavros.parameters import Call
+from ual_daemon.backends.rosbridge import Message
+
+ROUND_S = 2.0
+"""How often it is looked which topics come, and one call is made for each that does not."""
+FLOWS_SHARE = 0.25
+"""A topic flows if at least this part of the requested rate comes."""
+CALL_S = 6.0
+"""MAVROS waits for the autopilot's acknowledgement for 5 s."""
+_HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
+_GLOBAL_POSITION_INT, _GPS_GLOBAL_ORIGIN, _RC_CHANNELS, _VFR_HUD, _TARGET = 33, 49, 65, 74, 85
+_ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 230, 242, 245
+
+
+class Stream(NamedTuple):
+    """A MAVLink message that makes MAVROS publish a topic, and its rate."""
+
+    topic: str
+    message_id: int
+    rate_hz: float
+
+
+def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
+    """Returns the streams that are needed, the most important ones first."""
+    return (
+        *(() if autopilot.takes_feed_forward else (Stream(topics.STATE, _HEARTBEAT, 10.0),)),
+        Stream(topics.EXTENDED_STATE, _EXTENDED_SYS_STATE, 10.0),
+        Stream(topics.POSE, _LOCAL_POSITION_NED, pose_rate_hz),
+        Stream(topics.IMU, _ATTITUDE_QUATERNION, pose_rate_hz),
+        Stream(topics.SYS_STATUS, _SYS_STATUS, 5.0),
+        *((Stream(topics.ESTIMATOR_STATUS, _ESTIMATOR_STATUS, 5.0),) if autopilot.takes_feed_forward else ()),
+        Stream(topics.ORIGIN, _GPS_GLOBAL_ORIGIN, 1.0),
+        Stream(topics.HOME, _HOME_POSITION, 1.0),
+        Stream(topics.GLOBAL, _GLOBAL_POSITION_INT, 5.0),
+        Stream(topics.FIX, _GPS_RAW_INT, 2.0),
+        Stream(topics.VFR_HUD, _VFR_HUD, 2.0),
+        *((Stream(topics.TARGET, _TARGET, 10.0),) if autopilot.stays_without_setpoints else ()),
+        Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
+    )
+
+
+class StreamRequests:
+    """Asks for the streams that do not come, one call at a time."""
+
+    def __init__(self, streams: tuple[Stream, ...], counts: Mapping[str, int]) -> None:
+        self._streams = streams
+        self._counts = counts
+        self._before: dict[str, int] = dict(counts)
+        self._looked_s = -math.inf
+        self._wanted: list[Stream] = list(streams)
+
+    def restart(self) -> None:
+        """Asks for all of them: the autopilot may have booted."""
+        self._wanted = list(self._streams)
+
+    def tick(self, now_s: float, call: Call) -> bool:
+        """Asks for what is due. Returns whether it has called a service."""
+        if not self._wanted and now_s - self._looked_s >= ROUND_S:
+            self._look(now_s)
+        if not self._wanted:
+            return False
+        stream = self._wanted.pop(0)
+        arguments = {"message_id": stream.message_id, "message_rate": stream.rate_hz}
+        call(topics.SET_INTERVAL, arguments, _ignore, CALL_S)
+        return True
+
+    def _look(self, now_s: float) -> None:
+        passed_s = min(now_s - self._looked_s, 2.0 * ROUND_S)
+        self._wanted = [each for each in self._streams if not self._flows(each, passed_s)]
+        self._before, self._looked_s = dict(self._counts), now_s
+
+    def _flows(self, stream: Stream, passed_s: float) -> bool:
+        """Whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
+        came_count = self._counts[stream.topic] - self._before.get(stream.topic, 0)
+        rate_hz = stream.rate_hz if stream.topic == topics.POSE else min(stream.rate_hz, 2.0)
+        return came_count >= FLOWS_SHARE * rate_hz * passed_s
+
+
+def _ignore(_: Message) -> None:
+    """The topic shows whether it worked."""

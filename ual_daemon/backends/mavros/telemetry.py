@@ -1,0 +1,378 @@
+"""What MAVROS has published last, as a snapshot. Belongs to the link's thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from ual.geometry import Pose, Twist
+from ual.types import Battery, GeoPoint, GpsInfo
+from ual_daemon import logs
+from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.autopilots.boot_time import BootTime
+from ual_daemon.backends.autopilots.clock_offset import ClockOffset
+from ual_daemon.backends.autopilots.local_origin import LocalOrigin
+from ual_daemon.backends.autopilots.numbers import Sensor
+from ual_daemon.backends.autopilots.plausibility import Plausibility
+from ual_daemon.backends.mavros import messages, topics
+from ual_daemon.backends.mavros.geoid import Geoid
+from ual_daemon.backends.mavros.ordering import Ordering
+from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
+from ual_daemon.backends.values import NEVER_S, NO_FENCE, Estimator, LandedState, Mode, OwnFence, Sample, Snapshot
+
+_log = logging.getLogger(__name__)
+
+GEO_LIMIT_S = 1.5
+"""A position on Earth that is older is not reported."""
+VELOCITY_LIMIT_S = 1.0
+"""Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
+ATTITUDE_LIMIT_S = 1.2
+"""MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
+_NO_VELOCITY = Estimator(False, f"MAVROS publishes no velocity ({topics.VELOCITY})")
+_NO_ATTITUDE = Estimator(False, f"MAVROS gets no attitude any more ({topics.IMU} is silent)")
+_NO_AHRS = Estimator(False, "its attitude and position estimate is not healthy (AHRS in SYS_STATUS)")
+_GOOD = Estimator(True)
+
+
+class Telemetry:
+    """The newest data of one autopilot. `utc_s` returns UTC, to which the stamps of the ROS computer are converted."""
+
+    def __init__(self, autopilot: Autopilot, boots_count: int, utc_s: Callable[[], float]) -> None:
+        self.autopilot = autopilot
+        self.plausibility = Plausibility()
+        self.parameters: dict[str, float] = {}
+        self.counts: Counter[str] = Counter()
+        """How many messages came on each topic."""
+        self.origin = LocalOrigin()
+        self.home_s = math.inf
+        """Since when the home of the present arming is missing; infinite while it is not."""
+        self.is_ready_to_arm: bool | None = None
+        self.vtol_state = 0
+        self.is_connected = False
+        """Whether MAVROS hears the autopilot, by its own words: it takes 10 s to notice that it does not."""
+        self._utc_s = utc_s
+        self.boots_count = boots_count
+        self._boot_time = BootTime()
+        self._ordering = Ordering()
+        self._clock_offset = ClockOffset()
+        self._geoid = Geoid()
+        self._heard_s: float | None = None
+        self._stamp_s = self._measured_s = 0.0
+        self._armed: Sample[bool] | None = None
+        self._mode: Sample[Mode] | None = None
+        self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
+        self._estimator: Sample[Estimator] | None = None
+        self._pose: Sample[Pose] | None = None
+        self._velocity: Sample[Twist] | None = None
+        self._attitude_s: float | None = None
+        self._geo: tuple[float, Message] | None = None
+        self._above_home_m: float | None = None
+        self._home: Message | None = None
+        self._origin: Message | None = None
+        self._placed: object = None
+        self._gps_raw: Message | None = None
+        self._fix: Message | None = None
+        self._gps: GpsInfo | None = None
+        self._satellites_count = 0
+        self._battery: Battery | None = None
+        self._is_fence_enabled = False
+        self._own_fence: OwnFence = NO_FENCE
+        self._has_rangefinder = False
+        self.status_text = ""
+        self._handlers: dict[str, Callable[[Message, float], None]] = {
+            topics.STATE: self._on_state,
+            topics.EXTENDED_STATE: self._on_extended_state,
+            topics.SYS_STATUS: self._on_sys_status,
+            topics.ESTIMATOR_STATUS: self._on_estimator_status,
+            topics.STATUS_TEXT: self._on_status_text,
+            topics.POSE: self._on_pose,
+            topics.VELOCITY: self._on_velocity,
+            topics.IMU: self._on_imu,
+            topics.GLOBAL: self._on_global,
+            topics.ABOVE_HOME: self._on_above_home,
+            topics.ORIGIN: self._on_origin,
+            topics.FIX: self._on_fix,
+            topics.SATELLITES: self._on_satellites,
+            topics.GPS_RAW: self._on_gps_raw,
+            topics.VFR_HUD: self._on_vfr_hud,
+            topics.HOME: self._on_home,
+            topics.BATTERY: self._on_battery,
+            topics.TIMESYNC: self._on_timesync,
+        }
+
+    def update(self, topic: str, message: Message, now_s: float) -> bool:
+        """Takes a message. Returns False for one that is late, and older than the one before."""
+        if not self._ordering.accepts(topic, stamp_s(message)):
+            return False
+        if topic != topics.STATE or message["connected"]:
+            self._heard_s = now_s
+        self.counts[topic] += 1
+        handler = self._handlers.get(topic)
+        if handler is not None:
+            handler(message, now_s)
+        return True
+
+    def discard_state(self) -> None:
+        """Discards all that may have changed since it was published; the vehicle's properties stay known."""
+        self._armed = self._mode = self._estimator = self._pose = self._velocity = self._geo = None
+        self._landed = Sample(LandedState.UNKNOWN, NEVER_S)
+
+    def set_armed(self, is_armed: bool, now_s: float) -> None:
+        """Takes that it is armed or disarmed. Autopilots move home to where they are armed."""
+        was_armed = self._armed is not None and self._armed.value
+        if is_armed and not was_armed:
+            self._home, self.home_s = None, now_s
+        elif not is_armed:
+            self.home_s = math.inf
+        self._armed = Sample(is_armed, now_s)
+
+    @property
+    def heard_s(self) -> float | None:
+        """When something came last that the autopilot has sent."""
+        return self._heard_s
+
+    @property
+    def pose(self) -> Sample[Pose] | None:
+        """The newest pose."""
+        return self._pose
+
+    @property
+    def velocity(self) -> Sample[Twist] | None:
+        """The newest velocity."""
+        return self._velocity
+
+    @property
+    def measured_s(self) -> float:
+        """When the pose was measured, on the clock of the ROS computer."""
+        return self._measured_s
+
+    @property
+    def mode_name(self) -> str:
+        """The name of its mode; empty while it is not known."""
+        return "" if self._mode is None else self._mode.value.name
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it is armed, as far as it is known."""
+        return self._armed is not None and self._armed.value
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """Returns all values as of now."""
+        home_amsl_m = None if self._home is None else self._geoid.amsl_m(number(self._home["geo"]["altitude"]))
+        return Snapshot(
+            time_s=now_s,
+            heard_s=self._heard_s,
+            stamp_s=self._stamp_s,
+            measured_s=self._measured_s,
+            armed=self._armed,
+            landed=self._landed,
+            mode=self._mode,
+            estimator=self._judged_estimator(now_s),
+            pose=self._pose,
+            velocity=self._velocity,
+            position_geo=self._position_geo(now_s),
+            projection=self.origin.projection,
+            home_altitude_amsl_m=home_amsl_m,
+            home_geo=None if self._home is None else _place(self._home["geo"]),
+            geoid_separation_m=self._geoid.separation_m,
+            battery=self._battery,
+            gps=self._gps,
+            status_text=self.status_text,
+            boots_count=self.boots_count,
+            has_rangefinder=self._has_rangefinder,
+            own_fence=self._own_fence if self._own_fence.limits else None,
+        )
+
+    def update_fence(self) -> None:
+        """Reads its own fence from the parameters; to be called when some have come."""
+        fence = self.autopilot.own_fence(self.parameters, is_enabled=self._is_fence_enabled)
+        if fence == self._own_fence:
+            return
+        self._own_fence = fence
+        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
+        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def _on_state(self, message: Message, now_s: float) -> None:
+        self.is_connected = bool(message["connected"])
+        if not self.is_connected:
+            self._armed = self._mode = None
+            return
+        self.set_armed(bool(message["armed"]), now_s)
+        self._mode = Sample(messages.mode(str(message["mode"]), self.autopilot), now_s)
+
+    def _on_extended_state(self, message: Message, now_s: float) -> None:
+        self._landed = Sample(messages.landed_state(message), now_s)
+        self.vtol_state = int(message["vtol_state"])
+
+    def _on_sys_status(self, message: Message, now_s: float) -> None:
+        present, enabled, health = (int(message[f"sensors_{name}"]) for name in ("present", "enabled", "health"))
+        self.is_ready_to_arm = bool(health & Sensor.PREARM_CHECK)
+        self._has_rangefinder = bool(enabled & Sensor.LASER_POSITION)
+        if bool(enabled & Sensor.GEOFENCE) is not self._is_fence_enabled:
+            self._is_fence_enabled = not self._is_fence_enabled
+            self.update_fence()
+        if not self.counts[topics.ESTIMATOR_STATUS]:  # ArduPilot does not send it: its poses come while they are good
+            is_ill = present & Sensor.AHRS and not health & Sensor.AHRS
+            self._estimator = Sample(_NO_AHRS if is_ill else _GOOD, now_s)
+
+    def _on_estimator_status(self, message: Message, now_s: float) -> None:
+        self._estimator = Sample(self.autopilot.estimator(messages.estimator_flags(message)), now_s)
+
+    def _on_status_text(self, message: Message, _now_s: float) -> None:
+        self.status_text = str(message["text"])
+
+    def _on_pose(self, message: Message, now_s: float) -> None:
+        found = messages.pose(message)
+        judge = self.plausibility
+        if not (judge.accepts_position(found.position) and judge.accepts_rotation(found.orientation)):
+            return
+        measured_s = stamp_s(message)
+        self._measured_s = measured_s
+        self._stamp_s = self._clock_offset.to_utc(measured_s, now_s, self._utc_s()) if measured_s else 0.0
+        self._pose = Sample(Pose(found.position, found.orientation.normalized()), self._sent_s(measured_s, now_s))
+
+    def _on_velocity(self, message: Message, now_s: float) -> None:
+        if self._pose is None:
+            return
+        found = messages.twist(message, self._pose.value)
+        if self.plausibility.accepts_velocity(found.linear) and self.plausibility.accepts_rates(found.angular):
+            self._velocity = Sample(found, self._sent_s(stamp_s(message), now_s))
+            self.origin.on_position(_milliseconds(message), self._pose.value.position, found.linear)
+
+    def _sent_s(self, measured_s: float, now_s: float) -> float:
+        return self._ordering.sent_s(measured_s, now_s)
+
+    def _on_imu(self, _message: Message, now_s: float) -> None:
+        self._attitude_s = now_s
+
+    def _on_global(self, message: Message, now_s: float) -> None:
+        if message["latitude"] == message["longitude"] == 0.0:
+            self._geo = None
+            return
+        point = _place(message)
+        if not self.plausibility.accepts_geo_point(point):
+            return
+        self._geo = (now_s, message)
+        self.origin.on_geo(_milliseconds(message), point)
+
+    def _on_above_home(self, message: Message, _now_s: float) -> None:
+        self._above_home_m = number(message["data"])
+
+    def _on_origin(self, message: Message, _now_s: float) -> None:
+        self._origin = message
+        self._place_origin()
+
+    def _place_origin(self) -> None:
+        """Tells the origin, once the altitude of mean sea level there is known; and once only, as that differs with the
+        place where it is measured.
+        """
+        if self._origin is None:
+            return
+        place = self._origin["position"]
+        amsl_m = self._geoid.amsl_m(number(place["altitude"]))
+        point = _place(place)
+        if amsl_m is None or place == self._placed or not self.plausibility.accepts_geo_point(point):
+            return
+        self._placed = place
+        self.origin.on_origin(self.autopilot.projection(point.latitude_deg, point.longitude_deg, amsl_m))
+
+    def _on_fix(self, message: Message, _now_s: float) -> None:
+        self._fix = message
+        self._pair_fixes()
+        self._gps = messages.gps_info(message, self._gps_raw, self._satellites_count)
+
+    def _on_satellites(self, message: Message, _now_s: float) -> None:
+        self._satellites_count = int(message["data"])
+
+    def _on_gps_raw(self, message: Message, _now_s: float) -> None:
+        self._gps_raw = message
+        self._pair_fixes()
+
+    def _pair_fixes(self) -> None:
+        """Compares the altitudes of one message of the autopilot, which comes on two topics in any order."""
+        fix, raw = self._fix, self._gps_raw
+        if fix is None or raw is None or not _is_same_fix(raw, fix):
+            return
+        self._geoid.on_exact(number(fix["altitude"]), number(raw["alt"]) / 1000.0)
+        self._place_origin()
+
+    def _on_vfr_hud(self, message: Message, now_s: float) -> None:
+        geo = self._geo
+        if geo is not None and now_s - geo[0] <= GEO_LIMIT_S and self._geoid.separation_m is None:
+            self._geoid.on_estimate(number(geo[1]["altitude"]), number(message["altitude"]))
+            self._place_origin()
+
+    def _on_home(self, message: Message, _now_s: float) -> None:
+        if self.plausibility.accepts_geo_point(_place(message["geo"])):
+            self._home, self.home_s = message, math.inf
+
+    def _on_battery(self, message: Message, _now_s: float) -> None:
+        found = messages.battery(message)
+        self._battery = None if found == Battery() else found
+
+    def _on_timesync(self, message: Message, now_s: float) -> None:
+        """Takes the autopilot's time since boot, by which a reboot shows."""
+        if self._boot_time.update(number(message["remote_timestamp_ns"]) * 1e-9, now_s):
+            logs.event(_log, logging.WARNING, "autopilot_rebooted", reboots_count=self.boots_count)
+            self._discard_boot()
+
+    def _discard_boot(self) -> None:
+        self.boots_count += 1
+        self.discard_state()
+        self.parameters.clear()
+        self.origin = LocalOrigin()
+        self._origin = self._home = self._above_home_m = self._placed = None
+
+    # --- What follows from it -----------------------------------------------------------------------------------------
+
+    def _judged_estimator(self, now_s: float) -> Sample[Estimator] | None:
+        estimator, velocity = self._estimator, self._velocity
+        if estimator is None or not estimator.value.is_good:
+            return estimator
+        if velocity is None or now_s - velocity.time_s > VELOCITY_LIMIT_S:
+            return Sample(_NO_VELOCITY, now_s)
+        if self._attitude_s is not None and now_s - self._attitude_s > ATTITUDE_LIMIT_S:
+            return Sample(_NO_ATTITUDE, now_s)
+        return estimator
+
+    def _position_geo(self, now_s: float) -> GeoPoint | None:
+        geo = self._geo
+        if geo is None or now_s - geo[0] > GEO_LIMIT_S:
+            return None
+        ellipsoid_m = number(geo[1]["altitude"])
+        return GeoPoint(
+            number(geo[1]["latitude"]),
+            number(geo[1]["longitude"]),
+            altitude_amsl_m=self._geoid.amsl_m(ellipsoid_m),
+            altitude_home_m=self._above_home_m,
+            altitude_ellipsoid_m=ellipsoid_m,
+        )
+
+
+def _place(message: Message) -> GeoPoint:
+    return GeoPoint(number(message["latitude"]), number(message["longitude"]))
+
+
+def _milliseconds(message: Message) -> int:
+    return round(stamp_s(message) * 1000.0)
+
+
+def _is_same_fix(raw: Message, fix: Message) -> bool:
+    """Whether a GPSRAW and a NavSatFix are of one message of the autopilot."""
+    names: tuple[tuple[str, str], ...] = (("lat", "latitude"), ("lon", "longitude"))
+    return all(abs(_degrees(raw[ours]) - number(fix[theirs])) < 1e-9 for ours, theirs in names)
+
+
+def _degrees(value: Any) -> float:  # noqa: ANN401
+    return number(value) / 1e7
+
+
+def target(message: Message) -> tuple[Any, ...]:
+    """Returns position, velocity and type mask of a PositionTarget."""
+    return vector(message["position"]), vector(message["velocity"]), int(message["type_mask"])

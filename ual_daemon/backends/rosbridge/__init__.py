@@ -1,0 +1,21 @@
+"""The link to ROS through rosbridge, which the backends of ROS share.
+
+See ``docs/decisions/0025-our-own-rosbridge-client.md`` for why it is our own.
+
+The modules, from the top down (a contract in pyproject.toml checks it):
+
+- ``link``: one thread that connects, receives, reconnects, and subscribes anew; what backends use
+- ``graph``: which ROS is on the other side, and which topics of which types
+- ``calls``: services that are called, and their time limits
+- ``operations``: rosbridge's protocol, in JSON and CBOR
+- ``websocket``: the connection
+- ``fields``: numbers, arrays and stamps in messages
+- ``url``
+"""
+
+from ual_daemon.backends.rosbridge.graph import Graph, Ros
+from ual_daemon.backends.rosbridge.link import LinkState, RosbridgeLink
+from ual_daemon.backends.rosbridge.operations import Message
+from ual_daemon.backends.rosbridge.url import DEFAULT_URL, BridgeUrl, parse_url
+
+__all__ = ["DEFAULT_URL", "BridgeUrl", "Graph", "LinkState", "Message", "Ros", "RosbridgeLink", "parse_url"]

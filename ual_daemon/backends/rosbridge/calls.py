@@ -1,0 +1,87 @@
+"""Services that are called: each call ends with its answer, or with an error that names the service."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from typing import Any, NamedTuple
+
+from ual_daemon.backends.rosbridge.operations import Message
+
+
+class ServiceError(Exception):
+    """A service was not executed: `words` says why, in the words of the other side."""
+
+    def __init__(self, service: str, words: str) -> None:
+        super().__init__(f"{service}: {words}")
+        self.service = service
+        self.words = words
+
+
+class ServiceTimeoutError(ServiceError):
+    """A service has not answered in time. Whether it was executed is not known."""
+
+
+class _Call(NamedTuple):
+    service: str
+    answer: Future[Message]
+    ends_s: float
+
+
+class Calls:
+    """The calls that are not answered yet. Any thread may call; futures end on the link's thread."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, _Call] = {}
+        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+
+    def begin(self, service: str, ends_s: float) -> tuple[str, Future[Message]]:
+        """Returns the id of a new call, and the future of its answer."""
+        answer: Future[Message] = Future()
+        ident = f"ual {next(self._numbers)}"
+        with self._lock:
+            self._open[ident] = _Call(service, answer, ends_s)
+        return ident, answer
+
+    def answer(self, operation: Mapping[str, Any]) -> None:
+        """Takes an answer; one that is late, or of nobody's call, is dropped."""
+        call = self._take(str(operation.get("id")))
+        if call is None:
+            return
+        values = operation.get("values")
+        if operation.get("result", True) and isinstance(values, dict | None):
+            _end(call, values or {})
+        else:
+            _end(call, ServiceError(call.service, str(values) or "refused without a reason"))
+
+    def expire(self, now_s: float) -> None:
+        """Ends the calls whose time is over."""
+        with self._lock:
+            late = [ident for ident, call in self._open.items() if now_s > call.ends_s]
+        for ident in late:
+            call = self._take(ident)
+            if call is not None:
+                _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
+
+    def fail_all(self, words: str) -> None:
+        """Ends all calls: the connection is lost."""
+        with self._lock:
+            calls, self._open = list(self._open.values()), {}
+        for call in calls:
+            _end(call, ServiceTimeoutError(call.service, words))
+
+    def _take(self, ident: str) -> _Call | None:
+        with self._lock:
+            return self._open.pop(ident, None)
+
+
+def _end(call: _Call, result: Message | ServiceError) -> None:
+    if not call.answer.set_running_or_notify_cancel():
+        return
+    if isinstance(result, ServiceError):
+        call.answer.set_exception(result)
+    else:
+        call.answer.set_result(result)

@@ -1,0 +1,368 @@
+"""The supervised link: connects, subscribes, and begins anew for ever, on one thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ual_daemon import logs
+from ual_daemon.backends.base import Clock
+from ual_daemon.backends.rosbridge import operations
+from ual_daemon.backends.rosbridge.calls import Calls, ServiceError
+from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, read_graph
+from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
+from ual_daemon.backends.rosbridge.url import BridgeUrl
+from ual_daemon.backends.rosbridge.websocket import Dial, Transport, dial
+
+_log = logging.getLogger(__name__)
+
+TICK_S = 0.02
+"""The longest wait for messages."""
+LOST_S = 0.8
+"""A bridge that has shown no sign of life for so long counts as lost."""
+RETRY_S = 0.2
+_PING_S = 0.2
+_GIVE_UP_S = 3.0
+"""A connection without a sign of life for so long is made anew."""
+_ASK_S, _ASK_AGAIN_S = 3.0, 1.0
+"""How long the question for the topics may take, and how often it is repeated while something is missing."""
+_LOOK_S = 10.0
+"""How often it is repeated while nothing is."""
+
+OnMessage = Callable[[Message, float], None]
+"""Gets a message and the time (the backend's clock) at which it came, on the link's thread."""
+
+
+class LinkState(Enum):
+    """CONNECTING: no connection. ASKING: connected, and the topics are not known yet. UP. SILENT: no sign of life."""
+
+    CONNECTING = "connecting"
+    ASKING = "asking"
+    UP = "up"
+    SILENT = "silent"
+
+
+@dataclass(slots=True)
+class _Subscription:
+    """What is wanted of a topic, and what came. `silence_s`: after so long without a message, it is subscribed anew."""
+
+    topic: str
+    kind: str
+    on_message: OnMessage
+    throttle_ms: int
+    queue_length: int
+    silence_s: float
+    is_sent: bool = False
+    active_s: float = -math.inf
+    fault: str = ""
+
+
+@dataclass(slots=True)
+class _Outbox:
+    """The newest message of each topic that could not be sent at once."""
+
+    waiting: dict[str, bytes] = field(default_factory=dict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+class _ClosedError(Exception):
+    """The link is closed while it connects."""
+
+
+class RosbridgeLink:
+    """One thread. `publish`, `call_service` and the properties are for any thread; they never block.
+
+    Subscribe and advertise before `open`, or on the link's thread; they outlive every connection.
+    """
+
+    def __init__(self, url: BridgeUrl, clock: Clock, on_step: Callable[[], None], dialler: Dial = dial) -> None:
+        """`on_step` is called on the link's thread after each batch of messages, and at least every 0.1 s."""
+        self.url = url
+        self._clock = clock
+        self._on_step = on_step
+        self._dial = dialler
+        self._subscriptions: dict[str, _Subscription] = {}
+        self._advertised: dict[str, str] = {}
+        self._calls = Calls()
+        self._outbox = _Outbox()
+        self._fragments = Fragments()
+        self._closing = threading.Event()
+        self._transport: Transport | None = None
+        self._thread = threading.Thread(target=self._run, name=f"rosbridge {url}", daemon=True)
+        self._question: Future[Message] | None = None
+        self._ask_s = self._ping_s = -math.inf
+        self._heard, self._heard_s = 0, -math.inf
+        self._said: set[str] = set()
+        self.state = LinkState.CONNECTING
+        self.graph: Graph | None = None
+        """What rosapi says; None before the first answer of a connection."""
+        self.why_not = ""
+        """Why the link is not up, for people; empty if it is."""
+        self.connections_count = 0
+
+    # --- For any thread -----------------------------------------------------------------------------------------------
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the bridge answers and its topics are known."""
+        return self.state is LinkState.UP
+
+    def open(self) -> None:
+        """Starts the thread; it connects, and keeps trying."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread and the connection. The thread itself may call this."""
+        self._closing.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Publishes a message, before it returns where the connection takes it; else the newest one of a topic leaves
+        later. While the link is not up it is dropped.
+        """
+        transport = self._transport
+        if transport is None or not self.is_up:
+            return
+        topic = self.url.resolve(topic)
+        data = operations.publish(topic, message)
+        try:
+            if not transport.send(data, is_perishable=True):
+                with self._outbox.lock:
+                    self._outbox.waiting[topic] = data
+        except OSError:
+            return  # the link's thread sees it, too
+
+    def call_service(self, service: str, arguments: Message | None = None, timeout_s: float = 3.0) -> Future[Message]:
+        """Calls a service. The future ends with its values, or with a `calls.ServiceError` that names the service.
+
+        Cancelling the future drops the answer: rosbridge cannot take a call back.
+        """
+        service = self.url.resolve(service)
+        ident, answer = self._calls.begin(service, self._clock.now_s() + timeout_s)
+        transport = self._transport
+        try:
+            if transport is None:
+                raise ConnectionError(f"not connected to {self.url}")
+            transport.send(operations.call_service(service, arguments or {}, ident))
+        except OSError as error:
+            self._calls.answer({"id": ident, "result": False, "values": str(error)})
+        return answer
+
+    def faults(self) -> tuple[str, ...]:
+        """Returns what is wrong with the topics that were subscribed to, for people."""
+        return tuple(each.fault for each in self._subscriptions.values() if each.fault)
+
+    # --- For the link's thread ----------------------------------------------------------------------------------------
+
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        on_message: OnMessage,
+        throttle_ms: int = 0,
+        queue_length: int = 1,
+        silence_s: float = math.inf,
+    ) -> None:
+        """Subscribes to a topic of a type (``pkg/Name``): once somebody publishes it, and after every reconnection.
+
+        `throttle_ms` is the shortest interval between two messages, and `queue_length` how many may wait in the bridge.
+        After `silence_s` without a message it is subscribed to anew: in ROS 2 a publisher that comes back with another
+        quality of service is not heard otherwise.
+        """
+        name = self.url.resolve(topic)
+        wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s)
+        self._subscriptions[name] = wanted
+        self._refresh_subscriptions()
+
+    def unsubscribe(self, topic: str) -> None:
+        """Ends a subscription."""
+        subscription = self._subscriptions.pop(self.url.resolve(topic), None)
+        if subscription is not None and subscription.is_sent and self._transport is not None:
+            self._transport.send(operations.unsubscribe(subscription.topic))
+
+    def advertise(self, topic: str, kind: str) -> None:
+        """Announces a topic that is published to; needed before `publish`."""
+        name = self.url.resolve(topic)
+        self._advertised[name] = kind
+        if self._transport is not None and self.graph is not None:
+            self._transport.send(operations.advertise(name, self.graph.ros.spell(kind)))
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            try:
+                self._connect_and_serve()
+            except _ClosedError:
+                return
+            except OSError as error:
+                self._lost(error)
+            self._on_step()
+            self._closing.wait(RETRY_S)
+
+    def _connect_and_serve(self) -> None:
+        transport = self._dial(self.url, self._wait)
+        try:
+            self._connected(transport)
+            while not self._closing.is_set():
+                self._serve(transport)
+        finally:
+            self._transport = None
+            self._forget()
+            transport.close()
+
+    def _wait(self) -> None:
+        if self._closing.is_set():
+            raise _ClosedError
+        self._on_step()
+
+    def _connected(self, transport: Transport) -> None:
+        self.connections_count += 1
+        self._transport = transport
+        self._heard, self._heard_s = transport.heard, self._clock.now_s()
+        self._ask_s, self._question = -math.inf, None
+        self.state, self.why_not = LinkState.ASKING, f"{self.url} has not said which topics there are"
+        logs.event(_log, logging.INFO, "bridge_connected", url=str(self.url))
+
+    def _serve(self, transport: Transport) -> None:
+        for data in transport.receive(TICK_S):
+            self._take(data)
+        now_s = self._clock.now_s()
+        self._supervise(transport, now_s)
+        self._send_waiting(transport)
+        self._calls.expire(now_s)
+        self._ask(now_s)
+        self._on_step()
+
+    def _supervise(self, transport: Transport, now_s: float) -> None:
+        """Notes signs of life and asks for them.
+
+        Raises:
+            TimeoutError: None came for long.
+        """
+        if transport.heard != self._heard:
+            self._heard, self._heard_s = transport.heard, now_s
+            if self.state is LinkState.SILENT:
+                self.state, self.why_not = LinkState.UP, ""
+                logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
+        silent_s = now_s - self._heard_s
+        if silent_s > _GIVE_UP_S:
+            raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
+        if silent_s > LOST_S and self.state is LinkState.UP:
+            self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
+            with self._outbox.lock:
+                self._outbox.waiting.clear()
+            logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
+        if now_s - self._ping_s >= _PING_S:
+            self._ping_s = now_s
+            transport.ping()
+
+    def _send_waiting(self, transport: Transport) -> None:
+        with self._outbox.lock:
+            waiting, self._outbox.waiting = self._outbox.waiting, {}
+        for topic, data in waiting.items():
+            if not transport.send(data, is_perishable=True):
+                with self._outbox.lock:
+                    self._outbox.waiting.setdefault(topic, data)
+
+    def _ask(self, now_s: float) -> None:
+        """Asks for the topics: at once, again while something is missing, and now and then later."""
+        question = self._question
+        if question is not None and question.done():
+            self._question = None
+            self._learn(question, now_s)
+        elif question is None and now_s >= self._ask_s:
+            self._question = self.call_service(TOPICS_SERVICE, timeout_s=_ASK_S)
+
+    def _learn(self, question: Future[Message], now_s: float) -> None:
+        try:
+            graph = read_graph(question.result())
+        except (ServiceError, ValueError) as error:
+            self._ask_s = now_s + _ASK_AGAIN_S
+            if self.state is LinkState.ASKING:
+                self.why_not = f"rosapi does not answer ({error}): it runs beside rosbridge, and needs a ROS master"
+                self._say("bridge_without_topics", self.why_not)
+            return
+        is_new, self.graph = self.graph is None, graph
+        if is_new:
+            for topic, kind in self._advertised.items():
+                self.advertise(topic, kind)
+        if self.state is LinkState.ASKING:
+            self.state, self.why_not = LinkState.UP, ""
+        self._refresh_subscriptions()
+        self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
+
+    def _refresh_subscriptions(self) -> None:
+        """Subscribes to what can be, and to what has fallen silent."""
+        transport, graph, now_s = self._transport, self.graph, self._clock.now_s()
+        if transport is None or graph is None:
+            return
+        for each in self._subscriptions.values():
+            each.fault = graph.fault(each.topic, each.kind)
+            if each.is_sent and now_s - each.active_s > each.silence_s:
+                each.fault = each.fault or f"nothing comes on {each.topic}"
+                transport.send(operations.unsubscribe(each.topic))
+                each.is_sent = False
+            if not graph.fault(each.topic, each.kind) and not each.is_sent:
+                each.is_sent, each.active_s = True, now_s
+                kind = graph.ros.spell(each.kind)
+                transport.send(operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length))
+            if "has the type" in each.fault:
+                self._say("topic_unusable", each.fault)
+
+    def _take(self, data: str | bytes) -> None:
+        try:
+            self._execute(operations.decode(data))
+        except (OperationError, KeyError, TypeError, ValueError) as error:
+            self._say("message_unreadable", f"{type(error).__name__}: {error}")
+
+    def _execute(self, operation: dict[str, object]) -> None:
+        kind = operation["op"]
+        if kind == "publish":
+            self._deliver(operation)
+        elif kind == "service_response":
+            self._calls.answer(operation)
+        elif kind == "fragment":
+            whole = self._fragments.add(operation)
+            if whole is not None:
+                self._execute(whole)
+        elif kind == "status" and operation.get("level") in ("error", "warning"):
+            self._say("bridge_status", f"{operation.get('id', '')} {operation.get('msg')}".strip())
+
+    def _deliver(self, operation: dict[str, object]) -> None:
+        subscription = self._subscriptions.get(str(operation["topic"]))
+        message = operation["msg"]
+        if subscription is None or not isinstance(message, dict):
+            return
+        subscription.active_s = now_s = self._clock.now_s()
+        subscription.fault = ""
+        subscription.on_message(message, now_s)
+
+    def _forget(self) -> None:
+        """Forgets what was said on a connection that has ended."""
+        self.state, self.graph, self._question = LinkState.CONNECTING, None, None
+        self._fragments = Fragments()
+        with self._outbox.lock:
+            self._outbox.waiting.clear()
+        for each in self._subscriptions.values():
+            each.is_sent, each.fault = False, ""
+        self._calls.fail_all("the connection to the bridge is lost")
+
+    def _lost(self, error: OSError) -> None:
+        why = error.strerror if error.strerror and error.errno else str(error) or repr(error)
+        if why != self.why_not and not self._closing.is_set():
+            logs.event(_log, logging.WARNING, "bridge_lost", url=str(self.url), why=why)
+        self.why_not = why
+
+    def _say(self, event: str, why: str) -> None:
+        """Logs something once."""
+        if why not in self._said and len(self._said) < _MOST_SAID:
+            self._said.add(why)
+            logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
+
+
+_MOST_SAID = 1000
