@@ -7,7 +7,6 @@ The built-in take-off climbs to 1.2 m; a landing stops at 0.7 m above the ground
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -195,7 +194,7 @@ class Aircraft:
         assert geo.altitude_amsl_m is not None
         altitude_m = geo.altitude_amsl_m + altitude_offset_m
         fields = {"latitude": geo.latitude_deg, "longitude": geo.longitude_deg, "altitude": altitude_m}
-        return self.stamped(**fields, position_covariance=array("d", [0.0] * 9))
+        return self.stamped(**fields, position_covariance=(0.0,) * 9)
 
 
 def _one(value: float) -> Message:
@@ -294,7 +293,13 @@ class Psdk(Front):
         return {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
 
     def log_message(self, words: str) -> Message:
-        return {"stamp": {"sec": 0, "nanosec": 0}, "level": 40, "name": "flight_control_node", "msg": words}
+        return {
+            "stamp": {"sec": 0, "nanosec": 0},
+            "level": 40,
+            "name": "flight_control_node",
+            "msg": words,
+            "topics": [""],
+        }
 
     def _rates(self) -> Message:
         return self.aircraft.stamped(vector={"x": 0.0, "y": 0.0, "z": -self.aircraft.body.yaw_rate_rad_s})

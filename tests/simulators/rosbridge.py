@@ -216,24 +216,27 @@ class Session:
             return
         answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
         try:
-            answer |= {"values": _json_ready(self._bridge.call(name, operation.get("args", {}))), "result": True}
+            answer |= {"values": json_ready(self._bridge.call(name, operation.get("args", {}))), "result": True}
         except RefusedError as error:
             answer |= {"values": str(error), "result": False}
         self.out.append(json.dumps(answer))
 
     def _send(self, topic: str, message: Message, *, is_cbor: bool) -> None:
-        message = _stamped(message, self._bridge.ros)
+        message = stamped(message, self._bridge.ros)
+        if is_cbor and _fails_in_cbor(message):
+            return
         if is_cbor:
             self.out.append(cbor2.dumps({"op": "publish", "topic": topic, "msg": _cbor_ready(message)}))
         else:
-            self.out.append(json.dumps({"op": "publish", "topic": topic, "msg": _json_ready(message)}))
+            self.out.append(json.dumps({"op": "publish", "topic": topic, "msg": json_ready(message)}))
 
     def _log(self, ident: str, words: str) -> None:
         if self._bridge.sends_status:
             self.out.append(json.dumps({"op": "status", "level": "error", "msg": words, "id": ident}))
 
 
-def _stamped(message: Message, ros: int) -> Message:
+def stamped(message: Message, ros: int) -> Message:
+    """Returns the message with its stamp as this ROS names it."""
     header = message.get("header")
     if ros == 2 or header is None:
         return message
@@ -241,12 +244,18 @@ def _stamped(message: Message, ros: int) -> Message:
     return {**message, "header": {**header, "stamp": stamp, "seq": 0}}
 
 
-def _json_ready(value: Any) -> Any:
+def json_ready(value: Any) -> Any:
+    """Returns what JSON can hold: null for NaN."""
     if isinstance(value, Mapping):
-        return {key: _json_ready(each) for key, each in value.items()}
+        return {key: json_ready(each) for key, each in value.items()}
     if isinstance(value, (list, tuple, array)):
-        return [_json_ready(each) for each in value]
+        return [json_ready(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _fails_in_cbor(message: Message) -> bool:
+    """Whether rosbridge_suite drops it: it encodes no arrays of a fixed length (here: tuples), and none of texts."""
+    return any(isinstance(each, tuple) or (isinstance(each, list) and "" in each) for each in message.values())
 
 
 def _cbor_ready(value: Any) -> Any:

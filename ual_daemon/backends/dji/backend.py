@@ -194,10 +194,9 @@ class DjiBackend(Backend):
         return self._run(lambda wrapper: (wrapper.release,))
 
     def _with_authority(self, choose: _Choose1) -> Future[None]:
-        """Obtains the control authority first, where it is not ours: DJI starts nothing without it."""
+        """Obtains the control authority first, where it is not known to be ours: DJI starts nothing without it."""
         telemetry = self._telemetry
-        is_ours = telemetry is not None and telemetry.has_authority
-        if is_ours:
+        if telemetry is not None and telemetry.wrapper.says_authority and telemetry.has_authority:
             return self._run(lambda wrapper: (choose(wrapper),))
         return self._run(lambda wrapper: (*wrapper.obtain, choose(wrapper)), obtains=True)
 

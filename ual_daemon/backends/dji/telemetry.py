@@ -54,6 +54,7 @@ class Telemetry:
         self._home: GeoPoint | None = None
         self._motor_error = 0
         self._altitude_m: float | None = None
+        self._geoid_m: float | None = None
         self._stamp_s = 0.0
         self._heard_s: float | None = None
 
@@ -91,11 +92,12 @@ class Telemetry:
         is_known = all(map(math.isfinite, (latitude_deg, longitude_deg, altitude_m)))
         if not is_known or latitude_deg == longitude_deg == 0.0:
             return
-        ellipsoid_m: float | None = None
+        ellipsoid_m = None
         if self.wrapper.has_sea_level:
             if self._altitude_m is None:
                 return
             ellipsoid_m, altitude_m = altitude_m, self._altitude_m
+            self._geoid_m = ellipsoid_m - altitude_m
         position = self.frame.position(latitude_deg, longitude_deg, altitude_m, now_s, is_good=self._is_good(now_s))
         if position is None or self._orientation is None:
             return
@@ -123,7 +125,9 @@ class Telemetry:
 
     def take_flight_status(self, message: Message, now_s: float) -> None:
         """Takes whether it stands, runs its motors on the ground, or flies."""
-        self._status = Sample(int(number(message.get("flight_status", message.get("data")))), now_s)
+        status = int(number(message.get("flight_status", message.get("data"))))
+        self._status = Sample(status, now_s)
+        self.authority.note_status(status, now_s)
 
     def take_display_mode(self, message: Message, now_s: float) -> None:
         """Takes the mode."""
@@ -225,6 +229,7 @@ class Telemetry:
             position_geo=self._geo,
             projection=self.frame.projection,
             home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
+            geoid_separation_m=self._geoid_m,
             home_geo=self._home,
             battery=self._battery,
             gps=self._gps(),

@@ -31,6 +31,9 @@ _GIVE_UP_S = 3.0
 """A connection without a sign of life for so long is made anew."""
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 """How long the question for the topics may take, and how often it is repeated while something is missing."""
+_CBOR_S = 1.5
+"""A topic on which nothing has come in CBOR for so long is subscribed to in JSON: rosbridge cannot send every type."""
+_REFRESH_S = 0.5
 _LOOK_S = 10.0
 """How often it is repeated while nothing is."""
 
@@ -57,7 +60,9 @@ class _Subscription:
     throttle_ms: int
     queue_length: int
     silence_s: float
+    is_cbor: bool
     is_sent: bool = False
+    has_come: bool = False
     active_s: float = -math.inf
     fault: str = ""
 
@@ -95,7 +100,7 @@ class RosbridgeLink:
         self._transport: Transport | None = None
         self._thread = threading.Thread(target=self._run, name=f"rosbridge {url}", daemon=True)
         self._question: Future[Message] | None = None
-        self._ask_s = self._ping_s = -math.inf
+        self._ask_s = self._ping_s = self._refreshed_s = -math.inf
         self._heard, self._heard_s = 0, -math.inf
         self._said: set[str] = set()
         self.state = LinkState.CONNECTING
@@ -176,7 +181,7 @@ class RosbridgeLink:
         quality of service is not heard otherwise.
         """
         name = self.url.resolve(topic)
-        wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s)
+        wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind))
         self._subscriptions[name] = wanted
         self._refresh_subscriptions()
 
@@ -236,6 +241,8 @@ class RosbridgeLink:
         self._send_waiting(transport)
         self._calls.expire(now_s)
         self._ask(now_s)
+        if now_s - self._refreshed_s >= _REFRESH_S:
+            self._refresh_subscriptions()
         self._on_step()
 
     def _supervise(self, transport: Transport, now_s: float) -> None:
@@ -299,10 +306,14 @@ class RosbridgeLink:
     def _refresh_subscriptions(self) -> None:
         """Subscribes to what can be, and to what has fallen silent."""
         transport, graph, now_s = self._transport, self.graph, self._clock.now_s()
+        self._refreshed_s = now_s
         if transport is None or graph is None:
             return
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
+            if each.is_sent and each.is_cbor and not each.has_come and now_s - each.active_s > _CBOR_S:
+                transport.send(operations.unsubscribe(each.topic))
+                each.is_sent = each.is_cbor = False
             if each.is_sent and now_s - each.active_s > each.silence_s:
                 each.fault = each.fault or f"nothing comes on {each.topic}"
                 transport.send(operations.unsubscribe(each.topic))
@@ -310,7 +321,9 @@ class RosbridgeLink:
             if not graph.fault(each.topic, each.kind) and not each.is_sent:
                 each.is_sent, each.active_s = True, now_s
                 kind = graph.ros.spell(each.kind)
-                transport.send(operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length))
+                transport.send(
+                    operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length, is_cbor=each.is_cbor)
+                )
             if "has the type" in each.fault:
                 self._say("topic_unusable", each.fault)
 
@@ -339,7 +352,7 @@ class RosbridgeLink:
         if subscription is None or not isinstance(message, dict):
             return
         subscription.active_s = now_s = self._clock.now_s()
-        subscription.fault = ""
+        subscription.fault, subscription.has_come = "", True
         subscription.on_message(message, now_s)
 
     def _forget(self) -> None:

@@ -22,9 +22,21 @@ class OperationError(ValueError):
     """What came is no operation of rosbridge."""
 
 
-def subscribe(topic: str, kind: str, throttle_ms: int, queue_length: int) -> bytes:
+_JSON_ONLY = frozenset(
+    ("Imu", "Log", "NavSatFix", "Odometry", "PoseWithCovarianceStamped", "TwistWithCovarianceStamped")
+)
+"""rosbridge's CBOR fails for arrays of a fixed length and of texts: the messages are lost, and only its log says so."""
+
+
+def fits_cbor(kind: str) -> bool:
+    """Whether rosbridge can send a type in CBOR, as far as it is known."""
+    return kind.rsplit("/", 1)[-1] not in _JSON_ONLY
+
+
+def subscribe(topic: str, kind: str, throttle_ms: int, queue_length: int, *, is_cbor: bool) -> bytes:
     """Returns the operation that subscribes. A bridge that does not know CBOR answers in JSON."""
-    options = {"throttle_rate": throttle_ms, "queue_length": queue_length, "compression": "cbor"}
+    compression = "cbor" if is_cbor else "none"
+    options = {"throttle_rate": throttle_ms, "queue_length": queue_length, "compression": compression}
     return _encode({"op": "subscribe", "id": topic, "topic": topic, "type": kind, **options})
 
 

@@ -205,3 +205,15 @@ def test_late_and_overtaking_messages_do_not_disturb_a_flight() -> None:
         fly(uav)
         uav.go_to_waypoint(Pose.at(3.0, 2.0, 4.0))
         uav.land()
+
+
+@pytest.mark.parametrize("kind", [LockstepOsdk, LockstepOsdkVehicle])
+def test_a_pilot_who_lifts_off_by_hand_after_the_motors_were_armed_flies(kind: type[LockstepDji]) -> None:
+    with ready(kind) as (uav, backend):
+        uav.arm()
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+            backend.aircraft.sticks = (0.0, 0.0, -1.0)
+        until(lambda: not backend.aircraft.body.is_on_ground)
+        wait(backend, 0.5)
+        assert uav.state() is State.FLYING_MANUAL

@@ -111,6 +111,16 @@ def test_it_finds_out_which_ros_and_reads_messages(ros: int, has_cbor: bool) -> 
         assert [math.isnan(each) for each in numbers(message["values"])] == [False, True]
 
 
+def test_a_type_that_rosbridge_cannot_send_in_cbor_comes_in_json() -> None:
+    class Fixed(Talker):
+        def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
+            yield "/uav/count", {"fixed": (1.0, 2.0)}
+
+    with RosbridgeServer(Bridge(1, [Fixed()])) as server, listening(server.url) as heard:
+        until(lambda: heard.has_news)
+        assert heard.messages[0][0] == {"fixed": [1.0, 2.0]}
+
+
 def test_services_answer_refuse_are_missing_or_never_answer() -> None:
     with bridged() as (server, _), listening(server.url) as heard:
         until(lambda: heard.link.is_up)
