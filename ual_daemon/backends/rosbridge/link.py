@@ -64,6 +64,8 @@ class _Subscription:
     is_sent: bool = False
     has_come: bool = False
     active_s: float = -math.inf
+    cbor_since_s: float = math.inf
+    """Since when it is subscribed to in CBOR on this connection, however often."""
     fault: str = ""
 
 
@@ -311,7 +313,7 @@ class RosbridgeLink:
             return
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
-            if each.is_sent and each.is_cbor and not each.has_come and now_s - each.active_s > _CBOR_S:
+            if each.is_sent and each.is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:
                 transport.send(operations.unsubscribe(each.topic))
                 each.is_sent = each.is_cbor = False
             if each.is_sent and now_s - each.active_s > each.silence_s:
@@ -320,6 +322,7 @@ class RosbridgeLink:
                 each.is_sent = False
             if not graph.fault(each.topic, each.kind) and not each.is_sent:
                 each.is_sent, each.active_s = True, now_s
+                each.cbor_since_s = min(each.cbor_since_s, now_s)
                 kind = graph.ros.spell(each.kind)
                 transport.send(
                     operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length, is_cbor=each.is_cbor)
@@ -362,7 +365,7 @@ class RosbridgeLink:
         with self._outbox.lock:
             self._outbox.waiting.clear()
         for each in self._subscriptions.values():
-            each.is_sent, each.fault = False, ""
+            each.is_sent, each.cbor_since_s, each.fault = False, math.inf, ""
         self._calls.fail_all("the connection to the bridge is lost")
 
     def _lost(self, error: OSError) -> None:
