@@ -101,7 +101,10 @@ def test_it_flies_in_the_process_and_leaves_no_thread(installed: Path) -> None:
 
 def test_errors_name_what_is_known(installed: Path) -> None:
     unknown, other_setting, bad_value = run(UNKNOWN, installed)
-    assert unknown == "backend: there is no backend 'hoover'; known are airsim, crazyflie, hover, light, mavlink"
+    assert (
+        unknown
+        == "backend: there is no backend 'hoover'; known are airsim, crazyflie, dji, hover, light, mavlink, mavros"
+    )
     assert other_setting == "hover.sped: there is no such setting"
     assert bad_value.startswith("hover.speed: ")
 

@@ -198,7 +198,7 @@ class Flight:
         """Provides a function that returns the samples since the block began, up to now."""
         assert self._observer is not None
         observer = self._observer
-        first = len(observer.samples)
+        first = len(observer.caught_up())  # what is still on its way tells of the motion before
         yield lambda: observer.caught_up()[first:]
 
     def position(self) -> Vector3:

@@ -24,7 +24,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.settings import LimitSettings, VehicleSettings
 
 TOLERANCES = Tolerances(
-    position_m=0.4, wander_m=0.0, heading_rad=0.2, speed_m_s=0.3, line_ratio=0.1, overshoot_ratio=0.1
+    position_m=0.5, wander_m=0.0, heading_rad=0.2, speed_m_s=0.3, line_ratio=0.1, overshoot_ratio=0.1
 )
 LIMIT_M_S = 2.5
 """Slow enough that the checks fly it to its limit."""
