@@ -110,7 +110,9 @@ class Bridge:
     def spelled(self, kind: str) -> str:
         """Returns a type's name as this ROS writes it."""
         package, name = kind.split("/")
-        return kind if self.ros == 1 else f"{package}/msg/{name}"
+        if self.ros == 1:
+            return f"{package}/VFR_HUD" if name == "VfrHud" else kind  # renamed for ROS 2
+        return f"{package}/msg/{name}"
 
     def service(self, name: str) -> Service | None:
         """Returns a service of rosapi or a node."""

@@ -9,6 +9,8 @@ from typing import NamedTuple
 from ual_daemon.backends.rosbridge.operations import Message
 
 TOPICS_SERVICE = "/rosapi/topics"
+_ROS1_NAMES = {"VfrHud": "VFR_HUD"}
+"""ROS 2 allows no underscore in the name of a type, so mavros_msgs renamed this one."""
 
 
 class Ros(IntEnum):
@@ -20,7 +22,7 @@ class Ros(IntEnum):
     def spell(self, kind: str) -> str:
         """Returns the name of a message type (``pkg/Name`` or ``pkg/msg/Name``) as this ROS writes it."""
         package, name = kind.split("/", maxsplit=1)[0], kind.rsplit("/", 1)[-1]
-        return f"{package}/{name}" if self is Ros.ROS1 else f"{package}/msg/{name}"
+        return f"{package}/{_ROS1_NAMES.get(name, name)}" if self is Ros.ROS1 else f"{package}/msg/{name}"
 
 
 class Graph(NamedTuple):
