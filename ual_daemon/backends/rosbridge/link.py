@@ -201,15 +201,22 @@ class RosbridgeLink:
             self._transport.send(operations.advertise(name, self.graph.ros.spell(kind)))
 
     def _run(self) -> None:
+        """Connects until the link is closed. A defect of whoever listens does not end it: it connects anew."""
         while not self._closing.is_set():
             try:
-                self._connect_and_serve()
+                self._attempt()
+                self._on_step()
             except _ClosedError:
                 return
-            except OSError as error:
-                self._lost(error)
-            self._on_step()
+            except Exception:  # noqa: BLE001 - the callers must see a lost link that comes back: this thread goes on
+                _log.exception("the exchange with rosbridge failed; this is a defect of UAL, please report it")
             self._closing.wait(RETRY_S)
+
+    def _attempt(self) -> None:
+        try:
+            self._connect_and_serve()
+        except OSError as error:
+            self._lost(error)
 
     def _connect_and_serve(self) -> None:
         transport = self._dial(self.url, self._wait)

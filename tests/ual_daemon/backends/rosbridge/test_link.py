@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typing_extensions import override
 
 from tests.simulators.rosbridge import Bridge, Message, RefusedError
 from tests.simulators.rosbridge_server import RosbridgeServer
@@ -80,8 +81,8 @@ class Listener:
 
 
 @contextmanager
-def listening(url: str) -> Iterator[Listener]:
-    listener = Listener(f"{url}/uav")
+def listening(url: str, kind: type[Listener] = Listener) -> Iterator[Listener]:
+    listener = kind(f"{url}/uav")
     listener.link.open()
     try:
         yield listener
@@ -119,6 +120,23 @@ def test_a_type_that_rosbridge_cannot_send_in_cbor_comes_in_json() -> None:
     with RosbridgeServer(Bridge(1, [Fixed()])) as server, listening(server.url) as heard:
         until(lambda: heard.has_news)
         assert heard.messages[0][0] == {"fixed": [1.0, 2.0]}
+
+
+def test_a_defect_of_what_listens_does_not_end_the_link(caplog: pytest.LogCaptureFixture) -> None:
+    class Defective(Listener):
+        has_failed = False
+
+        @override
+        def _step(self) -> None:
+            if self.messages and not self.has_failed:
+                self.has_failed = True
+                raise ZeroDivisionError
+
+    with bridged() as (server, _), listening(server.url, Defective) as heard:
+        until(lambda: heard.link.connections_count == 2 and heard.link.is_up)
+        count = len(heard.messages)
+        until(lambda: len(heard.messages) > count)
+    assert "this is a defect of UAL" in caplog.text
 
 
 def test_services_answer_refuse_are_missing_or_never_answer() -> None:
