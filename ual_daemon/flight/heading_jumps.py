@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ual.geometry import Pose, wrap_angle
-from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.flight.jumps import SUSPECTED_S, Jump
+from ual.geometry import wrap_angle
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.jumps import Confirmation, Jump
 
 JUMP_RAD = 0.2
 """What an estimate wanders by within its noise is less, and is turned back."""
@@ -35,30 +35,17 @@ class HeadingJumpDetector:
     """Compares each heading with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._last: _Seen | None = None
-        self._newest: Sample[Pose] | None = None
-        self._is_suspected = False
-
-    def is_suspected(self, now_s: float) -> bool:
-        """Whether the newest heading has jumped, but another one must confirm it."""
-        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < SUSPECTED_S
+        self._poses: Confirmation[_Seen] = Confirmation()
+        self.is_suspected = self._poses.is_suspected
 
     def observe(self, snapshot: Snapshot) -> Jump | None:
-        """Returns by how much the heading has jumped; None if it has not.
-
-        A jump is returned with its second heading, so that a single wrong one is none.
-        """
-        pose, velocity = snapshot.pose, snapshot.velocity
-        if pose is None or velocity is None or (self._newest is not None and pose.time_s == self._newest.time_s):
+        """Returns by how much the heading has jumped, with the second heading there; None if it has not."""
+        poses, pose, velocity = self._poses, snapshot.pose, snapshot.velocity
+        if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        self._newest = pose
         new = _Seen(pose.value.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.boots_count)
-        jump_rad = _jump_rad(self._last, new)
-        if jump_rad and not self._is_suspected:  # the next one is compared with the same heading
-            self._is_suspected = True
-            return None
-        self._last, self._is_suspected = new, False
-        return Jump(yaw_rad=jump_rad) if jump_rad else None
+        jump_rad = _jump_rad(poses.last, new)
+        return Jump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 
 
 def _jump_rad(last: _Seen | None, new: _Seen) -> float:

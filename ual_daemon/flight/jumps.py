@@ -7,10 +7,12 @@ position changed by far more than the velocity explains, and stays there. `headi
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Vector3
 from ual_daemon.backends.values import Sample, Snapshot
+
+T = TypeVar("T")
 
 JUMP_M = 1.0
 """What an estimate wanders by within its noise is less, and is flown out."""
@@ -22,8 +24,6 @@ _LONGEST_S = 2.0
 _ACCELERATION_M_S2 = 4.0
 """Between two positions a UAV may fly elsewhere than the mean of its velocities says, by half of this times the time
 squared."""
-
-
 SUSPECTED_S = 0.2
 """So long a suspicion counts if no other position comes."""
 
@@ -64,46 +64,66 @@ class _Seen(NamedTuple):
     boots_count: int
 
 
+class Confirmation(Generic[T]):
+    """What poses are compared with: the `last` that was no jump. A single wrong pose is none: a second must confirm it.
+
+    Belongs to the update thread.
+    """
+
+    def __init__(self) -> None:
+        self.last: T | None = None
+        self.is_waiting = False
+        """Whether the newest pose has jumped, and was not confirmed yet."""
+        self._newest_s = -math.inf
+
+    def is_new(self, pose: Sample[Pose]) -> bool:
+        """Returns whether this pose was not seen yet, and takes it as the newest."""
+        is_new, self._newest_s = pose.time_s != self._newest_s, pose.time_s
+        return is_new
+
+    def is_suspected(self, now_s: float) -> bool:
+        """Whether the newest pose has jumped, but another one must confirm it, and may still come."""
+        return self.is_waiting and now_s - self._newest_s < SUSPECTED_S
+
+    def accept(self, new: T) -> None:
+        """Takes a pose that is compared with those that follow."""
+        self.last, self.is_waiting = new, False
+
+    def confirms(self, new: T, *, has_jumped: bool) -> bool:
+        """Takes a pose. Returns whether it confirms a jump. The pose after a suspected one is compared with the same."""
+        if has_jumped and not self.is_waiting:
+            self.is_waiting = True
+            return False
+        self.accept(new)
+        return has_jumped
+
+
 class JumpDetector:
     """Compares each position with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._last: _Seen | None = None
-        self._newest: Sample[Pose] | None = None
-        self._is_suspected = False
+        self._poses: Confirmation[_Seen] = Confirmation()
         self._usual_m = 0.0
-
-    def is_suspected(self, now_s: float) -> bool:
-        """Whether the newest position has jumped, but another one must confirm it."""
-        return self._is_suspected and self._newest is not None and now_s - self._newest.time_s < SUSPECTED_S
+        self.is_suspected = self._poses.is_suspected
 
     def observe(self, snapshot: Snapshot) -> Jump | None:
-        """Returns by how much the estimate has jumped; None if it has not.
-
-        A jump is returned with its second position, so that a single wrong one is none.
-        """
-        pose, sample = snapshot.pose, snapshot.velocity
-        if pose is None or sample is None or (self._newest is not None and pose.time_s == self._newest.time_s):
+        """Returns by how much the estimate has jumped, with the second position there; None if it has not."""
+        poses, pose, sample = self._poses, snapshot.pose, snapshot.velocity
+        if pose is None or sample is None or not poses.is_new(pose):
             return None
-        self._newest = pose
-        last = self._last
+        last = poses.last
         measured_s = snapshot.measured_s or snapshot.stamp_s
         new = _Seen(pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.boots_count)
-        if last is not None and not self._is_suspected and self._is_continued(last, new):
-            self._last = new
+        if last is not None and not poses.is_waiting and self._is_continued(last, new):
+            poses.last = new
             return None
         passed_s = 0.0 if last is None else _longest_s(last, new)
         if last is None or passed_s > _LONGEST_S or new.boots_count != last.boots_count:
-            self._last, self._is_suspected = new, False
+            poses.accept(new)
             return None
         step = _unexplained(last, new, passed_s)
         free_m = max(JUMP_M, _NOISE_FACTOR * self._usual_m) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
-        has_jumped = step.norm() > free_m
-        if has_jumped and not self._is_suspected:  # the next one is compared with the same position
-            self._is_suspected = True
-            return None
-        self._last, self._is_suspected = new, False
-        return Jump(step) if has_jumped else None
+        return Jump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
 
     def _is_continued(self, last: _Seen, new: _Seen) -> bool:
         """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""
