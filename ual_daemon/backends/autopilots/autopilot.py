@@ -207,6 +207,14 @@ def version_text(number: int) -> str:
     return f"{major}.{minor}.{patch} {kind}".rstrip()
 
 
+def assumed_text(limits: Limits) -> str:
+    """Returns for people what is assumed instead of parameters that the autopilot does not send."""
+    return (
+        f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
+        f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+    )
+
+
 def fence_limit(parameters: Mapping[str, float], name: str, *, least: float = 0.0) -> FenceLimit | None:
     """Returns the limit that a parameter sets; None where it is not known, or not above `least`."""
     value = parameters.get(name)

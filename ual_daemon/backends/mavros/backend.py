@@ -16,6 +16,7 @@ from ual.types import Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
 from ual_daemon.backends.autopilots.autopilot import HomeUnknownError
+from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
@@ -33,9 +34,6 @@ _log = logging.getLogger(__name__)
 
 UPDATE_S = 0.05
 """The longest interval between two updates."""
-PAUSE_S = 1.0
-"""When this thread was not scheduled for so long, what was received is old: PX4 may have left OFFBOARD meanwhile."""
-PAUSE_SHOWN_S = 2.0
 HOME_PATIENCE_S = 2.0
 """A command that needs the position of home waits this long for it: at arming it is forgotten, and asked for again."""
 
@@ -65,8 +63,8 @@ class MavrosBackend(Backend):
         self._snapshot = Snapshot(-math.inf)
         self._info = VehicleInfo()
         self._has_news = False
-        self._updated_s = self._stepped_s = -math.inf
-        self._own_pause = ("", -math.inf)
+        self._updated_s = -math.inf
+        self._own_pause = OwnPause()
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -169,10 +167,9 @@ class MavrosBackend(Backend):
         self._has_news = self._has_news or topic == topics.POSE
 
     def _watch_pause(self, now_s: float) -> None:
-        pause_s, self._stepped_s = now_s - self._stepped_s, now_s
         session = None if self._discovery is None else self._discovery.session
-        if math.isfinite(pause_s) and pause_s > PAUSE_S and session is not None:
-            self._own_pause = (f"this computer did not run UAL for {pause_s:.1f} s", now_s)
+        pause_s = self._own_pause.woke(now_s, math.inf if session is None else session.freshness.link_s)
+        if pause_s and session is not None:
             logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
             session.restart()
 
@@ -188,8 +185,7 @@ class MavrosBackend(Backend):
         else:
             self._info = discovery.info
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
-        pause, paused_s = self._own_pause
-        snapshot = snapshot._replace(updated_s=now_s, own_pause=pause if now_s - paused_s < PAUSE_SHOWN_S else "")
+        snapshot = snapshot._replace(updated_s=now_s, own_pause=self._own_pause.why(now_s))
         self._snapshot = snapshot = snapshot._replace(status_text=why) if why else snapshot
         try:
             self._on_update(snapshot)

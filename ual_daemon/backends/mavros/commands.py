@@ -129,6 +129,8 @@ class Commands:
         self._call = call
         self._setpoints_s = setpoints_s
         self._running: _Running | None = None
+        self._now_s = 0.0
+        """The time of the newest tick."""
 
     @property
     def is_under_way(self) -> bool:
@@ -156,7 +158,8 @@ class Commands:
 
     def tick(self, snapshot: Snapshot) -> None:
         """Does what is due; to be called often."""
-        running, now_s = self._running, snapshot.time_s
+        running = self._running
+        self._now_s = now_s = snapshot.time_s
         if running is None:
             return
         if running.is_withdrawn() or self._is_over(running, snapshot):
@@ -212,12 +215,6 @@ class Commands:
             running.refused_s = self._now_s
         elif answer.get("success"):
             running.next_s = float("inf")  # acknowledged: only the effect is to come
-
-    _now_s = 0.0
-
-    def at(self, now_s: float) -> None:
-        """Sets the time of what comes next."""
-        self._now_s = now_s
 
     def _advance(self, running: _Running, now_s: float) -> None:
         if len(running.steps) == 1:

@@ -39,6 +39,7 @@ class ParameterReader:
         self._queue: list[str] = []
         self._next_s = 0.0
         self._round_s = FIRST_ROUND_S
+        self._optional_asked = False
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -72,8 +73,6 @@ class ParameterReader:
         """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
         asked, self._optional_asked = self._optional_asked, True
         return [] if asked else absent
-
-    _optional_asked = False
 
     def _take_all(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):

@@ -11,7 +11,7 @@ from dataclasses import replace
 from ual.types import Capability
 from ual_daemon import logs
 from ual_daemon.backends.autopilots import px4_events
-from ual_daemon.backends.autopilots.autopilot import Autopilot, SimulationVerdict, version_text
+from ual_daemon.backends.autopilots.autopilot import Autopilot, SimulationVerdict, assumed_text, version_text
 from ual_daemon.backends.autopilots.cause_watch import CauseWatch
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.autopilots.health_report import HealthReport
@@ -68,7 +68,9 @@ class Session:
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
         telemetry = self.telemetry
-        self._parameters = ParameterReader(autopilot, telemetry.parameters, telemetry.plausibility, self._on_parameters)
+        self._parameters = ParameterReader(
+            autopilot, telemetry.parameters, telemetry.plausibility, telemetry.fence.update
+        )
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
         self._is_calling = False
         self._next_request_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
@@ -129,7 +131,6 @@ class Session:
     def tick(self, now_s: float, ros: Ros) -> None:
         """Does what is due; to be called often."""
         self._began_s = min(self._began_s, now_s)
-        self._commands.at(now_s)
         self._commands.tick(self.telemetry.snapshot(now_s))
         self._update_freshness()
         self._check_boot()
@@ -209,9 +210,6 @@ class Session:
         if event.text:
             self._commands.on_text(event.text)
 
-    def _on_parameters(self) -> None:
-        self.telemetry.update_fence()
-
     # --- What is asked for --------------------------------------------------------------------------------------------
 
     def _heartbeat_s(self) -> float:
@@ -234,15 +232,14 @@ class Session:
         missing = self._parameters.missing
         if missing and now_s - self._began_s > 60.0 and missing != self._reported_missing:
             self._reported_missing = missing
-            logs.event(_log, logging.WARNING, "parameters_missing", names=", ".join(missing), assumed=self._assumed())
+            logs.event(
+                _log,
+                logging.WARNING,
+                "parameters_missing",
+                names=", ".join(missing),
+                assumed=assumed_text(self.info().limits),
+            )
         return self._parameters.tick(now_s, ros, self._call_alone)
-
-    def _assumed(self) -> str:
-        limits = self.info().limits
-        return (
-            f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
-            f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
-        )
 
     def _request(self, message_id: int, now_s: float, period_s: float) -> bool:
         """Asks the autopilot for a message, if that is due."""

@@ -14,6 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.autopilots.boot_time import BootTime
 from ual_daemon.backends.autopilots.clock_offset import ClockOffset
+from ual_daemon.backends.autopilots.fence_reader import FenceReader
 from ual_daemon.backends.autopilots.local_origin import LocalOrigin
 from ual_daemon.backends.autopilots.numbers import Sensor
 from ual_daemon.backends.autopilots.plausibility import Plausibility
@@ -22,7 +23,7 @@ from ual_daemon.backends.mavros.geoid import Geoid
 from ual_daemon.backends.mavros.ordering import Ordering
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, stamp_s, vector
-from ual_daemon.backends.values import NEVER_S, NO_FENCE, Estimator, LandedState, Mode, OwnFence, Sample, Snapshot
+from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -45,6 +46,7 @@ class Telemetry:
         self.autopilot = autopilot
         self.plausibility = Plausibility()
         self.parameters: dict[str, float] = {}
+        self.fence = FenceReader(autopilot, self.parameters)
         self.counts: Counter[str] = Counter()
         """How many messages came on each topic."""
         self.origin = LocalOrigin()
@@ -79,8 +81,6 @@ class Telemetry:
         self._gps: GpsInfo | None = None
         self._satellites_count = 0
         self._battery: Battery | None = None
-        self._is_fence_enabled = False
-        self._own_fence: OwnFence = NO_FENCE
         self._has_rangefinder = False
         self.status_text = ""
         self._handlers: dict[str, Callable[[Message, float], None]] = {
@@ -184,17 +184,8 @@ class Telemetry:
             status_text=self.status_text,
             boots_count=self.boots_count,
             has_rangefinder=self._has_rangefinder,
-            own_fence=self._own_fence if self._own_fence.limits else None,
+            own_fence=self.fence.limits,
         )
-
-    def update_fence(self) -> None:
-        """Reads its own fence from the parameters; to be called when some have come."""
-        fence = self.autopilot.own_fence(self.parameters, is_enabled=self._is_fence_enabled)
-        if fence == self._own_fence:
-            return
-        self._own_fence = fence
-        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
-        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)
 
     # --- What comes ---------------------------------------------------------------------------------------------------
 
@@ -214,9 +205,7 @@ class Telemetry:
         present, enabled, health = (int(message[f"sensors_{name}"]) for name in ("present", "enabled", "health"))
         self.is_ready_to_arm = bool(health & Sensor.PREARM_CHECK)
         self._has_rangefinder = bool(enabled & Sensor.LASER_POSITION)
-        if bool(enabled & Sensor.GEOFENCE) is not self._is_fence_enabled:
-            self._is_fence_enabled = not self._is_fence_enabled
-            self.update_fence()
+        self.fence.set_enabled(bool(enabled & Sensor.GEOFENCE))
         if not self.counts[topics.ESTIMATOR_STATUS]:  # ArduPilot does not send it: its poses come while they are good
             is_ill = present & Sensor.AHRS and not health & Sensor.AHRS
             self._estimator = Sample(_NO_AHRS if is_ill else _GOOD, now_s)

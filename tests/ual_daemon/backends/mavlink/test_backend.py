@@ -277,7 +277,7 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ual_daemon.backends.mavlink.session.receive_loop.PAUSE_S", 0.3)
+    monkeypatch.setattr("ual_daemon.backends.autopilots.own_pause.PAUSE_S", 0.3)
     resume, paused = threading.Event(), threading.Event()
     seen: list[Snapshot] = []
 

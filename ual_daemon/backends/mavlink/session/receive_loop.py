@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from ual.geometry import Pose
 from ual_daemon import logs
+from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.links import Chunk, Connection
@@ -25,13 +26,6 @@ TICK_S = 0.05
 """The longest interval between two ticks, and between two updates."""
 FAST_TICK_S = 0.01
 """The shortest interval between two ticks: after a pose, and while an answer of the autopilot is awaited."""
-PAUSE_S = 1.0
-"""When this thread was not scheduled for so long (a stopped process, a starved computer), the received data are old.
-PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old mode would take it back there. PX4's own
-limit (COM_OF_LOSS_T) counts where it is shorter."""
-
-PAUSE_SHOWN_S = 2.0
-"""After a pause of this thread the autopilot is not blamed for this long for what is missing."""
 
 
 class ReceiveLoop:
@@ -61,8 +55,7 @@ class ReceiveLoop:
         self._session: Session | None = None
         """The session that `info` is about."""
         self._freshness: Freshness | None = None
-        self._own_pause = ("", -math.inf)
-        """What the last pause of this thread was, for people, and when it ended."""
+        self._own_pause = OwnPause()
         self._pose: Sample[Pose] | None
         self._reset_schedule()
 
@@ -110,7 +103,7 @@ class ReceiveLoop:
             self._tick_if_due(now_s, has_moved=has_moved)
 
     def _reset_schedule(self) -> None:
-        self._next_full_tick_s = self._ticked_s = self._updated_s = self._woke_s = self._clock.now_s()
+        self._next_full_tick_s = self._ticked_s = self._updated_s = self._own_pause.woke_s = self._clock.now_s()
         self._has_news = False
         self._connections_count = 0
         self._pose = None
@@ -119,17 +112,14 @@ class ReceiveLoop:
         connection, clock = self._connection, self._clock
         chunks = connection.receive(self._next_full_tick_s - clock.now_s(), clock.now_s())
         woke_s = clock.now_s()
-        pause_s, self._woke_s = woke_s - self._woke_s, woke_s
-        if pause_s > self._longest_pause_s():
+        pause_s = self._own_pause.woke(woke_s, math.inf if self._session is None else self._session.freshness.link_s)
+        if pause_s:
             chunks = self._discard_old(woke_s, pause_s)
         if connection.connections_count != self._connections_count:
             self._connections_count = connection.connections_count
             self._discovery.reconnected()
         for data, address in chunks:
             self._discovery.receiver.receive(data, address, clock.now_s(), clock.utc_s())
-
-    def _longest_pause_s(self) -> float:
-        return PAUSE_S if self._session is None else min(PAUSE_S, self._session.freshness.link_s)
 
     def _publish_if_due(self, now_s: float) -> bool:
         """Publishes a new pose at once, and otherwise every `TICK_S`. Returns whether the pose is new."""
@@ -160,7 +150,6 @@ class ReceiveLoop:
             self._refresh_info(session)
 
     def _discard_old(self, now_s: float, pause_s: float) -> list[Chunk]:
-        self._own_pause = (f"this computer did not run UAL for {pause_s:.1f} s", now_s)
         _log.warning("this thread was not scheduled for %.1f s: requesting the autopilot's state anew", pause_s)
         self._connection.discard(now_s)
         self._discovery.discard_state()
@@ -186,9 +175,8 @@ class ReceiveLoop:
     def _publish(self, now_s: float) -> None:
         session, trouble = self._discovery.session, self._connection.trouble
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
-        why, paused_s = self._own_pause
         # What came after the last batch was received is not in it, however long the batch has taken.
-        snapshot = snapshot._replace(updated_s=self._woke_s, own_pause=why if now_s - paused_s < PAUSE_SHOWN_S else "")
+        snapshot = snapshot._replace(updated_s=self._own_pause.woke_s, own_pause=self._own_pause.why(now_s))
         if trouble:
             snapshot = snapshot._replace(status_text=trouble)
         self.snapshot = snapshot

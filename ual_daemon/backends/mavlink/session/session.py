@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.autopilot import SimulationVerdict
+from ual_daemon.backends.autopilots.autopilot import SimulationVerdict, assumed_text
 from ual_daemon.backends.autopilots.cause_watch import CauseWatch
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.autopilots.health_report import HealthReport
@@ -393,12 +393,13 @@ class Session:
         if names == self._reported_missing:
             return
         self._reported_missing = names
-        limits = self.info().limits
-        assumed = (
-            f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
-            f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+        logs.event(
+            _log,
+            logging.WARNING,
+            "parameters_missing",
+            names=", ".join(names),
+            assumed=assumed_text(self.info().limits),
         )
-        logs.event(_log, logging.WARNING, "parameters_missing", names=", ".join(names), assumed=assumed)
 
     def release(self) -> None:
         """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Callable
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
-from ual_daemon import logs
 from ual_daemon.backends.autopilots.clock_offset import ClockOffset
+from ual_daemon.backends.autopilots.fence_reader import FenceReader
 from ual_daemon.backends.autopilots.local_origin import LocalOrigin
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, orientation_to_enu
@@ -18,9 +17,7 @@ from ual_daemon.backends.mavlink.session.conversions import battery, degrees, ge
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.status_text import StatusText
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.values import NEVER_S, NO_FENCE, Estimator, LandedState, Mode, OwnFence, Sample, Snapshot
-
-_log = logging.getLogger(__name__)
+from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 
 ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
@@ -61,9 +58,6 @@ class Telemetry:
         """Where its local frame is on Earth."""
         self._home_altitude_amsl_m: float | None = None
         self._home_geo: GeoPoint | None = None
-        self._is_fence_enabled = False
-        self._own_fence = NO_FENCE
-        self._own_limits: OwnFence | None = None
         self._geoid_separation_m: float | None = None
         self._has_rangefinder = False
         self._battery: Battery | None = None
@@ -85,6 +79,7 @@ class Telemetry:
         """Whether it says so: some autopilots do not have the bit."""
         self.parameters: dict[str, float] = {}
         """Those of `Dialect.parameters` that it has sent."""
+        self._fence = FenceReader(dialect, self.parameters)
         self.message_counts: Counter[int] = Counter()
         """How many messages of each id came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -222,7 +217,7 @@ class Telemetry:
             boots_count=self._boots_count,
             has_rangefinder=self._has_rangefinder,
             conflict=self.conflict,
-            own_fence=self._own_limits,
+            own_fence=self._fence.limits,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -323,10 +318,7 @@ class Telemetry:
         self._has_rangefinder = bool(
             message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
         )
-        is_enabled = bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE)
-        if is_enabled is not self._is_fence_enabled:
-            self._is_fence_enabled = is_enabled
-            self._update_fence()
+        self._fence.set_enabled(bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE))
         found = battery(message)
         if found is None or self.plausibility.accepts_battery(found):
             self._battery = found
@@ -345,13 +337,4 @@ class Telemetry:
         value = self._dialect.parameter_value(message)
         if value is not None and self.plausibility.accepts_parameter(name, value):
             self.parameters[name] = value
-            self._update_fence()
-
-    def _update_fence(self) -> None:
-        fence = self._dialect.own_fence(self.parameters, is_enabled=self._is_fence_enabled)
-        if fence == self._own_fence:
-            return
-        self._own_fence = fence
-        self._own_limits = fence if fence.limits else None
-        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
-        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)
+            self._fence.update()
