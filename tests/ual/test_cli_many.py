@@ -15,6 +15,7 @@ from click.testing import CliRunner, Result
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from ual._cli import cli
+from ual._cli.app import Session
 from ual._cli.start import Time
 from ual.types import State
 
@@ -157,3 +158,21 @@ def test_watch_takes_all_before_and_behind_the_command(fleet: DaemonProcess) -> 
     del fleet
     for words in (("--all", "watch", "--once"), ("watch", "--all", "--once")):
         assert run(*words).stdout.count("LANDED_ARMED") == 3
+
+
+def test_where_one_ends_before_it_begins_the_others_do_not_wait_for_it(
+    fleet: DaemonProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del fleet
+    connect = Session.connect
+
+    def connect_or_fail(session: Session) -> ual.Uav:
+        if session.ns == "uav_2":
+            raise ZeroDivisionError
+        return connect(session)
+
+    monkeypatch.setattr(Session, "connect", connect_or_fail)
+    result = run("--all", "takeoff", "3")
+    assert isinstance(result.exception, ZeroDivisionError)
+    assert result.stderr.count("nothing was sent") == 2
+    assert states() == [State.LANDED_ARMED] * 3

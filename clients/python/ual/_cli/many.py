@@ -111,6 +111,8 @@ class _Run:
             self.status = end.exit_code
         except BaseException as error:  # noqa: BLE001 (raised by the main thread)
             self.defect = error
+        finally:
+            self._member.leave()
 
 
 def _context(context: click.Context, session: Session) -> click.Context:

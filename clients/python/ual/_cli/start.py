@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 from typing_extensions import override
 
-from ual.errors import DaemonUnreachableError, UalError
+from ual.errors import DaemonUnreachableError
 
 if TYPE_CHECKING:
     from ual._client import Uav
@@ -99,13 +99,14 @@ class Member:
     def meet(self, uav: Uav) -> None:
         """Takes the connection to the UAV, and waits for those of the others."""
         if self._uav is None:
-            try:
-                uav.info()
-            except UalError:
-                self._gate.close()
-                raise
+            uav.info()
             self._gate.pass_through()
         self._uav = uav
+
+    def leave(self) -> None:
+        """Takes note that its command has ended. Where that was before it came to the gate, the others do not wait."""
+        if self._uav is None:
+            self._gate.close()
 
     def stop(self) -> None:
         """Stops what the command has begun. Raises the `UalError` by which that is refused."""
