@@ -6,6 +6,7 @@ import math
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.authority import Authority
 from ual_daemon.backends.dji.local_frame import LocalFrame
@@ -31,6 +32,7 @@ class Telemetry:
         self.frame = LocalFrame()
         self.authority = Authority()
         self.obstacles = ObstacleWatch()
+        self._plausibility = Plausibility()
         self.status_text = ""
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
@@ -71,26 +73,34 @@ class Telemetry:
 
     def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
-        self._attitude_s = now_s
-        self._orientation = quaternion(message["quaternion"]).normalized()
+        rotation = quaternion(message["quaternion"])
+        if self._plausibility.accepts_rotation(rotation):
+            self._attitude_s, self._orientation = now_s, rotation.normalized()
 
     def take_velocity(self, message: Message, now_s: float) -> None:
         """Takes the velocity: east, north, up."""
-        self._velocity = Sample(vector(message["vector"]), now_s)
+        velocity = vector(message["vector"])
+        if self._plausibility.accepts_velocity(velocity):
+            self._velocity = Sample(velocity, now_s)
 
     def take_rates(self, message: Message, _: float) -> None:
         """Takes the angular velocity about east, north, up; only that about up is used."""
-        self._rates = Vector3(0.0, 0.0, number(message["vector"]["z"]))
+        self._take_rates(Vector3(0.0, 0.0, number(message["vector"]["z"])))
 
     def take_body_rates(self, message: Message, _: float) -> None:
         """Takes the angular velocity about the axes of the body."""
-        self._rates = vector(message["vector"])
+        self._take_rates(vector(message["vector"]))
+
+    def _take_rates(self, rates: Vector3) -> None:
+        if self._plausibility.accepts_rates(rates):
+            self._rates = rates
 
     def take_position(self, message: Message, now_s: float) -> None:
         """Takes the fused position, which makes a pose."""
         latitude_deg, longitude_deg, altitude_m = (number(message[name]) for name in _PLACE)
-        is_known = all(map(math.isfinite, (latitude_deg, longitude_deg, altitude_m)))
-        if not is_known or latitude_deg == longitude_deg == 0.0:
+        if latitude_deg == longitude_deg == 0.0:
+            return
+        if not self._plausibility.accepts_geo_point(GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m)):
             return
         ellipsoid_m = None
         if self.wrapper.has_sea_level:
@@ -108,7 +118,9 @@ class Telemetry:
 
     def take_altitude(self, message: Message, _: float) -> None:
         """Takes the fused altitude above mean sea level."""
-        self._altitude_m = number(message["data"])
+        altitude_m = number(message["data"])
+        if self._plausibility.accepts_altitude(altitude_m):
+            self._altitude_m = altitude_m
 
     def take_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
@@ -117,7 +129,7 @@ class Telemetry:
     def take_rtk_position(self, message: Message, now_s: float) -> None:
         """Takes the position by RTK."""
         place = number(message["latitude"]), number(message["longitude"])
-        self.frame.note_rtk(*place, now_s, is_fixed=self._is_rtk_fixed and all(map(math.isfinite, place)))
+        self.frame.note_rtk(*place, now_s, is_fixed=self._is_rtk_fixed and self._plausibility.accepts_place(*place))
 
     def take_gps_level(self, message: Message, now_s: float) -> None:
         """Takes how good the position is, 0 to 5."""
@@ -162,7 +174,9 @@ class Telemetry:
 
     def take_home(self, message: Message, _: float) -> None:
         """Takes where it would return to."""
-        self._home = GeoPoint(number(message["latitude"]), number(message["longitude"]))
+        home = GeoPoint(number(message["latitude"]), number(message["longitude"]))
+        if self._plausibility.accepts_geo_point(home):
+            self._home = home
 
     def take_motor_error(self, message: Message, _: float) -> None:
         """Takes why the motors would not start; 0: they would."""
