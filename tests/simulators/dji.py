@@ -202,12 +202,14 @@ def _one(value: float) -> Message:
 
 
 class Front:
-    """A wrapper in front of an aircraft, as a node. `rates_hz` are how often topics are sent."""
+    """A wrapper in front of an aircraft, as a node. `kinds` are the type, rate in Hz and content of each topic."""
+
+    prefix = ""
 
     def __init__(self, aircraft: Aircraft, kinds: Mapping[str, tuple[str, float, Callable[[], Message]]]) -> None:
         self.aircraft = aircraft
-        self._kinds = kinds
-        self._due_s = dict.fromkeys(kinds, 0.0)
+        self._kinds = {f"{self.prefix}{name}": kind for name, kind in kinds.items()}
+        self._due_s = dict.fromkeys(self._kinds, 0.0)
 
     @property
     def topics(self) -> Mapping[str, str]:
@@ -247,30 +249,29 @@ class Front:
 class Psdk(Front):
     """psdk_ros2. Its services say whether they succeeded, and only its log says why not."""
 
+    prefix = "/psdk_ros2/"
+
     def __init__(self, aircraft: Aircraft, state_rate_hz: float = 50.0) -> None:
         a, one = aircraft, _one
         super().__init__(
             aircraft,
             {
-                f"/psdk_ros2/{name}": entry
-                for name, entry in {
-                    "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
-                    "velocity_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
-                    "angular_rate_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
-                    "altitude_sea_level": ("std_msgs/Float32", 50.0, lambda: one(a.place()["altitude"])),
-                    "gps_position_fused": ("sensor_msgs/NavSatFix", 50.0, lambda: a.place(40.0)),
-                    "rtk_position": ("sensor_msgs/NavSatFix", 5.0, a.place),
-                    "rtk_position_info": ("std_msgs/UInt8", 5.0, lambda: one(50 if a.has_rtk else 0)),
-                    "gps_control_level": ("std_msgs/UInt8", 5.0, lambda: one(a.gps_level)),
-                    "flight_status": ("psdk_interfaces/FlightStatus", state_rate_hz, self._status),
-                    "display_mode": ("psdk_interfaces/DisplayMode", state_rate_hz, self._display),
-                    "control_mode": ("psdk_interfaces/ControlMode", state_rate_hz, self._control),
-                    "rc_connection_status": ("psdk_interfaces/RCConnectionStatus", 1.0, self._rc),
-                    "battery": ("sensor_msgs/BatteryState", 1.0, self._battery),
-                    "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
-                    "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(0)),
-                    "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
-                }.items()
+                "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
+                "velocity_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
+                "angular_rate_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
+                "altitude_sea_level": ("std_msgs/Float32", 50.0, lambda: one(a.place()["altitude"])),
+                "gps_position_fused": ("sensor_msgs/NavSatFix", 50.0, lambda: a.place(40.0)),
+                "rtk_position": ("sensor_msgs/NavSatFix", 5.0, a.place),
+                "rtk_position_info": ("std_msgs/UInt8", 5.0, lambda: one(50 if a.has_rtk else 0)),
+                "gps_control_level": ("std_msgs/UInt8", 5.0, lambda: one(a.gps_level)),
+                "flight_status": ("psdk_interfaces/FlightStatus", state_rate_hz, self._status),
+                "display_mode": ("psdk_interfaces/DisplayMode", state_rate_hz, self._display),
+                "control_mode": ("psdk_interfaces/ControlMode", state_rate_hz, self._control),
+                "rc_connection_status": ("psdk_interfaces/RCConnectionStatus", 1.0, self._rc),
+                "battery": ("sensor_msgs/BatteryState", 1.0, self._battery),
+                "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
+                "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(0)),
+                "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
             },
         )
 
@@ -332,23 +333,22 @@ class Psdk(Front):
 class _Osdk(Front):
     """What both nodes of dji_osdk_ros publish. Nothing says who has the control authority."""
 
+    prefix = "/dji_osdk_ros/"
+
     def __init__(self, aircraft: Aircraft) -> None:
         a, one = aircraft, _one
         super().__init__(
             aircraft,
             {
-                f"/dji_osdk_ros/{name}": entry
-                for name, entry in {
-                    "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
-                    "velocity": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
-                    "angular_velocity_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
-                    "gps_position": ("sensor_msgs/NavSatFix", 50.0, a.place),
-                    "gps_health": ("std_msgs/UInt8", 50.0, lambda: one(a.gps_level)),
-                    "flight_status": ("std_msgs/UInt8", 50.0, lambda: one(a.status)),
-                    "display_mode": ("std_msgs/UInt8", 50.0, lambda: one(a.display)),
-                    "battery_state": ("sensor_msgs/BatteryState", 5.0, self._battery),
-                    "height_above_takeoff": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
-                }.items()
+                "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
+                "velocity": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
+                "angular_velocity_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
+                "gps_position": ("sensor_msgs/NavSatFix", 50.0, a.place),
+                "gps_health": ("std_msgs/UInt8", 50.0, lambda: one(a.gps_level)),
+                "flight_status": ("std_msgs/UInt8", 50.0, lambda: one(a.status)),
+                "display_mode": ("std_msgs/UInt8", 50.0, lambda: one(a.display)),
+                "battery_state": ("sensor_msgs/BatteryState", 5.0, self._battery),
+                "height_above_takeoff": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
             },
         )
 

@@ -90,7 +90,7 @@ class Confirmation(Generic[T]):
         self.last, self.is_waiting = new, False
 
     def confirms(self, new: T, *, has_jumped: bool) -> bool:
-        """Takes a pose. Returns whether it confirms a jump. The pose after a suspected one is compared with the same."""
+        """Takes a pose. Returns whether it confirms a jump: pose after a suspected one is compared with the same."""
         if has_jumped and not self.is_waiting:
             self.is_waiting = True
             return False

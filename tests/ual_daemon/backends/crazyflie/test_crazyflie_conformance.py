@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from _pytest.mark import ParameterSet
 
-import ual
-from tests.conftest import LIMIT_S, DaemonProcess
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
-from ual import _discovery, conformance
+from ual import conformance
 from ual.conformance import Check, Tolerances
-from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -39,36 +34,20 @@ def over_class(stack: ExitStack, _: Path) -> Uav:
 
 
 def over_grpc(stack: ExitStack, directory: Path) -> Uav:
-    flags = ("--backend", "lockstep_crazyflie", "--listen", "127.0.0.1:0", "--allow-arming")
-    environment = {_discovery.RUNTIME_DIR_VARIABLE: str(directory), "XDG_CACHE_HOME": str(directory)}
-    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
-    stack.callback(daemon.close)
-    return stack.enter_context(ual.Uav(address=daemon.address))
+    return served(stack, directory, "lockstep_crazyflie", "--allow-arming")
 
 
-Make = Callable[[ExitStack, Path], Uav]
+WAYS = [grouped(make, make.__name__, f"crazyflie_{make.__name__}") for make in (over_class, over_grpc)]
 
 
-def grouped(make: Make) -> ParameterSet:
-    """A parameter whose tests all run on one worker: one daemon, and one flight from check to check."""
-    return pytest.param(make, id=make.__name__, marks=pytest.mark.xdist_group(f"crazyflie_{make.__name__}"))
-
-
-@pytest.fixture(scope="module", params=[grouped(make) for make in (over_class, over_grpc)])
+@pytest.fixture(scope="module", params=WAYS)
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
         uav = request.param(stack, tmp_path_factory.mktemp("ual"))
-        deadline_s = time.monotonic() + LIMIT_S
-        while not uav.is_ready():
-            assert time.monotonic() < deadline_s, uav.telemetry()
-            time.sleep(0.02)
+        wait_until_ready(uav)
         yield PatientFlight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
 def test_conformance(flight: PatientFlight, check: Check) -> None:
-    try:
-        run_check(flight, check)
-    except (CannotRunError, ual.NotSupportedError):
-        assert check.name in NOT_HERE
-        pytest.skip("not with this autopilot: see NOT_HERE")
+    run_check_or_skip(flight, check, NOT_HERE)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 import pytest
-from _pytest.mark import ParameterSet
 
-import ual
-from tests.conftest import LIMIT_S, DaemonProcess
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
-from ual import _discovery, conformance
+from ual import conformance
 from ual.conformance import Check, Tolerances
-from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -44,28 +39,18 @@ def over_class(kind: type[LockstepDji], stack: ExitStack, _: Path) -> Uav:
 
 
 def over_grpc(backend: str, stack: ExitStack, directory: Path) -> Uav:
-    limit = ("--set", f"limits.horizontal_speed_m_s={LIMIT_M_S}")
-    flags = ("--backend", backend, "--listen", "127.0.0.1:0", "--allow-arming", *limit)
-    environment = {_discovery.RUNTIME_DIR_VARIABLE: str(directory), "XDG_CACHE_HOME": str(directory)}
-    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
-    stack.callback(daemon.close)
-    return stack.enter_context(ual.Uav(address=daemon.address))
+    return served(stack, directory, backend, "--allow-arming", "--set", f"limits.horizontal_speed_m_s={LIMIT_M_S}")
 
 
-Make = Callable[[ExitStack, Path], Uav]
-
-
-def grouped(name: str, make: Make) -> ParameterSet:
-    """A parameter whose tests all run on one worker: one daemon, and one flight from check to check."""
-    return pytest.param(make, id=name, marks=pytest.mark.xdist_group(f"dji_{name}"))
-
-
-WAYS = (
-    grouped("psdk_over_class", partial(over_class, LockstepPsdk)),
-    grouped("psdk_over_grpc", partial(over_grpc, "lockstep_psdk")),
-    grouped("osdk_over_class", partial(over_class, LockstepOsdk)),
-    grouped("osdk_over_grpc", partial(over_grpc, "lockstep_osdk")),
-    grouped("osdk_vehicle_over_class", partial(over_class, LockstepOsdkVehicle)),
+WAYS = tuple(
+    grouped(make, name, f"dji_{name}")
+    for name, make in {
+        "psdk_over_class": partial(over_class, LockstepPsdk),
+        "psdk_over_grpc": partial(over_grpc, "lockstep_psdk"),
+        "osdk_over_class": partial(over_class, LockstepOsdk),
+        "osdk_over_grpc": partial(over_grpc, "lockstep_osdk"),
+        "osdk_vehicle_over_class": partial(over_class, LockstepOsdkVehicle),
+    }.items()
 )
 
 
@@ -73,17 +58,11 @@ WAYS = (
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
         uav = request.param(stack, tmp_path_factory.mktemp("ual"))
-        deadline_s = time.monotonic() + LIMIT_S
-        while not uav.is_ready():
-            assert time.monotonic() < deadline_s, uav.telemetry()
-            time.sleep(0.02)
+        wait_until_ready(uav)
         yield PatientFlight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
 def test_conformance(flight: PatientFlight, check: Check, request: pytest.FixtureRequest) -> None:
-    try:
-        run_check(flight, check)
-    except (CannotRunError, ual.NotSupportedError):
-        assert check.name in NOT_HERE | (NOT_BEHIND_OSDK if "osdk" in request.node.name else set())
-        pytest.skip("not with this aircraft: see NOT_HERE")
+    not_here = NOT_HERE | (NOT_BEHIND_OSDK if "osdk" in request.node.name else set())
+    run_check_or_skip(flight, check, not_here)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from _pytest.mark import ParameterSet
 
-import ual
-from tests.conftest import LIMIT_S, DaemonProcess
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
-from ual import _discovery, conformance
+from ual import conformance
 from ual.conformance import Check, Tolerances
-from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -44,20 +39,10 @@ def over_class(stack: ExitStack, kind: str, _: Path) -> Uav:
 
 
 def over_grpc(stack: ExitStack, kind: str, directory: Path) -> Uav:
-    limit = f"limits.horizontal_speed_m_s={LIMIT_M_S}"
-    flags = ("--backend", f"lockstep_{kind}", "--listen", "127.0.0.1:0", "--set", limit)
-    environment = {_discovery.RUNTIME_DIR_VARIABLE: str(directory)}
-    daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
-    stack.callback(daemon.close)
-    return stack.enter_context(ual.Uav(address=daemon.address))
+    return served(stack, directory, f"lockstep_{kind}", "--set", f"limits.horizontal_speed_m_s={LIMIT_M_S}")
 
 
 Make = Callable[[ExitStack, str, Path], Uav]
-
-
-def grouped(value: object, name: str) -> ParameterSet:
-    """A parameter whose tests all run on one worker: one daemon, and one flight from check to check."""
-    return pytest.param(value, id=name, marks=pytest.mark.xdist_group(name))
 
 
 @pytest.fixture(scope="module", params=[grouped(make, make.__name__) for make in (over_class, over_grpc)])
@@ -71,25 +56,20 @@ def kind(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+def is_known(uav: Uav) -> bool:
+    """Whether the autopilot's version and limits have come."""
+    info = uav.info()
+    return bool(info.autopilot_version) and info.limits.climb_speed_m_s >= 2.0
+
+
 @pytest.fixture(scope="module")
 def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
     with ExitStack() as stack:
         uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
-        deadline_s = time.monotonic() + LIMIT_S
-        while not uav.is_ready() or not uav.info().autopilot_version or uav.info().limits.climb_speed_m_s < 2.0:
-            assert time.monotonic() < deadline_s, uav.telemetry()
-            time.sleep(0.02)
+        wait_until_ready(uav, is_known)
         yield PatientFlight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
 def test_conformance(flight: PatientFlight, check: Check, kind: str) -> None:
-    try:
-        run_check(flight, check)
-    except CannotRunError:
-        assert check.name in NOT_HERE[kind]
-        pytest.skip("not with this autopilot: see NOT_HERE")
-    except ual.NotSupportedError:
-        assert check.name in NOT_HERE[kind]
-        flight.uav.recover_from_manual()
-        pytest.skip("not with this autopilot: see NOT_HERE")
+    run_check_or_skip(flight, check, NOT_HERE[kind], flight.uav.recover_from_manual)
