@@ -36,4 +36,4 @@ def test_no_call_breaks_the_daemon_or_the_flight(start_daemon: StartDaemon) -> N
         assert found["UNIMPLEMENTED"] + found["INVALID_ARGUMENT"] + found["INTERNAL"] > 10
         if uav.wait_for(State.FLYING_AUTO, State.LANDED_ARMED, State.LANDED_DISARMED) is State.FLYING_AUTO:
             uav.land()
-    assert [event for event in daemon.events if "Traceback" in str(event) or event.get("level") == "ERROR"] == []
+    assert [event for event in daemon.events if "Traceback" in str(event) or event.get("level") == "error"] == []

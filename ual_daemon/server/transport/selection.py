@@ -20,7 +20,7 @@ _BINDING = "grpc._cython.cygrpc"
 
 
 class _Plain(logging.Filter):
-    """Takes the traceback, and the caller's bytes, from what gRPC's binding logs about metadata that are no text.
+    """Takes the traceback, and the caller's bytes, from what gRPC's binding logs about callers.
 
     So a caller that repeats itself repeats the line, which is then counted.
     """
@@ -28,9 +28,18 @@ class _Plain(logging.Filter):
     @override
     def filter(self, record: logging.LogRecord) -> bool:
         if str(record.msg).startswith("Invalid encoding"):
-            record.levelno, record.levelname = logging.WARNING, "WARNING"
-            record.msg, record.args, record.exc_info = "a caller sends metadata that are no UTF-8", (), None
+            _reduce(record, logging.WARNING, "a caller sends metadata that are no UTF-8")
+        elif record.exc_info and type(record.exc_info[1]).__name__ == "ExecuteBatchError":
+            # An operation of a call fails only where the call has ended: `grpc.aio` logs that as an error if the
+            # operation is the status that it sends by itself when its handler returns.
+            _reduce(record, logging.DEBUG, "a caller was gone before its answer")
+            return _log.isEnabledFor(logging.DEBUG)
         return True
+
+
+def _reduce(record: logging.LogRecord, level: int, text: str) -> None:
+    record.levelno, record.levelname = level, logging.getLevelName(level)
+    record.msg, record.args, record.exc_info = text, (), None
 
 
 _plain = _Plain()

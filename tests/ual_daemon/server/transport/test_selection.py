@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import sys
 import threading
 from pathlib import Path
@@ -36,6 +37,19 @@ def test_the_core_is_chosen_where_it_works(
     assert chosen(choice) == name
     assert not caplog.records
     assert set(threading.enumerate()) <= threads
+
+
+def test_a_caller_that_was_gone_before_its_answer_is_no_error(caplog: pytest.LogCaptureFixture) -> None:
+    chosen("aio")
+    for level in (logging.INFO, logging.DEBUG):
+        caplog.set_level(level)
+        try:
+            raise cygrpc.ExecuteBatchError("Failed to execute SendStatusFromServerOperation")
+        except cygrpc.ExecuteBatchError:
+            logging.getLogger("grpc._cython.cygrpc").exception("raised in core by servicer method [%s]", "/a.B/C")
+    (record,) = caplog.records
+    assert (record.levelno, record.exc_info) == (logging.DEBUG, None)
+    assert record.getMessage() == "a caller was gone before its answer"
 
 
 def of_other_arguments() -> None:
