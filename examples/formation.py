@@ -4,48 +4,40 @@
 """
 
 import argparse
-import asyncio
-from collections.abc import Coroutine, Iterable
-from contextlib import AsyncExitStack
-from typing import Any
 
 import ual
-import ual.aio
 
 HEIGHT_M = 1.0
 CORNERS = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 
 
-async def together(calls: Iterable[Coroutine[Any, Any, object]]) -> None:
-    """Waits for all, also where one fails, so that no UAV is left in the middle of a motion. Raises the first error."""
-    for result in await asyncio.gather(*calls, return_exceptions=True):
-        if isinstance(result, BaseException):
-            raise result
+async def land_if_flying(_name: str, uav: ual.aio.Uav) -> None:
+    if await uav.state() is ual.State.FLYING_AUTO:
+        await uav.land()
 
 
-async def fly(team: list[ual.aio.Uav]) -> None:
-    """Flies the square with UAVs that are armed. Whatever fails, those in the air land."""
+def fly(team: ual.Team) -> None:
+    """Flies the square with UAVs that are armed. Whatever fails, all in the air that can be reached land."""
     try:
-        await together(uav.take_off(HEIGHT_M) for uav in team)
+        team.take_off(HEIGHT_M)
         for x, y in CORNERS:  # of each UAV's own odom, whose origin is where it stood
-            await together(uav.go_to_waypoint(ual.Pose.at(x, y, HEIGHT_M)) for uav in team)
+            team.go_to_waypoint(ual.Pose.at(x, y, HEIGHT_M))
             print(f"all at {x:g}, {y:g}")
     finally:
-        await together([uav.land() for uav in team if await uav.state() is ual.State.FLYING_AUTO])
+        team.ask(land_if_flying)
 
 
-async def main() -> None:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="+", metavar="NAME")
     parser.add_argument("--arm", action="store_true")
     arguments = parser.parse_args()
-    async with AsyncExitStack() as opened:
-        team = [await opened.enter_async_context(ual.aio.Uav(name)) for name in arguments.names]
+    with ual.Team(arguments.names) as team:
         if arguments.arm:
-            await together(uav.arm() for uav in team)
-        await fly(team)
+            team.arm()
+        fly(team)
     print("all landed")
 
 
 if __name__ == "__main__":
-    asyncio.run(main())
+    main()

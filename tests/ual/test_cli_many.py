@@ -79,6 +79,15 @@ def test_where_one_cannot_be_reached_nothing_is_sent(fleet: DaemonProcess) -> No
     assert states() == [State.LANDED_ARMED] * 3
 
 
+def test_those_that_can_be_reached_land(fleet: DaemonProcess) -> None:
+    del fleet
+    assert run("--all", "takeoff", "3").exit_code == 0
+    result = run("--ns", "uav_1,uav_2,uav_3,uav_9", "land")
+    assert result.exit_code == 1
+    assert "uav_9: DAEMON_UNREACHABLE" in result.stderr
+    assert set(states()) <= {State.LANDED_ARMED, State.LANDED_DISARMED}
+
+
 def test_goals_are_in_the_frame_of_each(fleet: DaemonProcess) -> None:
     del fleet
     assert run("--all", "takeoff", "3").exit_code == 0

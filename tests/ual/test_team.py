@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -64,6 +64,26 @@ def test_where_one_cannot_be_reached_none_moves(fleet: DaemonProcess) -> None:
             team.take_off(3.0)
         assert list(caught.value.errors) == ["uav_9"]
         assert [team[name].state() for name in TEAM] == [State.LANDED_ARMED] * 3
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        pytest.param(lambda team: team.land(), id="land"),
+        pytest.param(lambda team: team.return_to_launch(), id="rtl"),
+    ],
+)
+def test_what_ends_a_flight_ends_it_for_all_that_can_be_reached(
+    fleet: DaemonProcess, end: Callable[[ual.Team], object]
+) -> None:
+    del fleet
+    with ual.Team(TEAM) as team:
+        team.take_off(3.0)
+    with ual.Team([*TEAM, "uav_9"]) as team:
+        with pytest.raises(ual.TeamError, match="uav_9: DAEMON_UNREACHABLE") as caught:
+            end(team)
+        assert sorted(caught.value.results) == list(TEAM)
+        assert {team[name].state() for name in TEAM} <= {State.LANDED_ARMED, State.LANDED_DISARMED}
 
 
 def test_tasks_can_be_watched_paused_and_cancelled_one_by_one(team: ual.Team) -> None:

@@ -25,8 +25,9 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
     """Several UAVs. Its members are those of `ual.Uav`, of all of them at once, with the results by name.
 
     A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
-    gets it. All of them are waited for, also where one refuses or fails; then `ual.TeamError` names who and why. Ctrl-C
-    cancels the command for all.
+    gets it. What ends a flight (`land`, `return_to_launch`, `abort`, `pause`) goes to all that can be reached. All are
+    waited for, also where one refuses or fails; then `ual.TeamError` names who and why. Ctrl-C cancels the command for
+    all.
 
     Args:
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
@@ -100,6 +101,18 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
 
         """
         return self._loop.run(self._team.each(command))
+
+    def ask(self, call: Callable[[str, aio.Uav], Coroutine[Any, Any, T]]) -> dict[str, T]:
+        """Calls something for each UAV that can be reached, at the same time. Returns the results by name.
+
+        Args:
+            call: What to do with one UAV, given its name: a call of an `ual.aio.Uav`.
+
+        Raises:
+            TeamError: One of them cannot be reached, refused, or failed.
+
+        """
+        return self._loop.run(self._team.ask(call))
 
     # --- What is known ------------------------------------------------------------------------------------------------
 

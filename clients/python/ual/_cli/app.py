@@ -34,7 +34,8 @@ class Many(Enum):
     """What a command does where several UAVs are chosen."""
 
     REFUSED = "it is for one UAV"
-    EACH = "each of them gets it"
+    EACH = "each of them gets it, and none where one cannot be reached"
+    REACHABLE = "each that can be reached gets it: it ends a flight, or only asks"
     ITSELF = "it looks at the choice itself"
 
 
@@ -247,7 +248,7 @@ class UalCommand(_SharedOptions):
             return super().invoke(ctx)
         if self._many is Many.REFUSED:
             raise click.UsageError(f"ual {self.name} is for one UAV at a time: name it by --ns", ctx)
-        return many.invoke(ctx, names, super().invoke)
+        return many.invoke(ctx, names, super().invoke, needs_all=self._many is Many.EACH)
 
     @override
     def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:

@@ -71,7 +71,7 @@ def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> No
         )
 
 
-@command("land", "ual land", many=Many.EACH)
+@command("land", "ual land", many=Many.REACHABLE)
 @options.dry_run
 @pass_session
 def land(session: Session, dry_run: bool) -> None:
@@ -312,7 +312,7 @@ def _home_height(ground_m: float, odom: str) -> str:
     )
 
 
-@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, many=Many.EACH)
+@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, many=Many.REACHABLE)
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
 def abort(session: Session, freeze: bool) -> None:

@@ -42,10 +42,15 @@ def names(session: Session) -> list[str] | None:
     return found
 
 
-def invoke(context: click.Context, uavs: Sequence[str], command: Callable[[click.Context], Any]) -> None:
-    """Runs a command for each UAV. Ends the program with 1 where one refused or failed, with 130 after Ctrl-C."""
+def invoke(
+    context: click.Context, uavs: Sequence[str], command: Callable[[click.Context], Any], *, needs_all: bool
+) -> None:
+    """Runs a command for each UAV: for none, if it `needs_all` and one of them cannot be reached.
+
+    Ends the program with 1 where one refused or failed, with 130 after Ctrl-C.
+    """
     session: Session = context.find_root().obj
-    gate = Gate(len(uavs), session.begin_utc_s)
+    gate = Gate(len(uavs), session.begin_utc_s, needs_all=needs_all)
     runs = [_Run(context, dataclasses.replace(session, ns=name, is_all=False), name, gate, command) for name in uavs]
     for run in runs:
         run.thread.start()

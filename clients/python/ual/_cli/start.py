@@ -58,31 +58,50 @@ def wait_until(utc_s: float) -> None:
 
 
 class Gate:
-    """Lets the members of a team pass at the same moment, once all have come. Where one cannot come, none passes."""
+    """Lets the members of a team pass at the same moment, once all have come.
 
-    def __init__(self, count: int, begin_utc_s: float | None) -> None:
+    Where one cannot come, none passes if the command `needs_all`; else the others do.
+    """
+
+    def __init__(self, count: int, begin_utc_s: float | None, *, needs_all: bool) -> None:
         self._begin_utc_s = begin_utc_s
-        self._barrier = threading.Barrier(count, self._wait)
+        self._needs_all = needs_all
+        self._missing_count = count
+        self._is_closed = False
+        self._changed = threading.Condition()
 
     def close(self) -> None:
         """Lets nobody pass any more."""
-        self._barrier.abort()
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+
+    def leave(self) -> None:
+        """Takes note that one will not come."""
+        if self._needs_all:
+            self.close()
+        else:
+            self._come()
 
     def pass_through(self) -> None:
         """Waits for the others.
 
         Raises:
-            DaemonUnreachableError: One of them cannot be reached, or the gate was closed.
+            DaemonUnreachableError: One of them cannot be reached and all are needed, or the gate was closed.
 
         """
-        try:
-            self._barrier.wait()
-        except threading.BrokenBarrierError:
-            raise DaemonUnreachableError("nothing was sent, because not all of them can be reached") from None
-
-    def _wait(self) -> None:
+        self._come()
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_closed or not self._missing_count)
+            if self._is_closed:
+                raise DaemonUnreachableError("nothing was sent, because not all of them can be reached")
         if self._begin_utc_s is not None:
             wait_until(self._begin_utc_s)
+
+    def _come(self) -> None:
+        with self._changed:
+            self._missing_count -= 1
+            self._changed.notify_all()
 
 
 class Member:
@@ -106,7 +125,7 @@ class Member:
     def leave(self) -> None:
         """Takes note that its command has ended. Where that was before it came to the gate, the others do not wait."""
         if self._uav is None:
-            self._gate.close()
+            self._gate.leave()
 
     def stop(self) -> None:
         """Stops what the command has begun. Raises the `UalError` by which that is refused."""

@@ -77,7 +77,7 @@ def info(session: Session) -> None:
     print_table(("", ""), rows)
 
 
-@command("state", "ual state", "ual --json state", section=Section.LOOKING, many=Many.EACH)
+@command("state", "ual state", "ual --json state", section=Section.LOOKING, many=Many.REACHABLE)
 @pass_session
 def state(session: Session) -> None:
     """Print the state of the UAV."""
@@ -99,7 +99,7 @@ def state(session: Session) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, many=Many.EACH)
+@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, many=Many.REACHABLE)
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:

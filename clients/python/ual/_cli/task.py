@@ -11,7 +11,7 @@ from ual._cli.help import Section
 _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
 
 
-@command("rtl", "ual rtl", "ual rtl --height 30", many=Many.EACH)
+@command("rtl", "ual rtl", "ual rtl --height 30", many=Many.REACHABLE)
 @click.option(
     "--height",
     "height_m",
@@ -39,7 +39,7 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
         )
 
 
-@command("pause", "ual pause", section=Section.TASKS, many=Many.EACH)
+@command("pause", "ual pause", section=Section.TASKS, many=Many.REACHABLE)
 @pass_session
 def pause(session: Session) -> None:
     """Stop the running task on its way and hold.

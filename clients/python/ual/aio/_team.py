@@ -14,7 +14,20 @@ from ual.aio._task import Task
 from ual.errors import InvalidArgumentError, TeamError, UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
-from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
+from ual.types import (
+    Frame,
+    Info,
+    LandRequest,
+    MotionRequest,
+    Odometry,
+    Plan,
+    ReturnToLaunchRequest,
+    State,
+    TaskRequest,
+    Telemetry,
+)
+
+_ENDS_A_FLIGHT = (LandRequest, ReturnToLaunchRequest)
 
 T = TypeVar("T")
 All = Coroutine[Any, Any, dict[str, T]]
@@ -25,7 +38,8 @@ class Team(TaskCommands[All[Task]]):
     """Several UAVs. Its members are those of `ual.aio.Uav`, of all of them at once, with the results by name.
 
     A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
-    gets it. All of them are waited for, also where one refuses or fails; then `TeamError` names who and why.
+    gets it. What ends a flight (`land`, `return_to_launch`, `abort`, `pause`) goes to all that can be reached. All are
+    waited for, also where one refuses or fails; then `TeamError` names who and why.
 
     Args:
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
@@ -172,7 +186,8 @@ class Team(TaskCommands[All[Task]]):
 
     @override
     async def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> dict[str, Task]:
-        return await self.each(lambda _, uav: uav._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
+        give = self.ask if isinstance(request, _ENDS_A_FLIGHT) else self.each
+        return await give(lambda _, uav: uav._begin(request, blocking, timeout_s))  # noqa: SLF001 (the same base)
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
         """Sends each a pose as the reference; without a frame, in its own ``<ns>/odom``."""
