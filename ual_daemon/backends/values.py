@@ -111,6 +111,10 @@ class Estimator:
     is_good: bool
     why: str = ""
 
+    def is_regained_after(self, last: Sample[Estimator] | None) -> bool:
+        """Whether the last word was that the position is not good. Then a pose from before this one is not good."""
+        return self.is_good and last is not None and not last.value.is_good
+
 
 NEVER_S = float("-inf")
 """The time of a sample that will come but has not come yet. (None instead of a sample means that none will come.)"""

@@ -118,7 +118,12 @@ class JumpDetector:
             poses.last = new
             return None
         passed_s = 0.0 if last is None else _longest_s(last, new)
-        if last is None or passed_s > _LONGEST_S or new.boots_count != last.boots_count:
+        if last is None or new.boots_count != last.boots_count:
+            poses.is_waiting = False
+            if _is_good(snapshot):  # before that it finds its position for the first time
+                poses.accept(new)
+            return None
+        if passed_s > _LONGEST_S:
             poses.accept(new)
             return None
         step = _unexplained(last, new, passed_s)
@@ -139,6 +144,10 @@ class JumpDetector:
             return False
         self._usual_m += (size_m - self._usual_m) * _SMOOTHING
         return True
+
+
+def _is_good(snapshot: Snapshot) -> bool:
+    return snapshot.estimator is not None and snapshot.estimator.value.is_good
 
 
 def _longest_s(last: _Seen, new: _Seen) -> float:

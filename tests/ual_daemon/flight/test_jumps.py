@@ -8,16 +8,25 @@ from collections.abc import Iterable
 import pytest
 
 from ual.geometry import Pose, Twist, Vector3
-from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.backends.values import Estimator, Sample, Snapshot
 from ual_daemon.flight.jumps import JumpDetector
 
 STEP_S = 0.02
 
 
-def seen(x: float, speed_m_s: float, received_s: float, stamp_s: float = 0.0, boots_count: int = 0) -> Snapshot:
+def seen(
+    x: float,
+    speed_m_s: float,
+    received_s: float,
+    stamp_s: float = 0.0,
+    boots_count: int = 0,
+    *,
+    is_good: bool = True,
+) -> Snapshot:
     return Snapshot(
         received_s,
         stamp_s=stamp_s,
+        estimator=Sample(Estimator(is_good), received_s),
         pose=Sample(Pose.at(x, 0.0, 3.0), received_s),
         velocity=Sample(Twist(Vector3(speed_m_s, 0.0, 0.0)), received_s),
         boots_count=boots_count,
@@ -96,6 +105,18 @@ def test_hard_turns_and_lost_positions_are_no_jumps() -> None:
 def test_a_new_boot_or_a_long_gap_is_no_jump() -> None:
     assert jumps([seen(0.0, 0.0, 0.0), seen(9.0, 0.0, 0.1, boots_count=1), seen(9.0, 0.0, 0.2, boots_count=1)]) == []
     assert jumps([seen(0.0, 0.0, 0.0), seen(9.0, 0.0, 2.5), seen(9.0, 0.0, 2.6)]) == []
+
+
+def test_a_position_that_is_found_for_the_first_time_is_no_jump() -> None:
+    for boots_count in (0, 1):
+        found = [seen(0.0, 0.0, step / 10, boots_count=boots_count, is_good=False) for step in range(1, 5)]
+        found += [seen(9.0, 0.0, step / 10, boots_count=boots_count) for step in range(5, 10)]
+        assert jumps([seen(0.0, 0.0, 0.0), *found] if boots_count else found) == []
+
+
+def test_an_estimate_that_is_lost_and_comes_back_elsewhere_has_jumped() -> None:
+    lost = [seen(0.0, 0.0, step / 10, is_good=False) for step in range(1, 20)]
+    assert jumps([seen(0.0, 0.0, 0.0), *lost, seen(9.0, 0.0, 2.0), seen(9.0, 0.0, 2.1)]) == [9.0]
 
 
 def test_a_delay_of_the_link_that_ends_makes_no_jump() -> None:

@@ -211,7 +211,10 @@ class Telemetry:
             self._estimator = Sample(_NO_AHRS if is_ill else _GOOD, now_s)
 
     def _on_estimator_status(self, message: Message, now_s: float) -> None:
-        self._estimator = Sample(self.autopilot.estimator(messages.estimator_flags(message)), now_s)
+        estimator = self.autopilot.estimator(messages.estimator_flags(message))
+        if estimator.is_regained_after(self._estimator):
+            self._pose = self._velocity = None
+        self._estimator = Sample(estimator, now_s)
 
     def _on_status_text(self, message: Message, _now_s: float) -> None:
         self.status_text = str(message["text"])

@@ -250,8 +250,12 @@ class Telemetry:
             self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
-        if self._is_newest("estimator", now_s):
-            self._estimator = Sample(self._dialect.estimator(message.flags), now_s)
+        if not self._is_newest("estimator", now_s):
+            return
+        estimator = self._dialect.estimator(message.flags)
+        if estimator.is_regained_after(self._estimator):
+            self._pose = self._velocity = None
+        self._estimator = Sample(estimator, now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
         if not self._is_newest("attitude", now_s):

@@ -91,6 +91,16 @@ def test_an_autopilot_that_says_everything_is_ready() -> None:
     assert state(harness) is State.LANDED_DISARMED
 
 
+def test_a_pose_from_before_the_position_became_good_is_none() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(), attitude(), position(0.0), on_ground(), estimator_status(0))
+    harness.receive(estimator_status())
+    found = estimate(harness.snapshot(), MavlinkBackend.freshness)
+    assert (found.state, found.why) == (State.UNINITIALIZED, "the autopilot has not said its pose")
+    harness.receive(position(2.0), estimator_status())
+    assert state(harness) is State.LANDED_DISARMED
+
+
 def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying() -> None:
     harness = Harness()
     harness.receive(heartbeat(armed=True), attitude(), position(0.0), estimator_status())
