@@ -18,7 +18,7 @@ from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.interface import Simulation
 from ual.types import Limits
-from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, Packet, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
 
 
@@ -90,6 +90,10 @@ class Backend(ABC):
         While it returns False, a backend may leave out updates in which armed, landed, mode and estimator have not
         changed, as long as `snapshot` returns the newest data all the same. This saves a backend with many vehicles
         most of their cost.
+        """
+        self.on_packet: Callable[[Packet], None] | None = None
+        """Called with each packet of the link, from any thread, by backends that have one that can be recorded. Set
+        before `open`; never blocks.
         """
 
     @classmethod

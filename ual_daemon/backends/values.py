@@ -344,3 +344,18 @@ class ExternalPose:
 
 
 Setpoint = PositionSetpoint | VelocitySetpoint
+
+
+class Packet(NamedTuple):
+    """A packet on the link to the autopilot, as it was on the wire.
+
+    `encoding` names the protocol, and `peer` the other end (empty where there is only one). `time_s` is when it was
+    received or had left, on the backend's clock, and `utc_s` the same moment as UTC since 1970.
+    """
+
+    encoding: str
+    data: bytes
+    is_sent: bool
+    peer: str
+    time_s: float
+    utc_s: float

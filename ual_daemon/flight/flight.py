@@ -74,7 +74,7 @@ class Flight:
         self._note = ""
         """What the reason of FLYING_AUTO adds; composed at each update."""
         self._other_sender = ""
-        self._sender = SetpointSender(backend, limits)
+        self.sender = SetpointSender(backend, limits)
         self._stopping = Stopping(limits, geofence)
         self._watched = WatchedCommands()
         self._lock = threading.Lock()
@@ -233,7 +233,7 @@ class Flight:
             self._manoeuvre, self._reference = None, reference
             self.authority.is_ours, self.authority.is_ground_theirs = True, False
             self._last_command = LastCommand(self._last_command.number + 1, by)
-        self._sender.send(setpoint, snapshot)
+        self.sender.send(setpoint, snapshot)
         if old is not None:
             self._end(old, replaced(old, by))
 
@@ -418,7 +418,7 @@ class Flight:
             return True
         if not step.has_ended:
             if step.setpoint is not None and self._manoeuvre is manoeuvre:
-                self._sender.send_if_due(step.setpoint, snapshot)
+                self.sender.send_if_due(step.setpoint, snapshot)
             return True
         with self._lock:
             if self._manoeuvre is not manoeuvre:
@@ -490,7 +490,7 @@ class Flight:
             if not self._exchange(reference, stop):
                 return
             setpoint = stop.setpoint(snapshot)
-        self._sender.send_if_due(setpoint, snapshot)
+        self.sender.send_if_due(setpoint, snapshot)
 
     def _why_ended(self, velocity: Velocity, snapshot: Snapshot) -> str:
         """Returns why a velocity may not go on; empty while it may."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.tracker.limits import CurrentLimits
@@ -22,6 +24,8 @@ class SetpointSender:
         self._backend = backend
         self._limits = limits
         self._sent_s = float("-inf")
+        self.on_sent: Callable[[Setpoint], None] | None = None
+        """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
 
     def send_if_due(self, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint, unless one was sent within the period of the backend's `setpoint_rate_hz`."""
@@ -36,3 +40,5 @@ class SetpointSender:
         if not isinstance(setpoint, VelocitySetpoint):
             setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get())
         self._backend.send(setpoint)
+        if self.on_sent is not None:
+            self.on_sent(setpoint)

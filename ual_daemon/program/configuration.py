@@ -38,6 +38,10 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     allow_arming: bool = False
     auto_arm: bool = False
     watch_only: bool = False
+    record: str | None = None
+    record_raw: bool = False
+    record_file_mib: Annotated[int, Meta(ge=1)] = 1024
+    record_file_minutes: Annotated[float, Meta(gt=0.0)] = 60.0
     transport: Literal["auto", "core", "aio"] = "auto"
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"

@@ -18,6 +18,7 @@ from ual_daemon.program import heap
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.server.addresses import Address
+from ual_daemon.server.call_log import Observer
 from ual_daemon.server.server import Server
 from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Transport
@@ -27,6 +28,8 @@ from ual_daemon.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import grpc
+
+    from ual_daemon.recording.recording import Recording
 
 _log = logging.getLogger(__name__)
 
@@ -56,7 +59,9 @@ class Daemon:
         *,
         transport: selection.Choice = "auto",
         is_auto_arming: bool = False,
+        recording: Recording | None = None,
     ) -> None:
+        self._recording = recording
         self._uavs = uavs
         self._credentials = credentials
         self._transport = transport
@@ -77,7 +82,14 @@ class Daemon:
         gather_s = _GATHER_S if len(self._uavs) > 1 else 0.0
         transport, loop_calls = await selection.choose(self._transport, gather_s), LoopCalls(gather_s)
         served = [
-            _Served(uav, transport, loop_calls, self._credentials, is_auto_arming=self._is_auto_arming)
+            _Served(
+                uav,
+                transport,
+                loop_calls,
+                self._credentials,
+                is_auto_arming=self._is_auto_arming,
+                on_call=None if self._recording is None else self._recording.observer(uav.vehicle.ns),
+            )
             for uav in self._uavs
         ]
         try:
@@ -118,13 +130,14 @@ class _Served:
         credentials: grpc.ServerCredentials | None,
         *,
         is_auto_arming: bool,
+        on_call: Observer | None,
     ) -> None:
         self._vehicle, self._namespace, self._listen = uav
         self._credentials = credentials
         self._transport_name = transport.name
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
-        self.server = Server(self._vehicle, transport, loop_calls)
+        self.server = Server(self._vehicle, transport, loop_calls, on_call)
 
     async def start(self) -> None:
         """Starts the server and registers its address for clients."""

@@ -70,6 +70,16 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(fields, default=str, ensure_ascii=False)
 
 
+def line_of(record: logging.LogRecord) -> str:
+    """Returns a record as text without time, level and logger, for a recording, which has these by themselves."""
+    fields: dict[str, object] = getattr(record, "ual_fields", {})
+    words = [
+        _clipped(record.getMessage(), _LONGEST_MESSAGE),
+        *(f"{name}={_text(each)}" for name, each in fields.items()),
+    ]
+    return " ".join(words)
+
+
 def _json(value: object) -> object:
     """Returns the value, or its text if JSON cannot express it."""
     if isinstance(value, float) and not math.isfinite(value):

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     import grpc
 
     from ual_daemon.backends.base import Backend
+    from ual_daemon.recording.recording import Recording
     from ual_daemon.server.addresses import Address
     from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -88,6 +89,12 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--auto-arm/--no-auto-arm", default=None, help="A simulated pilot arms whenever the UAV stands ready.")
 @click.option(
     "--watch-only/--no-watch-only", default=None, help="Only report: refuse every command, send nothing that flies."
+)
+@click.option("--record", metavar="DIR", help="Record everything into MCAP files in this directory.")
+@click.option(
+    "--record-raw/--no-record-raw",
+    default=None,
+    help="With --record: the autopilot's packets, too, so that the flight can be replayed.",
 )
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
@@ -275,13 +282,48 @@ def _serve(
             for each, vehicle in zip(planned, vehicles, strict=True):
                 namespace = held.enter_context(Namespace(vehicle.ns))
                 uavs.append(Uav(vehicle, namespace, each.listen))
-            daemon = Daemon(uavs, credentials, transport=settings.transport, is_auto_arming=settings.auto_arm)
+            recording = _recording(settings, vehicles)
+            if recording is not None:
+                recording.start()
+                held.callback(recording.close)
+            daemon = Daemon(
+                uavs,
+                credentials,
+                transport=settings.transport,
+                is_auto_arming=settings.auto_arm,
+                recording=recording,
+            )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
-    except (ListenError, NamespaceError) as error:
+    except (ListenError, NamespaceError, RecordingError) as error:
         _fail(str(error), _CANNOT_START)
     if not are_safe:
         sys.exit(_LEFT_IN_MOTION)
+
+
+class RecordingError(Exception):
+    """The recording cannot begin."""
+
+
+def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recording | None:
+    """Returns the recording of the vehicles, if one is wanted."""
+    if settings.record is None:
+        return None
+    from ual._recording import requirements
+    from ual._recording.recorder import Turnover
+    from ual.errors import NotSupportedError
+
+    try:
+        requirements.require("ual-daemon")
+    except NotSupportedError as error:
+        raise RecordingError(str(error)) from None
+    from ual_daemon.recording.recording import Recording
+
+    turnover = Turnover(settings.record_file_mib << 20, settings.record_file_minutes * 60.0)
+    try:
+        return Recording(Path(settings.record), vehicles, log_output.line_of, turnover, is_raw=settings.record_raw)
+    except OSError as error:
+        raise RecordingError(f"cannot record into {settings.record}: {error.strerror or error}") from None
 
 
 def _refuse_arming_while_watching(settings: DaemonSettings) -> None:

@@ -15,6 +15,7 @@ from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server import health
 from ual_daemon.server.addresses import Address, bind
+from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.simulation_service import SimulationServicer
 from ual_daemon.server.transport.base import Transport
@@ -65,7 +66,14 @@ class Server:
     Servers of one process share the `transport` and the `loop_calls`.
     """
 
-    def __init__(self, vehicle: Vehicle, transport: Transport, loop_calls: LoopCalls | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        transport: Transport,
+        loop_calls: LoopCalls | None = None,
+        on_call: Observer | None = None,
+    ) -> None:
+        """`on_call` observes each call; see `call_log`."""
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
@@ -78,7 +86,7 @@ class Server:
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
-        self._server = transport.server(_OPTIONS, calls.take)
+        self._server = transport.server(_OPTIONS, calls.take if on_call is None else observed(calls.take, on_call))
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:

@@ -14,7 +14,7 @@ from ual.interface import Simulation
 from ual.types import Frame, Info, State, Telemetry
 from ual_daemon import __version__, logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import geofence_of
 from ual_daemon.flight.heading_jumps import HeadingJumpDetector
@@ -166,6 +166,10 @@ class Vehicle:
         The callback runs on the update thread, before the sample that shows the state, and must not block.
         """
         return self._state_listeners.add(callback)
+
+    def observe_setpoints(self, callback: Callable[[Setpoint], None]) -> None:
+        """Calls back with each setpoint that is sent to the autopilot, on the thread that sends it; must not block."""
+        self._flight.sender.on_sent = callback
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
         """Returns the transform from the source frame (default: the body) to the target frame (default: ``map``).

@@ -102,7 +102,7 @@ def from_rpc_error(error: grpc.RpcError, *, address: str = "", ns: str = "") -> 
 
     `address` and `ns` are those of the daemon that was called, for the message.
     """
-    info = _error_info(error)
+    info = error_info(cast("Iterable[tuple[str, str | bytes]]", error.trailing_metadata() or ()))
     details = error.details() or ""
     if info is not None:
         return errors.from_reason(info.reason, details, dict(info.metadata))
@@ -157,11 +157,11 @@ def was_never_sent(error: DaemonUnreachableError) -> bool:
     return error.metadata.get("details", "").startswith(_NOT_CONNECTED)
 
 
-def _error_info(error: grpc.RpcError) -> ErrorInfo | None:
+def error_info(trailing: Iterable[tuple[str, str | bytes]]) -> ErrorInfo | None:
+    """Returns what the trailing metadata of a call say of its error; None where they say nothing of UAL's."""
     # Not by rpc_status.from_call: it accepts only synchronous calls, and raises if a proxy has changed the code.
-    trailing = cast("Iterable[tuple[str, bytes]]", error.trailing_metadata() or ())
     for key, value in trailing:
-        if key != DETAILS_KEY:
+        if key != DETAILS_KEY or not isinstance(value, bytes):
             continue
         try:
             status = Status.FromString(value)

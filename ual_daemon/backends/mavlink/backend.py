@@ -22,6 +22,7 @@ from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
+from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
 from ual_daemon.backends.mavlink.session.session import Session
@@ -142,6 +143,9 @@ class MavlinkBackend(Backend):
         """Starts the thread that receives through a connection."""
         discovery = self._discovery = Discovery(self._settings, connection, self.url, self._setpoints, self._signer)
         loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
+        if self.on_packet is not None:
+            tap = PacketTap(self.on_packet, connection, self.clock)
+            connection.on_sent, loop.on_received = tap.sent, tap.received
         self._thread = threading.Thread(target=loop.run, name=f"mavlink {self.options.ns}", daemon=True)
         self._thread.start()
 

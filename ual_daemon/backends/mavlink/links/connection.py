@@ -6,7 +6,7 @@ import contextlib
 import logging
 import select
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from typing_extensions import override
 
@@ -31,6 +31,8 @@ class Connection(Transport):
 
     def __init__(self, link: Link, url: str) -> None:
         self.trouble = ""
+        self.on_sent: Callable[[bytes], None] | None = None
+        """Called with the bytes of each frame that has left, by the thread that sent it; never blocks."""
         self._link = link
         self._url = url
         self._logged: set[str] = set()
@@ -68,7 +70,10 @@ class Connection(Transport):
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        return self._link.send(data, is_perishable=is_perishable)
+        has_left = self._link.send(data, is_perishable=is_perishable)
+        if has_left and self.on_sent is not None:
+            self.on_sent(data)
+        return has_left
 
     def wake(self) -> None:
         """Ends a running, or the next, `receive` at once."""

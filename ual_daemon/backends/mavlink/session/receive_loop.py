@@ -14,7 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.mavlink.links import Chunk, Connection
+from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
@@ -45,6 +45,8 @@ class ReceiveLoop:
     ) -> None:
         self.snapshot = Snapshot(time_s=clock.now_s())
         self.info = VehicleInfo()
+        self.on_received: Callable[[bytes, Address | None, float, float], None] | None = None
+        """Called with what is received, from where, when, and when in UTC, before it is decoded; never blocks."""
         self._connection = connection
         self._discovery = discovery
         self._clock = clock
@@ -119,7 +121,10 @@ class ReceiveLoop:
             self._connections_count = connection.connections_count
             self._discovery.reconnected()
         for data, address in chunks:
-            self._discovery.receiver.receive(data, address, clock.now_s(), clock.utc_s())
+            now_s, utc_s = clock.now_s(), clock.utc_s()
+            if self.on_received is not None:
+                self.on_received(data, address, now_s, utc_s)
+            self._discovery.receiver.receive(data, address, now_s, utc_s)
 
     def _publish_if_due(self, now_s: float) -> bool:
         """Publishes a new pose at once, and otherwise every `TICK_S`. Returns whether the pose is new."""

@@ -1,0 +1,162 @@
+"""Reads recordings, those too that end in the middle: of a daemon that was killed, or that still records."""
+
+from __future__ import annotations
+
+import heapq
+import json
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ual import _convert
+from ual._recording import requirements
+from ual._recording.topics import JSON, PROTOBUF
+from ual.errors import InvalidArgumentError
+from ual.types import Telemetry
+from ual.v1 import ual_pb2 as pb
+
+if TYPE_CHECKING:
+    from mcap.records import Channel, Schema
+
+_WINDOW_NS = 1_000_000_000
+"""Messages of several threads are out of order by less than this."""
+
+
+class Message(NamedTuple):
+    """One message of a recording; times are UTC since 1970 in nanoseconds (see `ual._recording.topics`)."""
+
+    log_ns: int
+    """When it was recorded."""
+    publish_ns: int
+    """When what it says was so."""
+    topic: str
+    encoding: str
+    schema: str
+    metadata: Mapping[str, str]
+    data: bytes
+
+    @property
+    def ns(self) -> str:
+        """The UAV that it is about; empty for the log."""
+        return self.topic.split("/")[1] if self.topic.count("/") > 1 else ""
+
+    @property
+    def name(self) -> str:
+        """The topic without the UAV: ``telemetry``, ``raw/received``."""
+        return self.topic.removeprefix(f"/{self.ns}/")
+
+    def json(self) -> dict[str, Any]:
+        """Returns the object of a message in JSON."""
+        found: dict[str, Any] = json.loads(self.data)
+        return found
+
+    def telemetry(self) -> Telemetry:
+        """Returns the sample of a message of the topic ``telemetry``."""
+        return _convert.telemetry_from_proto(pb.Telemetry.FromString(self.data))
+
+
+@dataclass(slots=True)
+class Recording:
+    """A file. What it says of itself is known once its messages have been read."""
+
+    path: Path
+    is_whole: bool = False
+    """Whether it has its end: else the program that recorded was killed, or still records."""
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def messages(self, is_wanted: Callable[[str], bool] = lambda _: True) -> Iterator[Message]:
+        """Yields the messages of the topics that are wanted, by the time at which they were recorded.
+
+        Raises:
+            InvalidArgumentError: It cannot be read, or is no recording.
+            NotSupportedError: The extra is not installed.
+
+        """
+        waiting: list[tuple[int, int, Message]] = []
+        for count, message in enumerate(self._in_order_of_file(is_wanted)):
+            heapq.heappush(waiting, (message.log_ns, count, message))
+            while message.log_ns - waiting[0][0] > _WINDOW_NS:
+                yield heapq.heappop(waiting)[2]
+        while waiting:
+            yield heapq.heappop(waiting)[2]
+
+    def _in_order_of_file(self, is_wanted: Callable[[str], bool]) -> Iterator[Message]:
+        from mcap.records import Channel, Footer, Metadata, Schema
+        from mcap.records import Message as Record
+
+        channels: dict[int, tuple[Channel, str] | None] = {}
+        schemas: dict[int, Schema] = {}
+        for record in self._records():
+            if isinstance(record, Record):
+                found = channels.get(record.channel_id)
+                if found is not None:
+                    channel, schema = found
+                    yield _message(channel, schema, record)
+            elif isinstance(record, Channel):
+                known = schemas.get(record.schema_id)
+                name = "" if known is None else known.name
+                channels[record.id] = (record, name) if is_wanted(record.topic) else None
+            elif isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Metadata):
+                self.metadata[record.name] = record.metadata
+            elif isinstance(record, Footer):
+                self.is_whole = True
+
+    def _records(self) -> Iterator[object]:
+        requirements.require()
+        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.stream_reader import StreamReader
+
+        try:
+            with self.path.open("rb") as file:
+                records = iter(StreamReader(file).records)
+                while True:
+                    try:
+                        record = next(records)
+                    except StopIteration:
+                        return
+                    except InvalidMagic as error:
+                        if file.tell() <= _MAGIC_BYTES:
+                            raise _unreadable(self.path, "it is no MCAP file") from error
+                        return
+                    except (McapError, struct.error, ValueError, RuntimeError):  # it ends in the middle of a record
+                        return
+                    yield record
+        except OSError as error:
+            raise _unreadable(self.path, error.strerror or str(error)) from None
+
+
+_MAGIC_BYTES = 8
+
+
+def _unreadable(path: Path, why: str) -> InvalidArgumentError:
+    return InvalidArgumentError(f"cannot read {path}: {why}", {"field": "file"})
+
+
+def _message(channel: Channel, schema: str, record: Any) -> Message:  # noqa: ANN401  a record of the library
+    return Message(
+        record.log_time,
+        record.publish_time,
+        channel.topic,
+        channel.message_encoding,
+        schema,
+        channel.metadata,
+        record.data,
+    )
+
+
+def decoded(message: Message) -> object:
+    """Returns a message of JSON as an object, a telemetry sample as `Telemetry`, anything else as bytes."""
+    if message.encoding == JSON:
+        return message.json()
+    if message.encoding == PROTOBUF and message.name == "telemetry":
+        return message.telemetry()
+    return message.data
+
+
+def uavs(messages: Iterable[Message]) -> list[str]:
+    """Returns the namespaces of the UAVs that messages are about."""
+    return sorted({message.ns for message in messages if message.ns})

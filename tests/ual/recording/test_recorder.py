@@ -1,0 +1,210 @@
+"""The recorder: nothing waits for it, and what it has written can be read, however it ends."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from tests.ual.recording.waiting import LIMIT_S, wait_until
+from ual._recording import recorder as recorder_module
+from ual._recording.file import File
+from ual._recording.reader import Recording
+from ual._recording.recorder import METADATA, Entry, Output, Recorder, Turnover
+from ual._recording.topics import JSON, Topic
+
+TOPIC = Topic("/uav_1/numbers", JSON)
+
+
+def write_number(output: Output, entry: Entry) -> None:
+    output.write(TOPIC, str(entry.value).encode(), entry.log_ns, entry.log_ns)
+
+
+def numbers(path: Path) -> list[int]:
+    return [int(message.data) for message in Recording(path).messages()]
+
+
+def put(recorder: Recorder, number: int) -> None:
+    recorder.put(write_number, recorder.clock.now_ns(), number)
+
+
+def test_what_is_recorded_is_in_the_file_in_its_order(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "new" / "folder", "uav_1")
+    recorder.start()
+    for number in range(1000):
+        put(recorder, number)
+    recorder.close()
+    put(recorder, 1000)  # too late
+    recording = Recording(recorder.path)
+    assert [int(message.data) for message in recording.messages()] == list(range(1000))
+    assert recording.is_whole
+    assert recording.metadata[METADATA]["name"] == "uav_1"
+    assert recorder.lost_count == 0
+
+
+def test_files_turn_over_by_size_and_by_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    for name, turnover in (("size", Turnover(size_bytes=1)), ("age", Turnover(age_s=0.0))):
+        recorder = Recorder(tmp_path, name, turnover)
+        began = threading.Semaphore(0)
+        recorder.at_each_file(began.release)
+        recorder.start()
+        for number in range(4):
+            put(recorder, number)
+            assert began.acquire(timeout=LIMIT_S)
+        recorder.close()
+        files = sorted(tmp_path.glob(f"{name}_*"), key=lambda path: path.stat().st_mtime_ns)
+        assert len(files) >= 4
+        assert sorted(number for file in files for number in numbers(file)) == [0, 1, 2, 3]
+        assert all(list(Recording(file).messages()) is not None for file in files)
+
+
+class FullDisk(File):
+    """A file on a disk that becomes full."""
+
+    is_full = False
+
+    def flush(self) -> None:
+        if self.is_full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        super().flush()
+
+
+def test_a_full_disk_ends_the_recording_with_one_line_and_the_file_is_readable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    files: list[FullDisk] = []
+
+    def make(path: Path, metadata: Mapping[str, Mapping[str, str]]) -> FullDisk:
+        files.append(FullDisk(path, metadata))
+        return files[-1]
+
+    recorder = Recorder(tmp_path, "uav_1", make_file=make)
+    recorder.start()
+    put(recorder, 0)
+    empty_bytes = files[0].size_bytes
+    wait_until(lambda: files[0].size_bytes > empty_bytes)
+    files[0].is_full = True
+    put(recorder, 1)
+    wait_until(lambda: recorder.has_ended)
+    for number in range(2, 100):
+        put(recorder, number)
+    recorder.close()
+    lines = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
+    assert lines == [f"THE RECORDING HAS ENDED: {recorder.path}: No space left on device; the flight goes on"]
+    assert numbers(recorder.path) == [0]
+
+
+def test_a_system_that_gives_no_more_room_ends_the_recording_only(tmp_path: Path) -> None:
+    program = f"""
+import logging, resource, signal, sys, time
+from pathlib import Path
+sys.path.insert(0, {str(Path.cwd())!r})
+from tests.ual.recording.test_recorder import put
+from ual._recording.recorder import Recorder
+logging.basicConfig(level=logging.INFO, format="%(message)s")
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+recorder = Recorder(Path({str(tmp_path)!r}), "uav_1")
+recorder.start()
+number = 0
+while not recorder.has_ended:
+    for _ in range(1000):
+        put(recorder, number * 7919 ** 20)
+        number += 1
+    time.sleep(0.01)
+recorder.close()
+print("the flight goes on")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S)
+    assert done.stdout == "the flight goes on\n", done.stderr
+    assert [line.partition(":")[0] for line in done.stderr.splitlines()] == ["THE RECORDING HAS ENDED"]
+    [path] = tmp_path.glob("*.mcap")
+    recording = Recording(path)
+    assert [m.log_ns for m in recording.messages()] == sorted(m.log_ns for m in recording.messages())
+    assert not recording.is_whole
+
+
+def test_a_disk_that_writes_nothing_delays_nobody_and_the_losses_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    monkeypatch.setattr(recorder_module, "MOST_ENTRIES", 10)
+    may_write = threading.Event()
+    is_writing = threading.Event()
+
+    def wait(*_: object) -> None:
+        is_writing.set()
+        assert may_write.wait(LIMIT_S)
+
+    recorder = Recorder(tmp_path, "uav_1")
+    recorder.start()
+    recorder.put(wait, 0, None)
+    assert is_writing.wait(LIMIT_S)
+    for number in range(25):
+        put(recorder, number)
+    assert recorder.lost_count == 15
+    may_write.set()
+    recorder.close()
+    assert numbers(recorder.path) == list(range(10))
+    assert [r.getMessage() for r in caplog.records] == [
+        f"15 records lost, 15 in all: the disk of {tmp_path} is too slow for the recording"
+    ]
+
+
+def test_large_entries_are_bounded_by_their_bytes(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, "uav_1")  # not started: nothing is taken
+    for number in range(200):
+        recorder.put(write_number, 0, number, size_bytes=1 << 20)
+    assert recorder.lost_count == 136
+    recorder.close()
+
+
+def test_what_cannot_be_encoded_is_logged_once_and_the_rest_is_recorded(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("a defect")
+
+    recorder = Recorder(tmp_path, "uav_1")
+    recorder.start()
+    for number in range(5):
+        recorder.put(fail, 0, None)
+        put(recorder, number)
+    recorder.close()
+    assert numbers(recorder.path) == [0, 1, 2, 3, 4]
+    assert len(caplog.records) == 1
+
+
+@pytest.mark.parametrize("cut_bytes", [1, 7, 100])
+def test_a_file_that_ends_in_the_middle_is_read_up_to_there(tmp_path: Path, cut_bytes: int) -> None:
+    file = File(tmp_path / "cut.mcap", {})
+    for number in range(3):
+        file.write(TOPIC, str(number).encode(), number, number)
+        file.flush()
+    size_bytes = file.size_bytes
+    file.write(TOPIC, b"3", 3, 3)
+    file.flush()
+    file.give_up()
+    with file.path.open("r+b") as raw:
+        raw.truncate(size_bytes - cut_bytes if cut_bytes > 50 else size_bytes + cut_bytes)
+    recording = Recording(file.path)
+    found = [int(message.data) for message in recording.messages()]
+    assert found == ([0, 1, 2] if cut_bytes <= 50 else [0, 1])
+    assert not recording.is_whole
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other.mcap"
+    other.write_text("not at all a recording")
+    for path, why in ((other, "it is no MCAP file"), (tmp_path / "none", "No such file or directory")):
+        with pytest.raises(Exception, match=why):
+            list(Recording(path).messages())

@@ -1,0 +1,157 @@
+"""What a daemon records: every call, setpoint, state and sample, and what is left of it when the daemon is killed."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import threading
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import grpc
+import pytest
+
+import ual
+from tests.conftest import DaemonProcess, StartDaemon
+from tests.patient_checks import PatientFlight, run_check
+from tests.ual.recording.waiting import wait_until
+from ual import conformance
+from ual._recording.reader import Message, Recording
+from ual.conformance import Tolerances
+from ual.errors import UalError
+from ual.geometry import Twist, Vector3
+from ual.types import State
+
+SERVICE = "/ual.v1.UalService/"
+SPEED = "light.speed_factor=10"
+
+
+def recording_in(directory: Path) -> Recording:
+    [path] = directory.glob("*.mcap")
+    return Recording(path)
+
+
+def messages(recording: Recording, name: str) -> list[Message]:
+    return list(recording.messages(lambda topic: topic.removeprefix("/uav_1") == f"/{name}"))
+
+
+def calls(recording: Recording, event: str = "ended") -> list[dict[str, Any]]:
+    return [call for message in messages(recording, "calls") if (call := message.json())["event"] == event]
+
+
+def end(daemon: DaemonProcess) -> None:
+    daemon.signal(signal.SIGTERM)
+    assert daemon.wait() == 0, daemon.stderr
+
+
+class Counted(
+    grpc.UnaryUnaryClientInterceptor,
+    grpc.UnaryStreamClientInterceptor,
+    grpc.StreamUnaryClientInterceptor,
+):
+    """Counts the calls of a client, by their methods."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self._lock = threading.Lock()
+
+    def _count(self, go_on: Callable[..., Any], details: grpc.ClientCallDetails, request: object) -> Any:
+        with self._lock:
+            method = details.method
+            self.counts[method if isinstance(method, str) else method.decode()] += 1
+        return go_on(details, request)
+
+    intercept_unary_unary = intercept_unary_stream = intercept_stream_unary = _count  # type: ignore[assignment]
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
+    """Counts the calls of all clients that are made from now on."""
+    counted, make = Counted(), grpc.insecure_channel
+    monkeypatch.setattr(grpc, "insecure_channel", lambda *a, **k: grpc.intercept_channel(make(*a, **k), counted))
+    return counted
+
+
+@pytest.mark.parametrize("transport", ["core", "aio"])
+def test_every_call_of_a_flight_is_recorded(
+    start_daemon: StartDaemon, counted: Counted, tmp_path: Path, transport: str
+) -> None:
+    directory = tmp_path / "recorded"
+    daemon = start_daemon("--set", SPEED, "--transport", transport, "--record", str(directory))
+    names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off flies_by_velocity lands"
+    checks = [each for each in conformance.CHECKS if each.name in names.split()]
+    with ual.Uav("uav_1", address=daemon.address) as uav:
+        flight = PatientFlight(uav, Tolerances.of_simulation())
+        for check in checks:
+            run_check(flight, check)
+        with pytest.raises(UalError, match=r"LANDED"):
+            uav.land()
+    end(daemon)
+    recording = recording_in(directory)
+    ended = calls(recording)
+    assert Counter(call["method"] for call in ended) == counted.counts
+    assert {call["caller"].split(":")[0] for call in ended} == {"ipv4"}
+    assert {call["id"] for call in calls(recording, "began")} <= {call["id"] for call in ended}
+    [take_off] = [call for call in ended if call["method"] == f"{SERVICE}TakeOff" and call["status"] == "OK"]
+    assert take_off["request"]["height_m"] > 0.0
+    assert take_off["response"]["task"]["status"] == "TASK_STATUS_SUCCEEDED"
+    assert take_off["duration_s"] > 0.0
+    refused = [call for call in ended if call["method"] == f"{SERVICE}Land"][-1]
+    assert (refused["status"], refused["reason"]) == ("FAILED_PRECONDITION", "WRONG_STATE")
+    assert refused["metadata"]["state"].startswith("LANDED")
+
+
+def test_a_flight_is_recorded_as_it_was(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    directory = tmp_path / "recorded"
+    daemon = start_daemon("--auto-arm", "--set", SPEED, "--record", str(directory))
+    with ual.Uav("uav_1", address=daemon.address) as uav:
+        uav.wait_for(State.LANDED_ARMED)
+        uav.take_off(2.0)
+        uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+        uav.abort()
+        uav.land()
+        uav.wait_for(State.LANDED_DISARMED)
+    end(daemon)
+    recording = recording_in(directory)
+    samples = [message.telemetry() for message in messages(recording, "telemetry")]
+    assert {b.sequence - a.sequence for a, b in itertools.pairwise(samples)} == {1}
+    changes = [message.json() for message in messages(recording, "states")]
+    logged = [event for event in daemon.events if event.get("event") == "state"]
+    assert [(each["new"], each["why"]) for each in changes] == [(each["new"], each["why"]) for each in logged]
+    kinds = {message.json()["kind"] for message in messages(recording, "setpoints")}
+    assert kinds == {"position", "velocity"}
+    topics = Counter(message.schema for message in recording.messages())
+    assert topics["foxglove.PoseInFrame"] >= len(samples)
+    assert {"foxglove.FrameTransforms", "foxglove.LocationFix", "foxglove.Log", "ual.v1.GetInfoResponse"} <= set(topics)
+    assert recording.is_whole
+
+
+def test_a_killed_daemon_leaves_a_file_that_can_be_read(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    directory = tmp_path / "recorded"
+    daemon = start_daemon("--auto-arm", "--set", SPEED, "--record", str(directory))
+    with ual.Uav("uav_1", address=daemon.address) as uav:
+        uav.wait_for(State.LANDED_ARMED)
+        uav.take_off(3.0)
+    wait_until(lambda: last_state(directory) == "FLYING_AUTO")  # it can be read while it is written
+    daemon.signal(signal.SIGKILL)
+    daemon.wait()
+    recording = recording_in(directory)
+    assert messages(recording, "telemetry")[-1].telemetry().state is State.FLYING_AUTO
+    assert not recording.is_whole
+    assert last_state(directory) == "FLYING_AUTO"
+
+
+def last_state(directory: Path) -> str:
+    changes = messages(recording_in(directory), "states")
+    return str(changes[-1].json()["new"]) if changes else ""
+
+
+def test_a_directory_that_cannot_be_written_is_refused_before_anything_flies(
+    start_daemon: StartDaemon, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("no directory")
+    daemon = start_daemon("--record", str(tmp_path / "file"))
+    assert daemon.wait() == 1
+    assert daemon.stderr.strip() == f"ual-daemon: cannot record into {tmp_path / 'file'}: File exists"

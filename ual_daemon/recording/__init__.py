@@ -1,0 +1,1 @@
+"""Records what the daemon does: telemetry, calls, setpoints, states, log lines and raw packets, as one MCAP file."""

@@ -1,0 +1,112 @@
+"""The daemon's recording (``--record``): what is recorded of each UAV, and when it begins and ends."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ual._recording.log import RecordingHandler
+from ual._recording.recorder import Recorder, Turnover
+from ual._recording.telemetry import TelemetryTopics
+from ual.types import Info, Telemetry
+from ual_daemon import logs
+from ual_daemon.backends.values import Packet, Setpoint
+from ual_daemon.recording.calls import CallTopic
+from ual_daemon.recording.packets import PacketTopics
+from ual_daemon.recording.setpoints import SetpointTopic
+from ual_daemon.server.call_log import CallRecord, Observer
+from ual_daemon.vehicle.vehicle import Vehicle
+
+_log = logging.getLogger(__name__)
+
+_FRAMES_S = 1.0
+"""How often the frames are recorded that do not move by themselves."""
+
+
+class UavRecording:
+    """Records one UAV."""
+
+    def __init__(self, vehicle: Vehicle, recorder: Recorder, *, is_raw: bool) -> None:
+        self._vehicle = vehicle
+        self._recorder = recorder
+        self._clock = recorder.clock
+        self._telemetry = TelemetryTopics(vehicle.ns)
+        self._calls = CallTopic(vehicle.ns)
+        self._setpoints = SetpointTopic(vehicle.ns)
+        self._packets = PacketTopics(vehicle.ns, recorder.clock)
+        self._info: Info | None = None
+        self._frames_due_ns = 0
+        vehicle.subscribe(self._on_sample)
+        vehicle.observe_setpoints(self._on_setpoint)
+        if is_raw:
+            vehicle.backend.on_packet = self._on_packet
+        recorder.at_each_file(self._repeat)
+
+    def _on_sample(self, sample: Telemetry) -> None:
+        now_ns = self._clock.now_ns()
+        self._recorder.put(self._telemetry.write_sample, now_ns, sample)
+        if now_ns >= self._frames_due_ns:
+            self._frames_due_ns = now_ns + round(_FRAMES_S * 1e9)
+            self._recorder.put(self._telemetry.write_frames, now_ns, self._vehicle.frames())
+            info = self._vehicle.info()
+            if info != self._info:
+                self._info = info
+                self._recorder.put(self._telemetry.write_info, now_ns, info)
+
+    def _on_setpoint(self, setpoint: Setpoint) -> None:
+        self._recorder.put(self._setpoints.write, self._clock.now_ns(), setpoint)
+
+    def _on_packet(self, packet: Packet) -> None:
+        self._recorder.put(self._packets.write, self._clock.utc_ns(packet.time_s), packet, len(packet.data))
+
+    def on_call(self, call: CallRecord) -> None:
+        """Records what was observed of a call. From any thread."""
+        size_bytes = len(call.request or b"") + len(call.response or b"")
+        self._recorder.put(self._calls.write, call.at_ns + self._clock.offset_ns, call, size_bytes)
+
+    def _repeat(self) -> None:
+        """Has recorded again in the next file what is recorded rarely."""
+        self._info = None
+        self._frames_due_ns = 0
+
+
+class Recording:
+    """The recording of all UAVs of this process, from `start` to `close`.
+
+    `text` makes the text of a line of the log.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        vehicles: Sequence[Vehicle],
+        text: Callable[[logging.LogRecord], str],
+        turnover: Turnover,
+        *,
+        is_raw: bool,
+    ) -> None:
+        """Opens the first file.
+
+        Raises:
+            OSError: It cannot be written.
+
+        """
+        self._recorder = Recorder(directory, vehicles[0].ns, turnover)
+        self._handler = RecordingHandler(self._recorder, text)
+        self._uavs = {vehicle.ns: UavRecording(vehicle, self._recorder, is_raw=is_raw) for vehicle in vehicles}
+
+    def start(self) -> None:
+        """Begins to write; to be called before the vehicles are opened."""
+        logging.getLogger().addHandler(self._handler)
+        self._recorder.start()
+        logs.event(_log, logging.INFO, "recording", file=self._recorder.path)
+
+    def observer(self, ns: str) -> Observer:
+        """Returns what observes the calls for a UAV."""
+        return self._uavs[ns].on_call
+
+    def close(self) -> None:
+        """Writes what is left, and ends the file."""
+        logging.getLogger().removeHandler(self._handler)
+        self._recorder.close()

@@ -1,0 +1,156 @@
+"""Observes calls: who called what, the request, the answer or refusal, and how long it took.
+
+It stands between the transport and `Calls`, so that every call is seen, whatever answers it, and costs nothing where
+nobody observes.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import grpc
+from typing_extensions import override
+
+from ual_daemon.server.transport.base import Call, Metadata
+
+_USER_AGENT = "user-agent"
+
+
+@dataclass(frozen=True, slots=True)
+class CallRecord:
+    """A call that goes on (`has_ended` is False), or that has ended.
+
+    `request` is its first message, `response` the one with which it ended, both packed; the counts say how many there
+    were. `code` and `details` are gRPC's status, and `metadata` what was sent with it (the error's details). Times are
+    the computer's monotonic clock, in nanoseconds.
+    """
+
+    number: int
+    method: str
+    caller: str
+    agent: str
+    began_ns: int
+    at_ns: int
+    has_ended: bool
+    request: bytes | None
+    requests_count: int
+    response: bytes | None = None
+    responses_count: int = 0
+    code: str = ""
+    details: str = ""
+    metadata: Metadata = ()
+
+
+Observer = Callable[[CallRecord], None]
+_numbers = itertools.count(1)
+
+
+def observed(take: Callable[[Call], None], observe: Observer) -> Callable[[Call], None]:
+    """Returns what takes calls in the place of `take`, and has each of them observed.
+
+    A call that does not end at once is observed twice: when it has begun, and when it has ended.
+    """
+    return lambda call: take(ObservedCall(call, observe))
+
+
+class ObservedCall(Call):
+    """A call that is observed. Everything is done by the call itself."""
+
+    def __init__(self, call: Call, observe: Observer) -> None:
+        self.method = call.method
+        self.metadata = call.metadata
+        self.is_finished = False
+        self.is_cancelled = False
+        self._call = call
+        self._observe = observe
+        self._number = next(_numbers)
+        self._began_ns = time.monotonic_ns()
+        self._caller = call.peer()
+        self._request: bytes | None = None
+        self._requests_count = 0
+        self._responses_count = 0
+        self._has_ended = False
+
+    @override
+    def peer(self) -> str:
+        return self._caller
+
+    @override
+    def watch(self, on_cancel: Callable[[], object]) -> None:
+        self._call.watch(partial(self._on_cancel, on_cancel))
+
+    @override
+    def receive(self, then: Callable[[bytes | None], object]) -> None:
+        self._call.receive(partial(self._on_message, then))
+
+    @override
+    def begin(self) -> None:
+        self._call.begin()
+
+    @override
+    def send(self, message: bytes, then: Callable[[bool], object]) -> None:
+        self._responses_count += 1
+        self._call.send(message, then)
+
+    @override
+    def finish(
+        self,
+        message: bytes | None = None,
+        code: grpc.StatusCode = grpc.StatusCode.OK,
+        details: str = "",
+        metadata: Metadata = (),
+    ) -> None:
+        self.is_finished = True
+        self._end(message, code.name, details, metadata)
+        self._call.finish(message, code, details, metadata)
+
+    def _on_cancel(self, on_cancel: Callable[[], object]) -> None:
+        self.is_cancelled = True
+        self._end(None, grpc.StatusCode.CANCELLED.name, "the caller gave up, vanished, or its deadline passed", ())
+        on_cancel()
+
+    def _on_message(self, then: Callable[[bytes | None], object], message: bytes | None) -> None:
+        if message is not None:
+            self._requests_count += 1
+            if self._requests_count == 1:
+                self._request = message
+        is_first = self._requests_count == 1 and message is not None
+        then(message)
+        if is_first and not self._has_ended:
+            self._observe(self._record(has_ended=False))
+
+    def _end(self, response: bytes | None, code: str, details: str, metadata: Metadata) -> None:
+        if self._has_ended:
+            return
+        self._has_ended = True
+        responses_count = self._responses_count + (response is not None)
+        self._observe(
+            self._record(
+                has_ended=True,
+                response=response,
+                responses_count=responses_count,
+                code=code,
+                details=details,
+                metadata=metadata,
+            )
+        )
+
+    def _record(self, *, has_ended: bool, **outcome: Any) -> CallRecord:  # noqa: ANN401  the fields with defaults
+        agent = next((str(value) for key, value in self.metadata if key == _USER_AGENT), "")
+        return CallRecord(
+            self._number,
+            self.method,
+            self._caller,
+            agent,
+            self._began_ns,
+            time.monotonic_ns(),
+            has_ended,
+            self._request,
+            self._requests_count,
+            **outcome,
+        )
