@@ -19,7 +19,7 @@ _TEXT = {"type": "string"}
 _COUNT = {"type": "integer"}
 _OBJECT = {"type": "object"}
 CALL_SCHEMA = json_schema(
-    "ual.Call",
+    "UalCall",
     "A call to the daemon: that it goes on (what ends at once has no such record), or that it has ended.",
     id={**_COUNT, "description": "the same in both records of a call"},
     event={**_TEXT, "enum": ["began", "ended"]},

@@ -11,7 +11,7 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
 SETPOINT_SCHEMA = json_schema(
-    "ual.Setpoint",
+    "UalSetpoint",
     "What was sent to the autopilot: a position with feed-forward, or a velocity; in its local frame, ENU, metres.",
     kind={"type": "string", "enum": ["position", "velocity"]},
     position=_VECTOR,

@@ -19,7 +19,7 @@ from ual.types import Frame, GeoPoint, Info, State, Telemetry
 from ual.v1 import ual_pb2 as pb
 
 STATE_SCHEMA: Schema = json_schema(
-    "ual.StateChange",
+    "UalStateChange",
     "The state has changed.",
     old={"type": "string", "description": "empty for the first one"},
     new={"type": "string"},
