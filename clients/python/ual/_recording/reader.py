@@ -5,14 +5,13 @@ from __future__ import annotations
 import heapq
 import json
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ual import _convert
 from ual._recording import requirements
-from ual._recording.topics import JSON, PROTOBUF
 from ual.errors import InvalidArgumentError
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
@@ -82,6 +81,11 @@ class Recording:
         while waiting:
             yield heapq.heappop(waiting)[2]
 
+    def uavs(self) -> list[str]:
+        """Returns the namespaces of the UAVs whose telemetry it has. Raises as `messages` does."""
+        is_wanted = "/telemetry"
+        return sorted({message.ns for message in self.messages(lambda topic: topic.endswith(is_wanted))})
+
     def _in_order_of_file(self, is_wanted: Callable[[str], bool]) -> Iterator[Message]:
         from mcap.records import Channel, Footer, Metadata, Schema
         from mcap.records import Message as Record
@@ -146,17 +150,3 @@ def _message(channel: Channel, schema: str, record: Any) -> Message:  # noqa: AN
         channel.metadata,
         record.data,
     )
-
-
-def decoded(message: Message) -> object:
-    """Returns a message of JSON as an object, a telemetry sample as `Telemetry`, anything else as bytes."""
-    if message.encoding == JSON:
-        return message.json()
-    if message.encoding == PROTOBUF and message.name == "telemetry":
-        return message.telemetry()
-    return message.data
-
-
-def uavs(messages: Iterable[Message]) -> list[str]:
-    """Returns the namespaces of the UAVs that messages are about."""
-    return sorted({message.ns for message in messages if message.ns})

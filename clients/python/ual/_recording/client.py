@@ -1,0 +1,83 @@
+"""Records what a client sees (``ual record``): the telemetry of UAVs, as fast as their daemons send it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from ual._recording.recorder import Recorder
+from ual._recording.telemetry import TelemetryTopics
+from ual.errors import InvalidArgumentError
+from ual.interface import Uav
+from ual.types import Telemetry
+
+
+class ClientRecording:
+    """One file of telemetry of any number of UAVs. Its members may be called from any thread."""
+
+    def __init__(self, directory: Path, name: str) -> None:
+        """Opens the file, whose name begins with `name`.
+
+        Raises:
+            InvalidArgumentError: It cannot be written.
+
+        """
+        try:
+            self._recorder = Recorder(directory, name)
+        except OSError as error:
+            why = f"cannot record into {directory}: {error.strerror or error}"
+            raise InvalidArgumentError(why, {"field": "directory"}) from None
+        self._lock = threading.Lock()
+        self._topics: dict[str, TelemetryTopics] = {}
+        self.samples_count = 0
+        """How many samples came."""
+        self.missed_count = 0
+        """How many samples the daemons had to leave out, because this computer was too slow."""
+        self._recorder.start()
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._recorder.path
+
+    @property
+    def uavs(self) -> list[str]:
+        """The UAVs that are recorded."""
+        return sorted(self._topics)
+
+    @property
+    def lost_count(self) -> int:
+        """How many records were dropped, because the disk was too slow."""
+        return self._recorder.lost_count
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it records no more, because the disk is full."""
+        return self._recorder.has_ended
+
+    def put(self, ns: str, sample: Telemetry) -> None:
+        """Records a sample of a UAV."""
+        with self._lock:
+            self.samples_count += 1
+            self.missed_count += sample.missed_count
+            topics = self._topics.setdefault(ns, TelemetryTopics(ns))
+        self._recorder.put(topics.write_sample, self._recorder.clock.now_ns(), sample)
+
+    def describe(self, uav: Uav) -> None:
+        """Records who a UAV is, and its frames, as they are now."""
+        with self._lock:
+            topics = self._topics.setdefault(uav.ns, TelemetryTopics(uav.ns))
+        now_ns = self._recorder.clock.now_ns()
+        self._recorder.put(topics.write_info, now_ns, uav.info())
+        self._recorder.put(topics.write_frames, now_ns, uav.frames())
+
+    def subscribe(self, uav: Uav) -> Callable[[], None]:
+        """Records a UAV until the function that it returns is called."""
+        self.describe(uav)
+        subscription = uav.subscribe(lambda sample: self.put(uav.ns, sample))
+        return subscription.close
+
+    def close(self) -> None:
+        """Ends the file."""
+        self._recorder.close()

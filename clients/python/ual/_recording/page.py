@@ -1,0 +1,168 @@
+"""Draws a recorded flight on one page (``ual plot``). Needs matplotlib, which is imported only for this."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ual._recording.reader import Message
+from ual.types import State
+
+_LEAST_NS = 40_000_000
+"""So many points a second are drawn at most: 25."""
+_SIZE_IN = (11.7, 8.3)
+"""A4, landscape."""
+_COLOURS = {
+    State.UNINITIALIZED: "#999999",
+    State.LANDED_DISARMED: "#d9d9d9",
+    State.LANDED_ARMED: "#a6cee3",
+    State.TAKING_OFF: "#b2df8a",
+    State.FLYING_AUTO: "#33a02c",
+    State.FLYING_MANUAL: "#ff7f00",
+    State.LANDING: "#1f78b4",
+}
+
+
+@dataclass(slots=True)
+class Band:
+    """Something that lasted: a state or a task, from one time to another, in s."""
+
+    label: str
+    begin_s: float
+    end_s: float
+    state: State | None = None
+
+
+@dataclass(slots=True)
+class Flight:
+    """What is drawn of one UAV; times in s since the beginning of the recording, metres, m/s."""
+
+    ns: str
+    times_s: list[float] = field(default_factory=list)
+    xs: list[float] = field(default_factory=list)
+    ys: list[float] = field(default_factory=list)
+    heights: list[float] = field(default_factory=list)
+    wanted_heights: list[float | None] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+    states: list[Band] = field(default_factory=list)
+    tasks: list[Band] = field(default_factory=list)
+    refusals: list[tuple[float, str]] = field(default_factory=list)
+    frame_id: str = ""
+
+    def add(self, message: Message, time_s: float) -> None:
+        """Takes what a message says."""
+        if message.name == "telemetry":
+            self._add_sample(message, time_s)
+        elif message.name == "calls":
+            call = message.json()
+            if call["event"] == "ended" and call["reason"]:
+                self.refusals.append((time_s, f"{call['method'].rpartition('/')[2]}: {call['reason']}"))
+
+    def _add_sample(self, message: Message, time_s: float) -> None:
+        sample = message.telemetry()
+        _extend(self.states, sample.state.name, time_s, sample.state)
+        if sample.task is not None:
+            _extend(self.tasks, sample.task.kind.name, time_s)
+        is_due = not self.times_s or time_s - self.times_s[-1] >= _LEAST_NS * 1e-9
+        if sample.pose is None or not is_due:
+            return
+        self.frame_id = self.frame_id or sample.frame_id
+        position, reference = sample.pose.position, sample.reference_pose
+        self.times_s.append(time_s)
+        self.xs.append(position.x)
+        self.ys.append(position.y)
+        self.heights.append(position.z)
+        self.wanted_heights.append(None if reference is None else reference.position.z)
+        self.speeds.append(0.0 if sample.velocity is None else sample.velocity.linear.norm())
+
+
+def _extend(bands: list[Band], label: str, time_s: float, state: State | None = None) -> None:
+    """Makes the last band longer if it goes on, or begins another one."""
+    if bands and bands[-1].label == label and (state is not None or time_s - bands[-1].end_s < 1.0):
+        bands[-1].end_s = time_s
+        return
+    if bands and state is not None:
+        bands[-1].end_s = time_s
+    bands.append(Band(label, time_s, time_s, state))
+
+
+def flights(messages: Iterable[Message]) -> list[Flight]:
+    """Returns what is to be drawn of each UAV."""
+    found: dict[str, Flight] = {}
+    begin_ns: int | None = None
+    for message in messages:
+        if message.name not in ("telemetry", "calls") or not message.ns:
+            continue
+        begin_ns = message.log_ns if begin_ns is None else begin_ns
+        found.setdefault(message.ns, Flight(message.ns)).add(message, (message.log_ns - begin_ns) * 1e-9)
+    return [found[ns] for ns in sorted(found)]
+
+
+def draw(drawn: list[Flight], file: Path, title: str) -> None:
+    """Draws the page: ground track, height, speed, states, tasks and refusals. The ending of the name says the format.
+
+    Raises:
+        OSError: The file cannot be written.
+
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=_SIZE_IN, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    axes = figure.subplot_mosaic(
+        [["track", "height"], ["track", "speed"], ["bands", "bands"]],
+        height_ratios=[2, 2, 1 + 0.5 * len(drawn)],
+        width_ratios=[2, 3],
+    )
+    for flight in drawn:
+        [line] = axes["track"].plot(flight.xs, flight.ys, label=flight.ns, linewidth=1.0)
+        if flight.xs:
+            axes["track"].plot(flight.xs[0], flight.ys[0], "o", color=line.get_color(), markersize=5)
+        axes["height"].plot(flight.times_s, flight.heights, color=line.get_color(), label=flight.ns)
+        wanted = [float("nan") if height is None else height for height in flight.wanted_heights]
+        axes["height"].plot(flight.times_s, wanted, "--", color=line.get_color(), linewidth=0.8, alpha=0.7)
+        axes["speed"].plot(flight.times_s, flight.speeds, color=line.get_color())
+    frame = drawn[0].frame_id if len(drawn) == 1 else "the frame of each"
+    axes["track"].set(xlabel=f"x (m), in {frame}", ylabel="y (m)", title="ground track")
+    axes["track"].set_aspect("equal", adjustable="datalim")
+    axes["track"].legend()
+    axes["height"].set(ylabel="z (m)", title="height (dashed: the reference)")
+    axes["speed"].set(ylabel="speed (m/s)", xlabel="time (s)")
+    for name in ("track", "height", "speed"):
+        axes[name].grid(alpha=0.3)
+    _draw_bands(axes["bands"], drawn)
+    axes["speed"].sharex(axes["height"])
+    axes["bands"].set_xlim(axes["height"].get_xlim())
+    figure.savefig(file, dpi=120)
+
+
+def _draw_bands(axes: Any, drawn: list[Flight]) -> None:  # noqa: ANN401  matplotlib has no types
+    """Draws states, tasks and refusals of each UAV in three rows, over the time."""
+    from matplotlib.patches import Patch
+
+    labels: list[str] = []
+    used: dict[State, None] = {}
+    for flight in drawn:
+        for row, bands in (("state", flight.states), ("tasks", flight.tasks)):
+            place = -len(labels)
+            labels.append(f"{flight.ns} {row}")
+            for band in bands:
+                colour = "#fdbf6f" if band.state is None else _COLOURS[band.state]
+                axes.barh(place, band.end_s - band.begin_s, 0.8, left=band.begin_s, color=colour, edgecolor="white")
+                if band.state is None:
+                    axes.text(band.begin_s, place, f" {band.label.lower()}", va="center", fontsize=6, clip_on=True)
+                else:
+                    used[band.state] = None
+        place = -len(labels)
+        labels.append(f"{flight.ns} refusals")
+        for time_s, text in flight.refusals:
+            axes.plot(time_s, place, "x", color="#e31a1c", markersize=6)
+            axes.text(time_s, place, f"  {text}", va="center", fontsize=6, clip_on=True)
+    axes.set_yticks([-index for index in range(len(labels))], labels, fontsize=7)
+    axes.set_xlabel("time (s)")
+    patches = [Patch(color=_COLOURS[state], label=state.name) for state in used]
+    axes.legend(handles=patches, fontsize=6, ncols=len(patches) or 1, loc="upper center", bbox_to_anchor=(0.5, -0.25))
