@@ -82,6 +82,9 @@ class Backend(ABC):
     next daemon. A simulation's world ends with it.
     """
 
+    can_fly: bool = True
+    """False where nothing can be flown, whatever is heard: a recording."""
+
     def __init__(self, options: BackendOptions) -> None:
         self.options = options
         self.is_update_needed: Callable[[], bool] = _always

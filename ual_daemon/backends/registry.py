@@ -22,12 +22,13 @@ _BUILT_IN = {
     "light": ("ual_daemon.backends.light", "LightBackend"),
     "mavlink": ("ual_daemon.backends.mavlink", "MavlinkBackend"),
     "mavros": ("ual_daemon.backends.mavros", "MavrosBackend"),
+    "replay": ("ual_daemon.backends.replay", "ReplayBackend"),
 }
 """Module and class by name. Entry points are searched for other names only: that takes 30 ms of the start, and 2 MiB.
 """
 
 
-_EXTRAS = {"dji": "ros", "mavros": "ros"}
+_EXTRAS = {"dji": "ros", "mavros": "ros", "replay": "record"}
 """The extras of backends that do not have one of their own name."""
 
 

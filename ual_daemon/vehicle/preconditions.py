@@ -78,7 +78,8 @@ class Preconditions:
         if capability in info.capabilities:
             return
         # Nothing is known of the capabilities of an autopilot that was not heard yet.
-        _require_link(command, self._flight.estimate(self._backend.snapshot()))
+        if self._backend.can_fly:
+            _require_link(command, self._flight.estimate(self._backend.snapshot()))
         if info.limitation:
             raise NotSupportedError(f"{command}: {info.limitation}", {"autopilot": info.autopilot})
         known = ", ".join(sorted(c.name for c in info.capabilities)) or "nothing of the kind"

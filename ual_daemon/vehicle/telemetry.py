@@ -41,9 +41,12 @@ def make_telemetry(
     reported_body = body if odom_loss is None else None
     twist = None if snapshot.velocity is None else snapshot.velocity.value
     reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
+    recorded = snapshot.recorded
+    if recorded is not None and recorded.telemetry.frame_id == reported.frame_id:
+        reported = reported._replace(reference_pose=recorded.telemetry.reference_pose)
     return Telemetry(
         state=found.state,
-        state_reason=f"{found.why}; {flight.limitation}" if flight.limitation else found.why,
+        state_reason=f"{found.why}; {flight.limitation}" if flight.limitation and recorded is None else found.why,
         stamp_s=snapshot.stamp_s,
         frame_id=reported.frame_id,
         pose=reported.pose,
@@ -56,7 +59,7 @@ def make_telemetry(
         gps=snapshot.gps,
         flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
         armed=snapshot.armed is not None and snapshot.armed.value,
-        task=flight.task_info(),
+        task=flight.task_info() if recorded is None else recorded.telemetry.task,
         sequence=sequence,
         status_text=snapshot.status_text,
         frame_lost="" if odom_loss is None else str(odom_loss),

@@ -210,6 +210,8 @@ class Vehicle:
 
     def _sample(self, snapshot: Snapshot, found: Estimate) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
+        if snapshot.recorded is not None and snapshot.recorded.is_whole:
+            return replace(snapshot.recorded.telemetry, sequence=sequence)
         return make_telemetry(snapshot, found, self._resolver, self._flight, self._pose_frame_id, sequence)
 
     # --- Updates ------------------------------------------------------------------------------------------------------

@@ -46,7 +46,8 @@ class ReceiveLoop:
         self.snapshot = Snapshot(time_s=clock.now_s())
         self.info = VehicleInfo()
         self.on_received: Callable[[bytes, Address | None, float, float], None] | None = None
-        """Called with what is received, from where, when, and when in UTC, before it is decoded; never blocks."""
+        """Called with what is received, from where, when, and when in UTC, before it is decoded; never blocks. Empty:
+        what had arrived, and what was known before, was discarded after a pause of this thread."""
         self._connection = connection
         self._discovery = discovery
         self._clock = clock
@@ -158,6 +159,8 @@ class ReceiveLoop:
         _log.warning("this thread was not scheduled for %.1f s: requesting the autopilot's state anew", pause_s)
         self._connection.discard(now_s)
         self._discovery.discard_state()
+        if self.on_received is not None:
+            self.on_received(b"", None, now_s, self._clock.utc_s())
         return []
 
     def _tick(self, now_s: float) -> None:

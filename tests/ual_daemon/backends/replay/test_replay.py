@@ -1,0 +1,188 @@
+"""A recorded flight as a UAV: decoded anew from its packets, or reported as it was."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ual.recording.waiting import LIMIT_S
+from tests.ual_daemon.backends.mavlink.traces import load
+from tests.ual_daemon.backends.replay.recordings import light_flight, raw_recording, recording_of
+from ual.errors import NotSupportedError, UalError
+from ual.geometry import Pose, Twist
+from ual.types import State, Telemetry
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.registry import make
+from ual_daemon.backends.replay.player import ENDED
+from ual_daemon.settings import ConfigError
+from ual_daemon.vehicle.vehicle import Vehicle
+
+FAST = {"speed_factor": 1e6}
+
+
+class Watched:
+    """A replayed UAV, and its samples."""
+
+    def __init__(self, path: Path, ns: str = "uav_1", **settings: Any) -> None:
+        self.vehicle = Vehicle(make("replay", BackendOptions(ns, str(path), {**FAST, **settings})))
+        self.samples: list[Telemetry] = []
+        self._condition: Callable[[Telemetry], bool] = lambda _: False
+        self._is_so = threading.Event()
+        self.vehicle.subscribe(self._take)
+
+    def _take(self, sample: Telemetry) -> None:
+        if self._is_so.is_set():
+            return
+        if self._condition(sample):
+            self._is_so.set()
+        else:
+            self.samples.append(sample)
+
+    def until(self, condition: Callable[[Telemetry], bool]) -> list[Telemetry]:
+        """Plays until a sample fulfils a condition. The samples before it."""
+        self._condition = condition
+        self.vehicle.open()
+        try:
+            assert self._is_so.wait(LIMIT_S)
+        finally:
+            self.vehicle.close()
+        return self.samples
+
+    def to_the_end(self) -> list[Telemetry]:
+        return self.until(lambda sample: sample.status_text == ENDED)
+
+
+def states(samples: list[Telemetry]) -> list[State]:
+    found: list[State] = []
+    for sample in samples:
+        if not found or found[-1] is not sample.state:
+            found.append(sample.state)
+    return found
+
+
+@pytest.fixture(scope="module")
+def flight() -> list[Telemetry]:
+    return light_flight()
+
+
+@pytest.fixture(scope="module")
+def flown(flight: list[Telemetry], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recording_of(flight, tmp_path_factory.mktemp("flown") / "light.mcap")
+
+
+def test_a_flight_is_decoded_anew_from_its_packets(tmp_path: Path) -> None:
+    path = raw_recording(load("px4_auto_takeoff_loiter_rtl"), tmp_path / "px4.mcap")
+    watched = Watched(path)
+    samples = watched.to_the_end()
+    assert states(samples) == [
+        State.UNINITIALIZED,
+        State.LANDED_DISARMED,
+        State.LANDED_ARMED,
+        State.TAKING_OFF,
+        State.FLYING_MANUAL,
+        State.LANDING,
+        State.LANDED_ARMED,
+        State.LANDED_DISARMED,
+    ]
+    info = watched.vehicle.info()
+    assert (info.autopilot, info.backend, info.capabilities) == ("PX4", "replay", frozenset())
+    heights = [sample.pose.position.z for sample in samples if sample.pose is not None]
+    assert max(heights) > 5.0
+
+
+def test_a_flight_without_packets_is_reported_as_it_was(flight: list[Telemetry], flown: Path) -> None:
+    samples = Watched(flown).to_the_end()
+    assert [sample.state for sample in samples] == [sample.state for sample in flight]
+    for name in ("state_reason", "pose", "velocity", "reference_pose", "odometry", "transform", "battery", "armed"):
+        assert [getattr(s, name) for s in samples[:-1]] == [getattr(s, name) for s in flight[:-1]], name
+    tasks = [None if s.task is None else (s.task.id, s.task.kind, s.task.status) for s in samples]
+    assert tasks == [None if s.task is None else (s.task.id, s.task.kind, s.task.status) for s in flight]
+
+
+def test_the_frames_are_those_of_the_namespace(flown: Path) -> None:
+    samples = Watched(flown, "drone").to_the_end()
+    last = samples[-1]
+    assert last.odometry is not None
+    assert last.transform is not None
+    names = (last.frame_id, last.odometry.child_frame_id, last.transform.frame_id, last.transform.child_frame_id)
+    assert names == ("drone/odom", "drone/base_link", "map", "drone/base_link")
+
+
+def test_it_is_played_from_a_time_on(flight: list[Telemetry], flown: Path) -> None:
+    begin_s = 3.0
+    expected = [sample for sample in flight if sample.stamp_s - flight[0].stamp_s >= begin_s - 1e-6]
+    samples = Watched(flown, begin_s=begin_s).to_the_end()
+    assert abs(len(samples) - len(expected)) <= 1
+    assert samples[-1].pose == flight[-1].pose
+
+
+def test_it_is_played_again_and_again(flight: list[Telemetry], flown: Path) -> None:
+    begun: list[None] = []
+
+    def third_time(sample: Telemetry) -> bool:
+        if sample.status_text == "the recording begins again":
+            begun.append(None)
+        return len(begun) == 3
+
+    samples = Watched(flown, loop=True).until(third_time)
+    once = states(flight)
+    assert states(samples) == [*once, State.UNINITIALIZED, *once, State.UNINITIALIZED, *once]
+    assert samples[-1].pose == flight[-1].pose  # the frames have not moved
+
+
+def test_at_its_end_nothing_is_heard_any_more(flown: Path) -> None:
+    def is_lost(sample: Telemetry) -> bool:
+        return sample.status_text == ENDED and sample.state is State.UNINITIALIZED
+
+    watched = Watched(flown)
+    assert states(watched.until(is_lost))[-1] is not State.UNINITIALIZED
+    assert watched.vehicle.state() is State.UNINITIALIZED
+
+
+def test_nothing_can_be_flown(flown: Path) -> None:
+    def refused(command: Callable[[], object]) -> None:
+        with pytest.raises(NotSupportedError):
+            command()
+
+    with ExitStack() as stack:
+        settings = {**FAST, "speed_factor": 0.001}
+        uav = stack.enter_context(UAL("replay", url=str(flown), backend_settings=settings, allow_arming=True))
+        uav.vehicle.subscribe(lambda _: None)
+        for command in (
+            uav.arm,
+            lambda: uav.take_off(2.0),
+            uav.land,
+            lambda: uav.go_to_waypoint(Pose.at(1.0, 1.0, 2.0)),
+            lambda: uav.go_to_waypoint_geo(47.0, 8.0, 10.0),
+            lambda: uav.follow_path([Pose.at(1.0, 1.0, 2.0)]),
+            lambda: uav.set_pose(Pose.at(1.0, 1.0, 2.0)),
+            lambda: uav.set_velocity(Twist()),
+            uav.return_to_launch,
+            uav.recover_from_manual,
+        ):
+            refused(command)
+        with pytest.raises(UalError):
+            uav.abort()
+
+
+@pytest.mark.parametrize(
+    ("url", "settings", "why"),
+    [
+        (None, {}, "url: the replay backend needs a recording"),
+        ("none.mcap", {}, "url: cannot read .*none.mcap: No such file"),
+        ("light.mcap", {"uav": "uav_7"}, "replay.uav: .* has no uav_7, but uav_1"),
+        ("light.mcap", {"speed_factor": 0}, "replay.speed_factor"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_at_once(
+    flown: Path, url: str | None, settings: dict[str, Any], why: str
+) -> None:
+    where = None if url is None else str(flown.parent / url)
+    with pytest.raises(ConfigError, match=why):
+        make("replay", BackendOptions("uav_1", where, settings))
