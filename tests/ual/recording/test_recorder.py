@@ -15,10 +15,12 @@ import pytest
 
 from tests.ual.recording.waiting import LIMIT_S, wait_until
 from ual._recording import recorder as recorder_module
+from ual._recording import requirements
 from ual._recording.file import File
 from ual._recording.reader import Recording
 from ual._recording.recorder import METADATA, Entry, Output, Recorder, Turnover
 from ual._recording.topics import JSON, Topic
+from ual.errors import NotSupportedError
 
 TOPIC = Topic("/uav_1/numbers", JSON)
 
@@ -208,3 +210,9 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     for path, why in ((other, "it is no MCAP file"), (tmp_path / "none", "No such file or directory")):
         with pytest.raises(Exception, match=why):
             list(Recording(path).messages())
+
+
+def test_a_missing_package_is_named_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(NotSupportedError, match=r"pip install 'ual-daemon\[record\]'"):
+        requirements.require("ual-daemon")

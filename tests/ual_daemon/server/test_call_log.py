@@ -1,0 +1,108 @@
+"""Calls are observed whatever becomes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import grpc
+from typing_extensions import override
+
+from ual_daemon.server.call_log import CallRecord, observed
+from ual_daemon.server.transport.base import Call, Metadata
+
+
+class ScriptedCall(Call):
+    """A call whose caller is a test."""
+
+    def __init__(self) -> None:
+        self.method = "/ual.v1.UalService/TakeOff"
+        self.metadata = (("user-agent", "a test"),)
+        self.is_finished = False
+        self.is_cancelled = False
+        self.give_up: Callable[[], object] = lambda: None
+        self.say: Callable[[bytes | None], object] = lambda _: None
+
+    @override
+    def peer(self) -> str:
+        return "ipv4:127.0.0.1:5"
+
+    @override
+    def watch(self, on_cancel: Callable[[], object]) -> None:
+        self.give_up = on_cancel
+
+    @override
+    def receive(self, then: Callable[[bytes | None], object]) -> None:
+        self.say = then
+
+    @override
+    def begin(self) -> None:
+        return None
+
+    @override
+    def send(self, message: bytes, then: Callable[[bool], object]) -> None:
+        then(True)
+
+    @override
+    def finish(
+        self,
+        message: bytes | None = None,
+        code: grpc.StatusCode = grpc.StatusCode.OK,
+        details: str = "",
+        metadata: Metadata = (),
+    ) -> None:
+        self.is_finished = True
+
+
+def begun() -> tuple[ScriptedCall, Call, list[CallRecord]]:
+    """A call, the same as the server sees it, and what is observed of it."""
+    records: list[CallRecord] = []
+    taken: list[Call] = []
+    call = ScriptedCall()
+    observed(taken.append, records.append)(call)
+    return call, taken[0], records
+
+
+def test_a_call_that_is_answered_at_once_is_observed_once() -> None:
+    call, seen, records = begun()
+    seen.receive(lambda _: seen.finish(b"answer"))
+    call.say(b"request")
+    [record] = records
+    assert (record.has_ended, record.code, record.request, record.response) == (True, "OK", b"request", b"answer")
+    assert (record.caller, record.agent) == ("ipv4:127.0.0.1:5", "a test")
+    assert record.at_ns >= record.began_ns
+    assert call.is_finished
+    assert seen.is_finished
+
+
+def test_a_call_that_waits_is_observed_when_it_has_begun_and_when_it_has_ended() -> None:
+    call, seen, records = begun()
+    seen.receive(lambda _: seen.watch(lambda: None))
+    call.say(b"request")
+    assert [record.has_ended for record in records] == [False]
+    seen.finish(None, grpc.StatusCode.ABORTED, "the pilot took over")
+    assert [(record.code, record.details) for record in records] == [("", ""), ("ABORTED", "the pilot took over")]
+    assert {record.number for record in records} == {records[0].number}
+
+
+def test_a_caller_that_vanishes_is_observed_once_whatever_the_server_says_afterwards() -> None:
+    call, seen, records = begun()
+    gone: list[None] = []
+    seen.watch(lambda: gone.append(None))
+    call.give_up()
+    seen.finish(None, grpc.StatusCode.ABORTED, "too late")
+    assert [record.code for record in records] == ["CANCELLED"]
+    assert seen.is_cancelled
+    assert gone == [None]
+
+
+def test_the_messages_of_streams_are_counted() -> None:
+    call, seen, records = begun()
+    for message in (b"first", b"second", None):
+        seen.receive(lambda _: None)
+        call.say(message)
+    for _ in range(3):
+        seen.send(b"sample", lambda _: None)
+    seen.finish(b"last")
+    ended = records[-1]
+    assert (ended.request, ended.requests_count, ended.response, ended.responses_count) == (b"first", 2, b"last", 4)
+    assert [record.has_ended for record in records] == [False, True]
