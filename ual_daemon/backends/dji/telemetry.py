@@ -10,6 +10,7 @@ from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.authority import Authority
 from ual_daemon.backends.dji.local_frame import LocalFrame
+from ual_daemon.backends.dji.motor_errors import motor_error_text
 from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.wrappers import Wrapper
@@ -213,7 +214,7 @@ class Telemetry:
     @property
     def why_not_start(self) -> str:
         """Returns why it would not start its motors, for people; empty if it does not say."""
-        return f"motor start error {self._motor_error}" if self._motor_error else ""
+        return motor_error_text(self._motor_error)
 
     def note_setpoint(self, wanted: Vector3, now_s: float) -> str:
         """Notes what was sent. Returns what brakes it, for people; empty if nothing seems to."""

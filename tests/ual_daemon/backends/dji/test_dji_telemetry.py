@@ -68,3 +68,18 @@ def test_impossible_rates_are_not_taken() -> None:
     snapshot = told(take_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
     assert snapshot.velocity is not None
     assert snapshot.velocity.value.angular.z == 0.0
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0, ""),
+        (22, "motor start error 22: it is not activated: activate it with DJI's program"),
+        (23, "motor start error 23: it is in a no-fly zone"),
+        (999, "motor start error 999"),
+    ],
+)
+def test_why_its_motors_do_not_start_is_told_in_words(number: int, text: str) -> None:
+    telemetry = Telemetry(WRAPPERS[0], DjiSettings())
+    telemetry.take_motor_error({"data": number}, 0.0)
+    assert telemetry.why_not_start == text
