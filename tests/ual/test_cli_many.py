@@ -169,6 +169,15 @@ def test_watch_takes_all_before_and_behind_the_command(fleet: DaemonProcess) -> 
         assert run(*words).stdout.count("LANDED_ARMED") == 3
 
 
+def test_watch_takes_those_that_are_named(fleet: DaemonProcess) -> None:
+    del fleet
+    lines = run("--ns", "uav_1,uav_3", "watch", "--once").stdout.splitlines()
+    assert [line.split("\t")[0] for line in lines] == ["uav_1", "uav_3"]
+    result = run("--ns", "uav_1,uav_9", "watch", "--once")
+    assert result.exit_code == 1
+    assert "no daemon of the name uav_9 runs on this computer" in result.stderr
+
+
 def test_where_one_ends_before_it_begins_the_others_do_not_wait_for_it(
     fleet: DaemonProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ from ual_daemon.backends.airsim.snapshots import (
     projection_of,
 )
 from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import (
@@ -115,6 +116,7 @@ class AirsimBackend(Backend):
         self._sender = SetpointSender(self._address, self._vehicle, self._newest)
         self._mailbox = SetpointMailbox(self._sender.send, self.clock, f"airsim setpoints {options.ns}")
         self._pilot = Pilot(self._address, self._vehicle, self._newest)
+        self._plausibility = Plausibility()
         self._collisions = CollisionWatch()
         self._on_update: UpdateCallback | None = None
         self._report: Report | None = None
@@ -279,7 +281,14 @@ class AirsimBackend(Backend):
         landed = LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR
         if self._landing is not None:
             landed = LandedState.LANDING  # until it is disarmed
-        snapshot = make_snapshot(report, now_s, self._mode(report), landed, projection_of(self._link.simulator))
+        snapshot = make_snapshot(
+            report,
+            now_s,
+            self._mode(report),
+            landed,
+            projection_of(self._link.simulator),
+            is_plausible=self._plausibility.accepts_motion(report.pose, report.velocity),
+        )
         self._snapshot = snapshot._replace(status_text=self._status_text, boots_count=self._link.starts_count)
 
     def _mode(self, report: Report) -> Mode:

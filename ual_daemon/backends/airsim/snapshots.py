@@ -28,10 +28,15 @@ def projection_of(simulator: Simulator) -> EllipsoidProjection:
 
 
 def make_snapshot(
-    report: Report, heard_s: float, mode: Mode, landed: LandedState, projection: EllipsoidProjection
+    report: Report,
+    heard_s: float,
+    mode: Mode,
+    landed: LandedState,
+    projection: EllipsoidProjection,
+    *,
+    is_plausible: bool,
 ) -> Snapshot:
-    """Returns what a report says that was received at `heard_s`."""
-    is_good = report.is_finite()
+    """Returns what a report says that was received at `heard_s`. Its motion is left out where it cannot be true."""
     return Snapshot(
         time_s=heard_s,
         heard_s=heard_s,
@@ -40,9 +45,9 @@ def make_snapshot(
         armed=Sample(report.is_armed, heard_s),
         landed=Sample(landed, heard_s),
         mode=Sample(mode, heard_s),
-        estimator=Sample(_GOOD if is_good else _NO_POSE, heard_s),
-        pose=Sample(report.pose, heard_s) if is_good else None,
-        velocity=Sample(report.velocity, heard_s),
+        estimator=Sample(_GOOD if is_plausible else _NO_POSE, heard_s),
+        pose=Sample(report.pose, heard_s) if is_plausible else None,
+        velocity=Sample(report.velocity, heard_s) if is_plausible else None,
         projection=projection,
         gps=_GPS,
         home_altitude_amsl_m=projection.altitude_amsl_m,

@@ -140,11 +140,6 @@ class Report(msgspec.Struct, frozen=True):
         motion = self.state.kinematics_estimated
         return Twist(motion.linear_velocity.to_enu(), motion.angular_velocity.to_flu())
 
-    def is_finite(self) -> bool:
-        """Whether the simulator knows where the vehicle is."""
-        pose = self.pose
-        return all(math.isfinite(value) for value in (*pose.position, *pose.orientation))
-
     def is_on_ground(self, mass_kg: float) -> bool:
         """Whether it stands on something.
 

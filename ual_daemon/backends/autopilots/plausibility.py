@@ -6,7 +6,7 @@ import logging
 import math
 from collections import Counter
 
-from ual.geometry import Quaternion, Vector3
+from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint
 from ual_daemon.validation import MAX_ANGULAR_SPEED_RAD_S, MAX_DISTANCE_M, MAX_SPEED_M_S
 
@@ -38,6 +38,11 @@ class Plausibility:
         """Judges a velocity."""
         norm = velocity.norm()
         return norm <= MAX_SPEED_M_S or self._drop("velocity", f"of {norm:.3g} m/s")
+
+    def accepts_motion(self, pose: Pose, velocity: Twist) -> bool:
+        """Judges a pose and the velocity that came with it."""
+        is_pose = self.accepts_position(pose.position) and self.accepts_rotation(pose.orientation)
+        return is_pose and self.accepts_velocity(velocity.linear) and self.accepts_rates(velocity.angular)
 
     def accepts_rates(self, rates: Vector3) -> bool:
         """Judges angular speeds."""

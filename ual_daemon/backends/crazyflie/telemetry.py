@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
+from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
@@ -20,7 +21,6 @@ _WRAP_MS = 1 << 24
 _LATE_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
 _MILLI = 1e-3
-_LARGEST_M = 1e4
 _FLOW = "flow deck"
 _DECKS = {
     "deck.bcFlow2": _FLOW,
@@ -75,6 +75,7 @@ class Telemetry:
         self.power_state: int | None = None
         self.parameters: Mapping[str, float] = {}
         """Those that were read when it was connected."""
+        self._plausibility = Plausibility()
         self._console = _Console()
         self._battery: Battery | None = None
         self.rssi_dbm: float | None = None
@@ -96,12 +97,14 @@ class Telemetry:
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
         """Takes the values of the block `MOTION`."""
         position = Vector3(values["stateEstimate.x"], values["stateEstimate.y"], values["stateEstimate.z"])
-        if not all(math.isfinite(each) and abs(each) < _LARGEST_M for each in position):
-            return
         linear = Vector3(*(values[f"stateEstimateZ.v{axis}"] * _MILLI for axis in "xyz"))
+        pose = Pose(position, decompress(int(values["stateEstimateZ.quat"])))
+        velocity = Twist(linear, self._rates)
+        if not self._plausibility.accepts_motion(pose, velocity):
+            return
         self.info = Sample(Supervisor(int(values["supervisor.info"])), now_s)
-        self.pose = Sample(Pose(position, decompress(int(values["stateEstimateZ.quat"]))), now_s)
-        self.velocity = Sample(Twist(linear, self._rates), now_s)
+        self.pose = Sample(pose, now_s)
+        self.velocity = Sample(velocity, now_s)
         self._measured_s, self._stamp_s = measured_s, utc_s
         self._judge_landed(values.get("stabilizer.thrust"), linear, now_s)
 

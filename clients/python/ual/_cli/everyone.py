@@ -1,15 +1,24 @@
-"""Gets telemetry from all UAVs of this computer at the same time."""
+"""The UAVs of this computer that were chosen, and telemetry from all of them at the same time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from ual import _discovery
+from ual._cli import many
 from ual._cli.app import Session
 from ual._discovery import Registration
 from ual.errors import UalError
 from ual.types import Telemetry
 
 _PARALLEL = 16
+
+
+def chosen_daemons(session: Session) -> list[Registration]:
+    """Returns the daemons of this computer: with ``--ns a,b`` those with these names, else all."""
+    daemons = _discovery.list_daemons()
+    names = many.names(session) if session.ns else None
+    return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 
 
 def ask_all(session: Session, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:

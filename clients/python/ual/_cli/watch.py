@@ -9,9 +9,9 @@ from functools import partial
 
 import click
 
-from ual import _discovery
+from ual._cli import many
 from ual._cli.app import REFUSED, Many, Session, command, note, pass_session
-from ual._cli.everyone import ask_all
+from ual._cli.everyone import ask_all, chosen_daemons
 from ual._cli.help import Section
 from ual._cli.output import error_text, pose_text
 from ual._cli.values import Number
@@ -40,16 +40,18 @@ _TOTAL_RATE_HZ = 200.0
 def watch(session: Session, once: bool, rate_hz: float | None) -> None:
     """Show the UAV's telemetry until q or Ctrl-C.
 
-    With --all it is a table with one line for each UAV of this computer. The arrow keys, PgUp, PgDn, Home and End
-    scroll it. UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample
-    is one line.
+    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these. The
+    arrow keys, PgUp, PgDn, Home and End scroll it. UAVs appear when their daemons start, and vanish when they end. In
+    a pipe, or with --json, each sample is one line.
     """
     if rate_hz is not None and math.isinf(rate_hz):
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
-    if session.is_all:
-        daemons = _discovery.list_daemons()
-        if not daemons:
-            raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
+    names = many.names(session)
+    if names is not None:
+        daemons = chosen_daemons(session)
+        missing = set(names) - {daemon.ns for daemon in daemons}
+        if missing:
+            raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} runs on this computer")
         if once:
             _print_each(session, daemons)
             return

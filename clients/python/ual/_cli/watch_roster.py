@@ -1,4 +1,4 @@
-"""Subscribes to every UAV of this computer, also to those whose daemons start later, until their daemons end."""
+"""Subscribes to the chosen UAVs of this computer, also to those whose daemons start later, until their daemons end."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from ual import _discovery
 from ual._cli.app import Session, note
+from ual._cli.everyone import chosen_daemons
 from ual._cli.output import error_text
 from ual._cli.watch_board import Board
 from ual._discovery import Registration
@@ -53,7 +53,7 @@ class Roster:
 
     def update(self) -> None:
         """Begins a subscription to each daemon that has appeared, and ends those of daemons that have ended."""
-        daemons = dict.fromkeys(_discovery.list_daemons())  # one that was started again is another one
+        daemons = dict.fromkeys(chosen_daemons(self._session))  # one that was started again is another one
         for daemon in self._threads.keys() - daemons.keys():
             _, is_ended = self._threads.pop(daemon)
             is_ended.set()

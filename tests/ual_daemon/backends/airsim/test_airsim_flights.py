@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -65,6 +66,22 @@ def test_it_takes_off_to_any_height_and_is_disarmed_after_its_landing(
     assert vehicle.body.is_on_ground
     assert not vehicle.is_armed
     assert not {name for name, _ in server.calls} & {"takeoff", "land", "moveToZ"}
+
+
+@pytest.mark.parametrize("north_m", [math.nan, 3e38])
+def test_a_position_that_cannot_be_true_is_no_pose_and_is_told_once(
+    uav: UAL, vehicle: Vehicle, north_m: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    place = vehicle.body.position
+    vehicle.place((north_m, 0.0, 0.0), 0.0)
+    wait_for(uav, State.UNINITIALIZED)
+    assert uav.telemetry().pose is None
+    assert "no position" in uav.telemetry().state_reason
+    vehicle.place(place, 0.0)
+    wait_for(uav, State.LANDED_ARMED)
+    assert [record.getMessage()[:19] for record in caplog.records if "dropped" in record.getMessage()] == [
+        "dropped: position o"
+    ]
 
 
 def test_api_control_is_not_enabled_again_in_the_air(uav: UAL, server: AirsimServer) -> None:
