@@ -83,7 +83,9 @@ class Backend(ABC):
     """
 
     can_fly: bool = True
-    """False where nothing can be flown, whatever is heard: a recording."""
+    """False where nothing can be flown, whatever is heard: a recording. Every command is then refused."""
+    has_packets: bool = False
+    """Whether it calls `on_packet`."""
 
     def __init__(self, options: BackendOptions) -> None:
         self.options = options

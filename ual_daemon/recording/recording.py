@@ -39,8 +39,10 @@ class UavRecording:
         self._frames_due_ns = 0
         vehicle.subscribe(self._on_sample)
         vehicle.observe_setpoints(self._on_setpoint)
-        if is_raw:
+        if is_raw and vehicle.backend.has_packets:
             vehicle.backend.on_packet = self._on_packet
+        elif is_raw:
+            logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend.name)
         recorder.at_each_file(self._repeat)
 
     def _on_sample(self, sample: Telemetry) -> None:

@@ -13,7 +13,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.refusals import only_watching, shutting_down
+from ual_daemon.flight.refusals import not_flown, only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
@@ -77,9 +77,10 @@ class Preconditions:
         info = self._backend.info()
         if capability in info.capabilities:
             return
+        if not self._backend.can_fly:
+            raise not_flown(command, self._backend.info().limitation)
         # Nothing is known of the capabilities of an autopilot that was not heard yet.
-        if self._backend.can_fly:
-            _require_link(command, self._flight.estimate(self._backend.snapshot()))
+        _require_link(command, self._flight.estimate(self._backend.snapshot()))
         if info.limitation:
             raise NotSupportedError(f"{command}: {info.limitation}", {"autopilot": info.autopilot})
         known = ", ".join(sorted(c.name for c in info.capabilities)) or "nothing of the kind"
@@ -90,8 +91,11 @@ class Preconditions:
 
         Raises:
             PermissionDeniedError: It only watches.
+            NotSupportedError: Its backend flies nothing.
 
         """
+        if not self._backend.can_fly:
+            raise not_flown(command, self._backend.info().limitation)
         if self._flight.is_watch_only:
             raise only_watching(command)
 
@@ -168,8 +172,11 @@ class Preconditions:
             WrongStateError: The state is another one, or UAL is shutting down.
             LinkLostError: The autopilot is not heard.
             PermissionDeniedError: This daemon only watches.
+            NotSupportedError: Its backend flies nothing.
 
         """
+        if not self._backend.can_fly:
+            raise not_flown(command, self._backend.info().limitation)
         if self._flight.is_closing:
             raise shutting_down(command)
         if self._flight.is_watch_only:

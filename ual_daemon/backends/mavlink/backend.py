@@ -43,6 +43,7 @@ class MavlinkBackend(Backend):
     clock: MonotonicClock
     freshness = Dialect.freshness
     outlived = True
+    has_packets = True
 
     def __init__(self, options: BackendOptions) -> None:
         self._settings = convert(options.settings, MavlinkSettings, SECTION)

@@ -17,10 +17,8 @@ from ual_daemon.backends.mavlink.playback import ENCODING, Playback
 from ual_daemon.backends.replay import source
 from ual_daemon.backends.replay.player import Player, ReplayClock
 from ual_daemon.backends.replay.settings import SECTION, ReplaySettings
-from ual_daemon.backends.values import Freshness, Setpoint, SetpointLoss, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Setpoint, SetpointLoss, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
-
-_LIMITATION = "this is a recording: nothing can be flown"
 
 
 class ReplayBackend(Backend):
@@ -50,6 +48,8 @@ class ReplayBackend(Backend):
             has_samples=contents.has_samples,
         )
         self.clock = self._player.clock
+        self._known = VehicleInfo()
+        self._info = _of_recording(self._known)
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -61,15 +61,7 @@ class ReplayBackend(Backend):
 
     @override
     def info(self) -> VehicleInfo:
-        known = self._player.info()
-        return replace(
-            known,
-            autopilot=known.autopilot or "a recording",
-            is_simulation=False,
-            capabilities=frozenset(),
-            setpoint_loss=SetpointLoss.HOLDS,
-            limitation=_LIMITATION,
-        )
+        return self._info
 
     @override
     def snapshot(self) -> Snapshot:
@@ -109,8 +101,24 @@ class ReplayBackend(Backend):
 
     def _on_snapshot(self, on_update: UpdateCallback, snapshot: Snapshot) -> None:
         playback = self._player.playback
-        self.freshness = Freshness() if playback is None else playback.freshness
+        if playback is not None:
+            self.freshness = playback.freshness
+            if playback.info != self._known:  # the same object while nothing is new, so that its users need not compare
+                self._known = playback.info
+                self._info = _of_recording(self._known)
         on_update(snapshot)
 
     def _refused(self, what: str) -> Future[None]:
         return futures.failed(NotSupportedError(f"cannot {what}: {self.options.ns} is a recording"))
+
+
+def _of_recording(known: VehicleInfo) -> VehicleInfo:
+    """Returns what is known of the recorded vehicle, without what only a flying one has."""
+    return replace(
+        known,
+        autopilot=known.autopilot or "a recording",
+        is_simulation=False,
+        capabilities=frozenset(),
+        setpoint_loss=SetpointLoss.HOLDS,
+        limitation="this is a recording: nothing can be flown",
+    )

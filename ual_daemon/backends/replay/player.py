@@ -17,7 +17,7 @@ from ual_daemon.backends.mavlink.playback import Playback
 from ual_daemon.backends.replay.renaming import renamed
 from ual_daemon.backends.replay.reported import snapshot_of
 from ual_daemon.backends.replay.source import Event, RecordedSample, SentSetpoint
-from ual_daemon.backends.values import Packet, Recorded, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Packet, Recorded, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -93,10 +93,6 @@ class Player:
         self._closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
-
-    def info(self) -> VehicleInfo:
-        """Returns what is known of the vehicle."""
-        return VehicleInfo() if self.playback is None else self.playback.info
 
     def _run(self) -> None:
         try:

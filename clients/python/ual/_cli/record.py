@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual._cli.app import Session, UalCommand, UalGroup, command, pass_session
+from ual._cli.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
 from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual._cli.values import Number
@@ -63,7 +63,10 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
         recording = _begin(session, directory, stack)
         session.note(f"recording {', '.join(recording.uavs)} into {recording.path}; Ctrl-C ends it")
         _wait(recording, duration_s)
+        is_disk_full = recording.has_ended
     _report(session, recording)
+    if is_disk_full:
+        raise click.exceptions.Exit(REFUSED)
 
 
 def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecording:

@@ -24,7 +24,7 @@ class Point(NamedTuple):
 
 
 def tracks(messages: Iterable[Message]) -> dict[str, list[Point]]:
-    """Returns the track of each UAV, without the places where it was longer than a moment."""
+    """Returns the track of each UAV, without repeated points where it stood still."""
     found: dict[str, list[Point]] = {}
     due_ns: dict[str, int] = {}
     for message in messages:
