@@ -69,6 +69,7 @@ class UavRecording:
 
     def _repeat(self) -> None:
         """Has recorded again in the next file what is recorded rarely."""
+        self._telemetry.begin_file()
         self._info = None
         self._frames_due_ns = 0
 

@@ -204,6 +204,20 @@ def test_a_file_that_ends_in_the_middle_is_read_up_to_there(tmp_path: Path, cut_
     assert not recording.is_whole
 
 
+def test_a_damaged_file_is_read_up_to_the_damage(tmp_path: Path) -> None:
+    file = File(tmp_path / "whole.mcap", {})
+    for number in range(100):
+        file.write(TOPIC, str(number).encode(), number, number)
+        if number % 10 == 9:
+            file.flush()
+    file.finish()
+    whole = file.path.read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    for at in range(8, len(whole), 37):
+        damaged.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        assert len(list(Recording(damaged).messages())) <= 100
+
+
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.mcap"
     other.write_text("not at all a recording")

@@ -101,24 +101,24 @@ class Player:
                 if not self._is_looping:
                     break
                 self._begin_again()
-        except UalError as error:
-            _log.error("%s", error)
+        except Exception as error:  # noqa: BLE001  whatever a broken file leads to
+            _log.error("the recording cannot be played on: %s", error, exc_info=not isinstance(error, UalError))
         self._stand_still()
 
     def _play(self) -> None:
         """Plays the recording once."""
-        events = self._open_events()
-        begin_wall_s = time.monotonic()
-        for event in events:
-            time_s = event.time_s
-            if time_s >= self._begin_s:
-                due_s = begin_wall_s + (time_s - self._begin_s) / self._speed_factor
+        begin_wall_s: float | None = None
+        for event in self._open_events():
+            is_shown = event.time_s >= self._begin_s
+            if is_shown:
+                begin_wall_s = time.monotonic() if begin_wall_s is None else begin_wall_s
+                due_s = begin_wall_s + (event.time_s - self._begin_s) / self._speed_factor
                 wait_s = due_s - time.monotonic()
-                if wait_s > _SHORTEST_WAIT_S and self._closing.wait(wait_s):
-                    return
-            elif self._closing.is_set():
+                if wait_s > _SHORTEST_WAIT_S:
+                    self._closing.wait(wait_s)
+            if self._closing.is_set():
                 return
-            self._take(event, time_s + self._offset_s, is_shown=time_s >= self._begin_s)
+            self._take(event, event.time_s + self._offset_s, is_shown=is_shown)
 
     def _take(self, event: Event, time_s: float, *, is_shown: bool) -> None:
         """Takes an event. What was before the wanted beginning is decoded, but not shown."""

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import click
 
 from ual._cli.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
+from ual._cli.everyone import several
 from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual._cli.values import Number
 from ual._recording import requirements
-from ual.errors import DaemonUnreachableError, InvalidArgumentError, NotSupportedError
+from ual.errors import InvalidArgumentError, NotSupportedError
 
 if TYPE_CHECKING:
     from ual._recording.client import ClientRecording
@@ -51,9 +52,10 @@ _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path
 )
 @click.pass_context
 def record(context: click.Context, directory: Path, duration_s: float | None) -> None:
-    """Record the telemetry of the UAV, or with --all of each UAV of this computer, until Ctrl-C.
+    """Record the telemetry of the UAV until Ctrl-C.
 
-    The daemon records more: ual-daemon --record.
+    With --all, or --ns uav_1,uav_2, that of each of these UAVs goes into one file. The daemon records more: ual-daemon
+    --record.
     """
     if context.invoked_subcommand is not None:
         return
@@ -71,19 +73,16 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
 
 def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecording:
     """Subscribes to the chosen UAVs until the stack ends. Returns the recording, which ends after them."""
-    from ual import _discovery
     from ual._recording.client import ClientRecording
 
-    if session.is_all:
-        daemons = _discovery.list_daemons()
-        if not daemons:
-            raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
-        uavs = [stack.enter_context(session.connect_to(daemon)) for daemon in daemons]
-    else:
+    daemons = several(session)
+    if daemons is None:
         uavs = [stack.enter_context(session.connect())]
+    else:
+        uavs = [stack.enter_context(session.connect_to(daemon)) for daemon in daemons]
     for uav in uavs:
         uav.info()  # before a file is made: it may not answer
-    recording = ClientRecording(directory, "all" if session.is_all else uavs[0].ns)
+    recording = ClientRecording(directory, uavs[0].ns if daemons is None else "several")
     stack.callback(recording.close)
     for uav in uavs:
         stack.callback(recording.subscribe(uav))
@@ -152,7 +151,10 @@ def _print_summary(summary: Summary) -> None:
 def export(
     session: Session, file: Path, as_csv: bool, as_parquet: bool, as_kml: bool, as_gpx: bool, directory: Path | None
 ) -> None:
-    """Write the telemetry of the recording FILE as tables, and where the UAVs flew as tracks."""
+    """Make tables and tracks of FILE.
+
+    Tables have a row for each sample of the telemetry, tracks the places where the UAVs flew.
+    """
     if not (as_csv or as_parquet or as_kml or as_gpx):
         raise click.UsageError("say as what: --csv, --parquet, --kml, --gpx")
     target = file.parent if directory is None else directory
@@ -205,7 +207,10 @@ def _exported(
 )
 @pass_session
 def plot(session: Session, file: Path, output: Path | None) -> None:
-    """Draw the recorded flight FILE on one page: ground track, height, speed, states, tasks, refusals."""
+    """Draw a recorded flight on one page.
+
+    It has the ground track, height, speed, states, tasks and refusals.
+    """
     from ual._recording import page
     from ual._recording.reader import Recording
 

@@ -10,7 +10,7 @@ from ual._recording.recorder import Recorder
 from ual._recording.telemetry import TelemetryTopics
 from ual.errors import InvalidArgumentError
 from ual.interface import Uav
-from ual.types import Telemetry
+from ual.types import Frame, Info, Telemetry
 
 
 class ClientRecording:
@@ -30,6 +30,8 @@ class ClientRecording:
             raise InvalidArgumentError(why, {"field": "directory"}) from None
         self._lock = threading.Lock()
         self._topics: dict[str, TelemetryTopics] = {}
+        self._described: dict[str, tuple[Info, list[Frame]]] = {}
+        self._recorder.at_each_file(self._repeat)
         self.samples_count = 0
         """How many samples came."""
         self.missed_count = 0
@@ -68,9 +70,20 @@ class ClientRecording:
         """Records who a UAV is, and its frames, as they are now."""
         with self._lock:
             topics = self._topics.setdefault(uav.ns, TelemetryTopics(uav.ns))
+        self._described[uav.ns] = (uav.info(), uav.frames())
+        self._put_description(uav.ns, topics)
+
+    def _put_description(self, ns: str, topics: TelemetryTopics) -> None:
         now_ns = self._recorder.clock.now_ns()
-        self._recorder.put(topics.write_info, now_ns, uav.info())
-        self._recorder.put(topics.write_frames, now_ns, uav.frames())
+        info, frames = self._described[ns]
+        self._recorder.put(topics.write_info, now_ns, info)
+        self._recorder.put(topics.write_frames, now_ns, frames)
+
+    def _repeat(self) -> None:
+        """Has recorded again in the next file what is recorded once."""
+        for ns in list(self._described):
+            self._topics[ns].begin_file()
+            self._put_description(ns, self._topics[ns])
 
     def subscribe(self, uav: Uav) -> Callable[[], None]:
         """Records a UAV until the function that it returns is called."""

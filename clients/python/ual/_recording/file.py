@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 from collections.abc import Mapping
@@ -11,6 +12,8 @@ from typing import Any
 
 from ual._recording.topics import Schema, Topic
 
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP)
+"""Some file systems cannot say when something is on the disk."""
 _CHUNK_BYTES = 1 << 20
 """A chunk ends at this size, and at each `File.flush`."""
 
@@ -54,14 +57,14 @@ class File:
     def flush(self) -> None:
         """Ends the chunk, and waits until all of it is on the disk."""
         self._writer.flush()
-        os.fdatasync(self._raw.fileno())
+        _sync(self._raw.fileno())
         self._whole_bytes = self._stream.tell()
 
     def finish(self) -> None:
         """Writes the index, and closes the file."""
         self._writer.finish()
         self._stream.flush()
-        os.fdatasync(self._raw.fileno())
+        _sync(self._raw.fileno())
         self._stream.close()
 
     def give_up(self) -> None:
@@ -83,3 +86,12 @@ class File:
             known = self._writer.register_schema(schema.name, schema.encoding, schema.data)
             self._schemas[schema.name] = known
         return known
+
+
+def _sync(descriptor: int) -> None:
+    """Waits until what was written is on the disk, where the file system can say so."""
+    try:
+        os.fdatasync(descriptor)
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            raise

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 import json
-import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,7 +110,7 @@ class Recording:
 
     def _records(self) -> Iterator[object]:
         requirements.require()
-        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.exceptions import InvalidMagic
         from mcap.stream_reader import StreamReader
 
         try:
@@ -126,7 +125,9 @@ class Recording:
                         if file.tell() <= _MAGIC_BYTES:
                             raise _unreadable(self.path, "it is no MCAP file") from error
                         return
-                    except (McapError, struct.error, ValueError, RuntimeError):  # it ends in the middle of a record
+                    except OSError:
+                        raise
+                    except Exception:  # noqa: BLE001  it ends in the middle of a record, or is damaged: what was read counts
                         return
                     yield record
         except OSError as error:

@@ -15,7 +15,7 @@ from ual import _convert
 from ual._recording.recorder import Entry, Output
 from ual._recording.topics import Schema, json_schema, of_json, of_protobuf
 from ual.geometry import Pose, Quaternion, Vector3
-from ual.types import Frame, GeoPoint, Info, State, Telemetry
+from ual.types import Frame, GeoPoint, State, Telemetry
 from ual.v1 import ual_pb2 as pb
 
 STATE_SCHEMA: Schema = json_schema(
@@ -33,8 +33,6 @@ class TelemetryTopics:
 
     def __init__(self, ns: str) -> None:
         self._state: State | None = None
-        self._frames: bytes | None = None
-        self._info: Info | None = None
         self._telemetry = of_protobuf(f"/{ns}/telemetry", pb.Telemetry)
         self._states = of_json(f"/{ns}/states", STATE_SCHEMA)
         self._pose = of_protobuf(f"/{ns}/pose", PoseInFrame)
@@ -42,6 +40,10 @@ class TelemetryTopics:
         self._location = of_protobuf(f"/{ns}/location", LocationFix)
         self._transforms = of_protobuf(f"/{ns}/tf", FrameTransforms)
         self._info_topic = of_protobuf(f"/{ns}/info", pb.GetInfoResponse)
+
+    def begin_file(self) -> None:
+        """Has the state written again, in a further file."""
+        self._state = None
 
     def write_sample(self, output: Output, entry: Entry) -> None:
         """Writes a sample of the telemetry, and the state if it has changed."""
