@@ -7,7 +7,7 @@ import os
 import click
 
 from ual import __version__
-from ual._cli import check, completion, extpose, flight, frames, path, simulation, status, task, waypoints
+from ual._cli import check, completion, extpose, flight, frames, launch, path, simulation, status, task, waypoints
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
 
@@ -42,6 +42,7 @@ for command in (
     *simulation.COMMANDS,
     *check.COMMANDS,
     *extpose.COMMANDS,
+    *launch.COMMANDS,
     *completion.COMMANDS,
 ):
     cli.add_command(command)
