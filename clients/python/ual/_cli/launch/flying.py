@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Callable
 
@@ -41,6 +42,12 @@ class Watched:
             return
         finally:
             self.state = None
+
+    async def look(self, address: str) -> None:
+        """Takes one sample now: the last one of `follow` may be older than a command."""
+        with contextlib.suppress(UalError):
+            async with aio.Uav(self.ns, address=address) as uav:
+                self.see(await uav.telemetry())
 
     def see(self, telemetry: Telemetry) -> None:
         """Takes one sample."""

@@ -14,6 +14,8 @@ from ual._cli.launch.team import Program
 
 _CHUNK = 1 << 16
 _LONGEST_LINE = 8192
+_REST_S = 1.0
+"""How long the last lines of a program that has ended are waited for."""
 
 
 class Process:
@@ -68,7 +70,7 @@ class Process:
         status = await self._process.wait()
         assert self._reading is not None
         # What it has left behind may keep the pipe open: so not without a limit.
-        await asyncio.wait((self._reading,), timeout=0.2)
+        await asyncio.wait((self._reading,), timeout=_REST_S)
         return status
 
     def signal(self, number: signal.Signals) -> None:
@@ -79,14 +81,14 @@ class Process:
     async def stop(self) -> None:
         """Ends it by its signal, or kills it after its limit; and kills what is left of its process group."""
         self.signal(self.program.stop_signal)
-        waiting = asyncio.ensure_future(self.wait())
+        waiting = asyncio.ensure_future(self._process.wait())
         done, _ = await asyncio.wait((waiting,), timeout=self.program.stop_limit_s)
         if not done:
             self._log.note(
                 f"{self.program.name}: killed, because it did not end in {self.program.stop_limit_s:g} s", is_bad=True
             )
         self.signal(signal.SIGKILL)
-        await waiting
+        await self.wait()
 
     async def _read(self, pipe: int) -> None:
         """Passes its lines on. A line that is too long comes in parts."""

@@ -100,6 +100,7 @@ class _Run:
         await self._each_flown(self._land_one)
 
     async def _each_flown(self, work: Any) -> None:  # noqa: ANN401
+        await asyncio.gather(*(each.uav.look(each.address) for each in self._all.values() if each.uav and each.address))
         flown = [each for each in self._all.values() if each.uav is not None and each.uav.is_flown_by_us]
         await asyncio.gather(*(work(each) for each in flown))
 

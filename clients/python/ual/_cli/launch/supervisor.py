@@ -92,12 +92,14 @@ class Supervisor:
         await asyncio.wait((following,))
         process.signal(signal.SIGKILL)  # what it has left behind: a program that is started anew needs its ports
         self.address = None
-        self._judge(status)
+        self._judge(process, status)
         return status
 
-    def _judge(self, status: int) -> None:
+    def _judge(self, process: Process, status: int) -> None:
         if self._is_stopping:
             return
+        if process.watch.seen.is_set():
+            self.ready.set()  # it has ended at once
         self._show(f"ended ({_text(status)})")
         is_done = status == 0 and self.program.ready.condition is Condition.EXIT
         if is_done:
@@ -106,7 +108,7 @@ class Supervisor:
         self.failure = f"ended ({_text(status)})" if is_bad else ""
         if is_bad and not self.ready.is_set():
             self.failure += " before it was ready"
-        self._log.note(f"{self.program.name}: {self.failure or 'has ended'}", is_bad=is_bad)
+        self._log.note(f"{self.program.name}: {self.failure or ('ready' if is_done else 'has ended')}", is_bad=is_bad)
 
     def _is_restarted(self, status: int | None) -> bool:
         if status is None or not self.ready.is_set() or (self.program.is_daemon and status == _WRONG_CONFIGURATION):
