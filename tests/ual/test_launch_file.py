@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,12 +13,14 @@ from click.testing import CliRunner, Result
 
 from tests.conftest import LIMIT_S
 from ual._cli import cli
+from ual._cli.launch import team_file
 from ual._cli.launch.nodes import TeamFileError
 from ual._cli.launch.placeholders import PlaceholderError, fill
 from ual._cli.launch.systemd import HARDENING
 from ual._cli.launch.team import AtEnd, Condition, Ready, Restart
 from ual._cli.launch.team_file import load
 
+PAGE = Path(__file__).parents[2] / "docs" / "launch.md"
 DEPLOYED = Path(__file__).parents[2] / "deploy" / "systemd" / "ual-daemon@.service"
 
 SURVEY = """\
@@ -315,3 +318,17 @@ def test_what_cannot_be_written_is_said(
     assert result.exit_code == 2
     assert why in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_the_page_documents_each_key_and_its_file_is_one(file: Path) -> None:
+    page = PAGE.read_text()
+    file.write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    assert [each.name for each in load(file).daemons] == ["uav_1", "uav_2", "uav_3"]
+    for heading, keys in (
+        ("key of the file", team_file._TEAM),
+        ("key of a UAV", team_file._UAV),
+        ("key of a program", team_file._AFTER),
+    ):
+        table = page.partition(f"| {heading} |")[2].partition("\n\n")[0]
+        cells = [line.split("|")[1] for line in table.splitlines()[2:]]
+        assert set(re.findall(r"`(\w+)`", " ".join(cells))) == set(keys), heading
