@@ -439,6 +439,32 @@ def test_its_output_can_go_into_a_file(tmp_path: Path) -> None:
 
 
 def test_lines_come_without_what_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
-    log = Log(["px4"])
-    log.line("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
+    with Log(["px4"]) as log:
+        log.line("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
     assert capsys.readouterr().out == "px4    red   end\n"
+
+
+def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as closed:
+        monkeypatch.setattr("sys.stdout", closed)
+        with Log(["px4"]) as log:
+            for _ in range(3):
+                log.line("px4", "up")
+                log.state("px4", "ready")
+
+
+def test_a_log_that_nobody_reads_delays_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ual._cli.launch.log._MOST_WAITING", 10)
+    monkeypatch.setattr("ual._cli.launch.log._FLUSH_LIMIT_S", 0.01)
+    read, write = os.pipe()
+    with os.fdopen(write, "w") as full:
+        monkeypatch.setattr("sys.stdout", full)
+        with Log(["px4"]) as log:
+            for _ in range(1000):
+                log.line("px4", "x" * 1000)  # more than the pipe takes
+            with os.fdopen(read) as reader:
+                while "lines lost" not in (line := reader.readline()):
+                    log.line("px4", "y")
+        assert "lines lost: the log is not read fast enough" in line

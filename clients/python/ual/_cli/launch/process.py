@@ -35,6 +35,7 @@ class Process:
         Raises:
             OSError: It cannot be started.
         """
+        file = None if program.log_file is None else program.log_file.open("a", encoding="utf-8", buffering=1)
         read, write = os.pipe()
         try:
             process = await asyncio.create_subprocess_exec(
@@ -48,11 +49,13 @@ class Process:
             )
         except BaseException:
             os.close(read)
+            if file is not None:
+                file.close()
             raise
         finally:
             os.close(write)
         started = cls(program, process, log)
-        started._reading = asyncio.create_task(started._read(read))
+        started._reading = asyncio.create_task(started._read(read, file))
         return started
 
     @property
@@ -90,11 +93,11 @@ class Process:
         self.signal(signal.SIGKILL)
         await self.wait()
 
-    async def _read(self, pipe: int) -> None:
+    async def _read(self, pipe: int, file: IO[str] | None) -> None:
         """Passes its lines on. A line that is too long comes in parts."""
         reader = asyncio.StreamReader()
         loop = asyncio.get_running_loop()
-        with _file(pipe) as stream, _opened(self.program) as file:
+        with _stream(pipe) as stream, file or contextlib.nullcontext():
             transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), stream)
             rest = b""
             try:
@@ -114,15 +117,12 @@ class Process:
         self.watch.see(text)
         if file is None:
             self._log.line(self.program.name, text)
-        else:
+            return
+        try:
             file.write(text + "\n")
+        except OSError as error:
+            self._log.line(self.program.name, f"{text} (not in its file: {error.strerror})")
 
 
-def _file(pipe: int) -> IO[bytes]:
+def _stream(pipe: int) -> IO[bytes]:
     return os.fdopen(pipe, "rb", buffering=0)
-
-
-def _opened(program: Program) -> contextlib.AbstractContextManager[IO[str] | None]:
-    if program.log_file is None:
-        return contextlib.nullcontext()
-    return program.log_file.open("a", encoding="utf-8", buffering=1)

@@ -37,6 +37,8 @@ class _Run:
     async def run(self) -> bool:
         _on_signals(self._on_signal)
         running = [asyncio.create_task(self._one(each)) for each in self._all.values()]
+        for each in running:
+            each.add_done_callback(self._end_by_defect)
         saying = asyncio.create_task(self._say_when_ready())
         await self._ending.wait()
         await self._end()
@@ -56,6 +58,12 @@ class _Run:
         descendants.reap(self._pids())
         if not self._ending.is_set() and (one.program.is_ending_team or not one.ready.is_set()):
             self._end_because(one)
+
+    def _end_by_defect(self, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (defect := task.exception()) is not None:
+            self._log.note(f"the team ends, because of a defect of ual launch: {defect!r}", is_bad=True)
+            self._is_good = False
+            self._ending.set()
 
     def _end_because(self, one: Supervisor) -> None:
         why = one.failure or "has ended"
@@ -106,6 +114,10 @@ class _Run:
 
     async def _land_one(self, one: Supervisor) -> None:
         assert one.uav is not None
+        if one.has_ended:
+            self._is_good = False
+            self._log.note(f"{one.program.name}: cannot land: its daemon has ended", is_bad=True)
+            return
         self._log.note(f"{one.program.name}: lands")
         why = await land(one.uav, lambda: one.address, self._team.land_limit_s)
         if why is not None:

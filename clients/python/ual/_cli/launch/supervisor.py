@@ -25,7 +25,8 @@ class Supervisor:
 
     Attributes:
         ready: Set when it was ready for the first time.
-        failure: Why it has ended for good, if that was not well; empty before.
+        failure: Why it has ended, if that was not well; else empty.
+        has_ended: Whether it has ended for good.
 
     """
 
@@ -33,12 +34,15 @@ class Supervisor:
         self.program = program
         self.ready = asyncio.Event()
         self.failure = ""
+        self.has_ended = False
         self.uav = Watched(program.ns, self._on_state) if program.is_daemon else None
         self.address: str | None = None
         self._log = log
         self._process: Process | None = None
         self._is_stopping = False
         self._stopping = asyncio.Event()
+        self._starting = asyncio.Lock()
+        """Held while a process is started: what is stopped then is stopped, too."""
 
     @property
     def pid(self) -> int | None:
@@ -47,6 +51,12 @@ class Supervisor:
 
     async def run(self) -> None:
         """Starts the program, and starts it again as its file says; returns when it has ended for good."""
+        try:
+            await self._keep_running()
+        finally:
+            self.has_ended = True
+
+    async def _keep_running(self) -> None:
         restarts = 0
         while not self._is_stopping:
             begun_s = time.monotonic()
@@ -65,10 +75,12 @@ class Supervisor:
         """Ends the program. It is not started again."""
         self._is_stopping = True
         self._stopping.set()
-        if self._process is not None and self._process.status is None:
+        async with self._starting:
+            process = self._process
+        if process is not None and process.status is None:
             self._show("ending")
-            await self._process.stop()
-            self._show(f"ended ({_text(self._process.status)})")
+            await process.stop()
+            self._show(f"ended ({_text(process.status)})")
 
     def kill(self) -> None:
         """Kills the program. It is not started again."""
@@ -80,7 +92,10 @@ class Supervisor:
     async def _once(self) -> int | None:
         """Runs the program once. Returns its exit status; None if it could not be started."""
         try:
-            self._process = process = await Process.start(self.program, self._log)
+            async with self._starting:
+                if self._is_stopping:
+                    return None
+                self._process = process = await Process.start(self.program, self._log)
         except OSError as error:
             self.failure = f"cannot be started: {error}"
             self._show("cannot start")

@@ -179,7 +179,8 @@ def _daemon_program() -> str:
     Raises:
         TeamFileError: It is not installed.
     """
-    beside = (Path(program).absolute().parent / "ual-daemon" for program in (sys.argv[0], sys.executable))
+    programs = [program for program in (sys.argv[0], sys.executable) if Path(program).is_absolute()]
+    beside = (Path(program).parent / "ual-daemon" for program in programs)
     found = next(filter(None, map(shutil.which, (*map(str, beside), "ual-daemon"))), None)
     if found is None:
         raise TeamFileError("ual-daemon is not installed here: pip install ual-daemon (docs/installation.md)")
