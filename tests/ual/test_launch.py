@@ -310,10 +310,12 @@ def test_only_what_ual_flies_is_landed() -> None:
     assert not flown.is_flown_by_us  # a ground station's
     flown.see(sample(State.FLYING_AUTO))
     assert flown.is_flown_by_us
-    flown.state = None  # its daemon has died, and is started again
+    flown.gone()  # its daemon has died, and is started again
     flown.see(sample(State.UNINITIALIZED))
     flown.see(sample(State.FLYING_AUTO, NOT_COMMANDED))
+    flown.see(sample(State.FLYING_MANUAL, "mode AUTO.RTL"))  # the autopilot's failsafe without setpoints
     assert flown.is_flown_by_us
+    flown.see(sample(State.FLYING_AUTO))
     flown.see(sample(State.FLYING_MANUAL))
     assert not flown.is_flown_by_us  # the safety pilot has it
     flown.see(sample(State.FLYING_AUTO, NOT_COMMANDED))

@@ -35,7 +35,7 @@ uavs:
   - count: 2
     first: 3
     backend: mavlink
-    url: udpin:127.0.0.1:{14539 + index}
+    url: udpin://127.0.0.1:{14539 + index}
     home_pose: [0, "{-6+2*index}", 0]
     model: iris
     config:
@@ -106,7 +106,7 @@ def test_a_file_is_a_team(file: Path) -> None:
     assert by_name["px4-4"].env == {"PX4_ID": "4"}
     assert by_name["px4-4"].ready == Ready(Condition.FILE, str(file.parent / "px4-4.ready"))
     assert by_name["uav_4"].argv[1:] == (
-        *("--ns", "uav_4", "--backend", "mavlink", "--url", "udpin:127.0.0.1:14543"),
+        *("--ns", "uav_4", "--backend", "mavlink", "--url", "udpin://127.0.0.1:14543"),
         *("--set", "home_pose=[0, 2, 0]", "--set", "allow_arming=true"),
         *("--set", 'limits={"climb_speed_m_s": 2}', "--set", 'log_format="json"'),
         *("--set", 'frames=[{"frame_id": "uav_4/arm", "x": 1e-1}]'),
@@ -219,7 +219,7 @@ def test_print_shows_the_command_lines(file: Path) -> None:
         f"# px4-3; after world; ready by file {file.parent}/px4-3.ready; restart no",
         where + "PX4_ID=3 px4 -i 3 --model iris --grpc 50053",
         "# uav_3; after px4-3; ready by serving; restart always",
-        where + "/opt/ual/bin/ual-daemon --ns uav_3 --backend mavlink --url udpin:127.0.0.1:14542 "
+        where + "/opt/ual/bin/ual-daemon --ns uav_3 --backend mavlink --url udpin://127.0.0.1:14542 "
         "--set 'home_pose=[0, 0, 0]' --set allow_arming=true --set 'limits={\"climb_speed_m_s\": 2}' "
         '--set \'log_format="json"\' --set \'frames=[{"frame_id": "uav_3/arm", "x": 1e-1}]\'',
     ]
@@ -245,7 +245,7 @@ def test_the_units_start_the_same_programs_in_the_same_order(file: Path, tmp_pat
         "After=network.target ual-survey-px4-3.service\nWants=ual-survey-px4-3.service\n"
     )
     assert (
-        "\nExecStart=/opt/ual/bin/ual-daemon --ns uav_3 --backend mavlink --url udpin:127.0.0.1:14542 "
+        "\nExecStart=/opt/ual/bin/ual-daemon --ns uav_3 --backend mavlink --url udpin://127.0.0.1:14542 "
         '--set "home_pose=[0, 0, 0]" --set allow_arming=true --set "limits={\\"climb_speed_m_s\\": 2}" '
     ) in daemon
     assert "--ns uav_3 state | grep -qv UNINITIALIZED; do sleep 0.2; done" in daemon

@@ -30,6 +30,8 @@ class Watched:
         self.state: State | None = None
         self.is_flown_by_us = False
         """Stays while its daemon is away: what it flew, nobody else has taken."""
+        self._is_commanded = False
+        """By the daemon that runs now: from it a UAV can be taken. After a restart, a failsafe is nobody."""
         self._on_state = on_state
 
     async def follow(self, address: str) -> None:
@@ -41,7 +43,17 @@ class Watched:
         except UalError:
             return
         finally:
-            self.state = None
+            self.gone()
+
+    def gone(self) -> None:
+        """Takes note that its daemon has ended."""
+        self.state = None
+        self._is_commanded = False
+
+    @property
+    def is_in_the_air(self) -> bool:
+        """Whether it is known to fly, by whomever."""
+        return self.state in (*_COMMANDED, State.FLYING_MANUAL)
 
     async def look(self, address: str) -> None:
         """Takes one sample now: the last one of `follow` may be older than a command."""
@@ -54,9 +66,9 @@ class Watched:
         state, before = telemetry.state, self.state
         self.state = state
         if state in _COMMANDED and NOT_COMMANDED not in telemetry.state_reason:
-            self.is_flown_by_us = True
-        elif state in _ON_GROUND or (state is State.FLYING_MANUAL and before in _COMMANDED):
-            self.is_flown_by_us = False  # after a restart of its daemon, an autopilot's failsafe is not somebody else
+            self.is_flown_by_us = self._is_commanded = True
+        elif state in _ON_GROUND or (state is State.FLYING_MANUAL and self._is_commanded):
+            self.is_flown_by_us = self._is_commanded = False
         if state is not before:
             self._on_state(state.name, telemetry.state_reason)
 

@@ -106,6 +106,16 @@ class _Run:
 
     async def _land(self) -> None:
         await self._each_flown(self._land_one)
+        for each in self._all.values():
+            if (
+                each.uav is not None
+                and each.uav.state is not None
+                and each.uav.is_in_the_air
+                and not each.uav.is_flown_by_us
+            ):
+                self._log.note(
+                    f"{each.program.name}: left as it is, {each.uav.state.name}: UAL does not fly it", is_bad=True
+                )
 
     async def _each_flown(self, work: Any) -> None:  # noqa: ANN401
         await asyncio.gather(*(each.uav.look(each.address) for each in self._all.values() if each.uav and each.address))
