@@ -433,6 +433,14 @@ def test_a_program_is_ended_by_its_own_signal() -> None:
     assert "sh: interrupted" in lines
 
 
+def test_a_daemon_that_has_to_leave_its_uav_in_motion_is_a_failure(runtime_dir: Path) -> None:
+    del runtime_dir
+    script = "trap 'exit 3' TERM; echo up; while :; do sleep 0.01; done"
+    supervisor, lines = supervised(script, stop, ns="uav_9", ready=Ready(Condition.LOG, "up"))
+    assert supervisor.failure == "ended (exit status 3)"
+    assert lines[-1] == "sh: ended (exit status 3)"
+
+
 def test_its_output_can_go_into_a_file(tmp_path: Path) -> None:
     file = tmp_path / "sh.log"
     _, lines = supervised("echo up; sleep 1000", stop, ready=Ready(Condition.LOG, "up"), log_file=file)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ual import _discovery
 from ual._cli.app import Session, command, note, pass_session
 from ual._cli.help import Section
 from ual.errors import NotSupportedError
@@ -86,6 +87,8 @@ def _run(team: Team) -> None:
     import asyncio
     import logging
 
+    _refuse_running(team)
+
     from ual._cli.launch import run
     from ual._cli.launch.log import Log
 
@@ -94,6 +97,15 @@ def _run(team: Team) -> None:
         is_good = asyncio.run(run.run(team, log))
     if not is_good:
         raise click.exceptions.Exit(_FAILED)
+
+
+def _refuse_running(team: Team) -> None:
+    """Ends the program if a UAV of the team has a daemon already: nothing is started then, no simulator either."""
+    for daemon in team.daemons:
+        running = _discovery.registered(daemon.ns)
+        if running is not None:
+            note(f"ual: {daemon.ns} has a daemon already, pid {running.pid} at {running.address}: end it first")
+            raise click.exceptions.Exit(_FAILED)
 
 
 COMMANDS = (launch,)

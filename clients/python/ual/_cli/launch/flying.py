@@ -15,6 +15,7 @@ from ual.types import State, Telemetry
 _RATE_HZ = 5.0
 _AGAIN_S = 0.2
 _COMMANDED = (State.TAKING_OFF, State.FLYING_AUTO, State.LANDING)
+IN_THE_AIR = (*_COMMANDED, State.FLYING_MANUAL)
 _ON_GROUND = (State.LANDED_DISARMED, State.LANDED_ARMED)
 _DECIDED = (*_ON_GROUND, State.FLYING_AUTO, State.FLYING_MANUAL)
 """A take-off or landing that runs comes to its end first."""
@@ -49,11 +50,6 @@ class Watched:
         """Takes note that its daemon has ended."""
         self.state = None
         self._is_commanded = False
-
-    @property
-    def is_in_the_air(self) -> bool:
-        """Whether it is known to fly, by whomever."""
-        return self.state in (*_COMMANDED, State.FLYING_MANUAL)
 
     async def look(self, address: str) -> None:
         """Takes one sample now: the last one of `follow` may be older than a command."""

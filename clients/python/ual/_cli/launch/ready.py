@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import re
 from collections.abc import Callable
@@ -44,7 +45,7 @@ async def until_ready(program: Program, pid: int, log: LogWatch) -> None:
     elif condition is Condition.EXIT:
         await asyncio.Event().wait()
     elif condition is Condition.SERVING:
-        await until_serving(await address_of(program.ns, pid))
+        await _until_serving(await address_of(program.ns, pid))
 
 
 async def _until_open(address: str) -> None:
@@ -80,20 +81,15 @@ def _session_of(pid: int) -> int | None:
         return None
 
 
-async def until_serving(address: str) -> None:
-    """Returns when the daemon's health is SERVING: it is connected to its autopilot, and takes commands.
-
-    Raises:
-        OSError: The daemon has ended.
-    """
+async def _until_serving(address: str) -> None:
+    """Returns when the daemon's health is SERVING: it is connected to its autopilot, and takes commands."""
     import grpc
 
     async with grpc.aio.insecure_channel(address) as channel:
         watch = channel.unary_stream(_HEALTH_WATCH, request_serializer=bytes, response_deserializer=bytes)
-        try:
-            async for answer in watch(b""):
-                if answer == _SERVING:
-                    return
-        except grpc.aio.AioRpcError as error:
-            raise ConnectionError(f"{address}: {error.details()}") from None
-    raise ConnectionError(f"{address}: the daemon ends")
+        while True:
+            with contextlib.suppress(grpc.aio.AioRpcError):  # it ends, or is busy: its exit status says which
+                async for answer in watch(b""):
+                    if answer == _SERVING:
+                        return
+            await asyncio.sleep(_LOOK_S)

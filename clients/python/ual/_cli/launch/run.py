@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from collections.abc import Collection, Coroutine
+from collections.abc import Callable, Collection, Coroutine
 from typing import Any
 
 from ual._cli.launch import descendants
-from ual._cli.launch.flying import abort, land
+from ual._cli.launch.flying import IN_THE_AIR, abort, land
 from ual._cli.launch.log import Log
 from ual._cli.launch.supervisor import Supervisor
 from ual._cli.launch.team import AtEnd, Team
@@ -90,12 +90,15 @@ class _Run:
                 each.kill()
 
     async def _end(self) -> None:
-        await self._stop({name for name, each in self._all.items() if each.program.is_ended_first})
+        await self._unless_hurried(
+            self._stop({name for name, each in self._all.items() if each.program.is_ended_first})
+        )
         if self._team.at_end is AtEnd.LAND:
             await self._unless_hurried(self._land())
         if self._hurrying.is_set():
             await self._each_flown(self._abort)
         await self._stop(set(self._all))
+        self._is_good &= not any(each.failure for each in self._all.values() if each.program.is_daemon)
 
     async def _unless_hurried(self, work: Coroutine[Any, Any, None]) -> None:
         working, hurrying = asyncio.ensure_future(work), asyncio.create_task(self._hurrying.wait())
@@ -106,18 +109,11 @@ class _Run:
 
     async def _land(self) -> None:
         await self._each_flown(self._land_one)
-        for each in self._all.values():
-            if (
-                each.uav is not None
-                and each.uav.state is not None
-                and each.uav.is_in_the_air
-                and not each.uav.is_flown_by_us
-            ):
-                self._log.note(
-                    f"{each.program.name}: left as it is, {each.uav.state.name}: UAL does not fly it", is_bad=True
-                )
+        for uav in (each.uav for each in self._all.values()):
+            if uav is not None and uav.state in IN_THE_AIR and not uav.is_flown_by_us:
+                self._log.note(f"{uav.ns}: left as it is, {uav.state.name}: UAL does not fly it", is_bad=True)
 
-    async def _each_flown(self, work: Any) -> None:  # noqa: ANN401
+    async def _each_flown(self, work: Callable[[Supervisor], Coroutine[Any, Any, None]]) -> None:
         await asyncio.gather(*(each.uav.look(each.address) for each in self._all.values() if each.uav and each.address))
         flown = [each for each in self._all.values() if each.uav is not None and each.uav.is_flown_by_us]
         await asyncio.gather(*(work(each) for each in flown))
@@ -183,7 +179,7 @@ def _kill(pid: int, number: signal.Signals) -> None:
         return
 
 
-def _on_signals(call: Any) -> None:  # noqa: ANN401
+def _on_signals(call: Callable[[int], None]) -> None:
     """Calls back with the number of signals that have come. A signal that is ignored (nohup) stays so."""
     loop = asyncio.get_running_loop()
     count = 0

@@ -81,6 +81,9 @@ class Supervisor:
             self._show("ending")
             await process.stop()
             self._show(f"ended ({_text(process.status)})")
+            if self.program.is_daemon and process.status:
+                self.failure = f"ended ({_text(process.status)})"  # 3: it had to leave its UAV in motion
+                self._log.note(f"{self.program.name}: {self.failure}", is_bad=True)
 
     def kill(self) -> None:
         """Kills the program. It is not started again."""
@@ -100,6 +103,7 @@ class Supervisor:
             self.failure = f"cannot be started: {error}"
             self._show("cannot start")
             return None
+        self.failure = ""
         self._show("starting")
         following = asyncio.create_task(self._follow(process))
         status = await process.wait()
@@ -154,8 +158,6 @@ class Supervisor:
         except asyncio.TimeoutError:
             self._log.note(f"{self.program.name}: not ready after {limit_s:g} s, ended", is_bad=True)
             await process.stop()
-        except OSError:
-            return  # the daemon ends: its exit status says why
         else:
             self.ready.set()
             self._log.note(f"{self.program.name}: ready")

@@ -9,6 +9,9 @@ from pathlib import Path
 from ual._cli.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
 from ual._cli.launch.team import Condition, Program, Restart, Team
 
+_MARGIN_S = 10.0
+"""The landing ends by its own limit, not by that of the unit."""
+
 HARDENING = """\
 DynamicUser=yes
 SupplementaryGroups=dialout
@@ -119,7 +122,7 @@ def _commands(team: Team, program: Program) -> list[str]:
 
 
 def _times(team: Team, program: Program) -> list[str]:
-    limit_s = max(program.stop_limit_s, team.land_limit_s) if program.is_daemon else program.stop_limit_s
+    limit_s = max(program.stop_limit_s, team.land_limit_s + _MARGIN_S) if program.is_daemon else program.stop_limit_s
     restart = Restart.NO if program.ready.condition is Condition.EXIT else program.restart
     return [
         f"Restart={restart.value}",

@@ -156,9 +156,11 @@ def _uav(
 
 def _flags(ns: str, values: Mapping[str, Node], directory: Path) -> list[str]:
     flags = ["--ns", ns]
-    for key in ("backend", "url", "listen"):
+    for key in ("backend", "url"):
         if key in values:
             flags += [f"--{key}", values[key].text()]
+    for address in _addresses(values):
+        flags += ["--listen", address]
     if "config_file" in values:
         flags += ["--config", str(directory / values["config_file"].text())]
     if "home_pose" in values:
@@ -171,6 +173,14 @@ def _flags(ns: str, values: Mapping[str, Node], directory: Path) -> list[str]:
             )
         flags += ["--set", f"{key}={value.flow()}"]
     return flags
+
+
+def _addresses(values: Mapping[str, Node]) -> list[str]:
+    """Returns where a daemon is to listen: one address, or a list of them."""
+    if "listen" not in values:
+        return []
+    listen = values["listen"]
+    return [each.text() for each in listen.items()] if listen.is_list else [listen.text()]
 
 
 def _daemon_program() -> str:
