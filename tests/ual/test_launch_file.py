@@ -320,10 +320,19 @@ def test_what_cannot_be_written_is_said(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_page_documents_each_key_and_its_file_is_one(file: Path) -> None:
+def test_the_files_of_the_page_are_teams(file: Path) -> None:
+    teams = []
+    for text in re.findall("```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL):
+        file.write_text(text)
+        teams.append([each.name for each in load(file).programs])
+    assert teams == [
+        ["uav_1", "uav_2", "mission"],
+        ["world", "px4-1", "uav_1", "px4-2", "uav_2", "px4-3", "uav_3", "viewer", "mission"],
+    ]
+
+
+def test_the_page_documents_each_key() -> None:
     page = PAGE.read_text()
-    file.write_text(page.partition("```yaml\n")[2].partition("```")[0])
-    assert [each.name for each in load(file).daemons] == ["uav_1", "uav_2", "uav_3"]
     for heading, keys in (
         ("key of the file", team_file._TEAM),
         ("key of a UAV", team_file._UAV),
