@@ -305,7 +305,7 @@ def sample(state: State, reason: str = "in the air") -> Telemetry:
 
 
 def test_only_what_ual_flies_is_landed() -> None:
-    flown = Watched("uav_1", lambda *_: None)
+    flown = Watched("uav_1", lambda _: None)
     flown.see(sample(State.FLYING_AUTO, f"OFFBOARD; {NOT_COMMANDED} and sends nothing"))
     assert not flown.is_flown_by_us  # a ground station's
     flown.see(sample(State.FLYING_AUTO))

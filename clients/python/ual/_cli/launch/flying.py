@@ -26,7 +26,7 @@ NOT_COMMANDED = "UAL has not been commanded in this flight"
 class Watched:
     """One UAV: its state, and whether UAL flies it. Follows its daemon through restarts."""
 
-    def __init__(self, ns: str, on_state: Callable[[str, str], None]) -> None:
+    def __init__(self, ns: str, on_state: Callable[[State], None]) -> None:
         self.ns = ns
         self.state: State | None = None
         self.is_flown_by_us = False
@@ -66,7 +66,7 @@ class Watched:
         elif state in _ON_GROUND or (state is State.FLYING_MANUAL and self._is_commanded):
             self.is_flown_by_us = self._is_commanded = False
         if state is not before:
-            self._on_state(state.name, telemetry.state_reason)
+            self._on_state(state)
 
 
 async def land(watched: Watched, address: Callable[[], str | None], limit_s: float) -> str | None:

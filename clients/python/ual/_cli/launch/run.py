@@ -60,10 +60,16 @@ class _Run:
             self._end_because(one)
 
     def _end_by_defect(self, task: asyncio.Task[None]) -> None:
-        if not task.cancelled() and (defect := task.exception()) is not None:
-            self._log.note(f"the team ends, because of a defect of ual launch: {defect!r}", is_bad=True)
-            self._is_good = False
+        if self._note_defect(task):
             self._ending.set()
+
+    def _note_defect(self, task: asyncio.Future[None]) -> bool:
+        """Notes that something of `ual launch` itself has failed. The team is ended in order all the same."""
+        if task.cancelled() or (defect := task.exception()) is None:
+            return False
+        self._log.note(f"a defect of ual launch: {defect!r}", is_bad=True)
+        self._is_good = False
+        return True
 
     def _end_because(self, one: Supervisor) -> None:
         why = one.failure or "has ended"
@@ -106,6 +112,7 @@ class _Run:
         for task in (working, hurrying):
             task.cancel()
         await asyncio.wait((working, hurrying))
+        self._note_defect(working)
 
     async def _land(self) -> None:
         await self._each_flown(self._land_one)

@@ -12,6 +12,7 @@ from ual._cli.launch.log import Log
 from ual._cli.launch.process import Process
 from ual._cli.launch.ready import address_of, until_ready
 from ual._cli.launch.team import Condition, Program, Restart
+from ual.types import State
 
 _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Before each new start. A daemon that dies in flight is missed at once; one that dies again and again is given up."""
@@ -170,9 +171,8 @@ class Supervisor:
         self.address = await address_of(self.program.ns, process.pid)
         await self.uav.follow(self.address)
 
-    def _on_state(self, state: str, reason: str) -> None:
-        del reason  # the daemon's own line in the log has it
-        self._show(state)
+    def _on_state(self, state: State) -> None:
+        self._show(state.name)  # the daemon's own line in the log has the reason
 
     def _show(self, state: str) -> None:
         self._log.state(self.program.name, state)
