@@ -123,6 +123,7 @@ def test_a_client_records_the_telemetry_of_each_uav(start_daemon: StartDaemon, t
     assert {m.schema for m in recording.messages()} >= {"ual.v1.GetInfoResponse", "foxglove.PoseInFrame"}
 
 
+@pytest.mark.usefixtures("runtime_dir")
 def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
     for words, status, why in (
         (("record", "export", flown), 2, "say as what"),

@@ -7,7 +7,20 @@ import os
 import click
 
 from ual import __version__
-from ual._cli import check, completion, extpose, flight, frames, path, record, simulation, status, task, waypoints
+from ual._cli import (
+    check,
+    completion,
+    extpose,
+    flight,
+    frames,
+    launch,
+    path,
+    record,
+    simulation,
+    status,
+    task,
+    waypoints,
+)
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
 
@@ -43,6 +56,7 @@ for command in (
     *check.COMMANDS,
     *extpose.COMMANDS,
     *record.COMMANDS,
+    *launch.COMMANDS,
     *completion.COMMANDS,
 ):
     cli.add_command(command)
