@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from ual import _discovery
 from ual._cli import many
 from ual._cli.app import Session
 from ual._discovery import Registration
-from ual.errors import UalError
+from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
 
 _PARALLEL = 16
@@ -19,6 +19,15 @@ def chosen_daemons(session: Session) -> list[Registration]:
     daemons = _discovery.list_daemons()
     names = many.names(session) if session.ns else None
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
+
+
+def named_daemons(session: Session, names: Collection[str]) -> list[Registration]:
+    """Returns the chosen daemons. Raises `DaemonUnreachableError` if one of these names is not among them."""
+    daemons = chosen_daemons(session)
+    missing = set(names) - {daemon.ns for daemon in daemons}
+    if missing:
+        raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} runs on this computer")
+    return daemons
 
 
 def ask_all(session: Session, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:

@@ -10,6 +10,7 @@ from ual import __version__
 from ual._cli import check, completion, extpose, flight, frames, path, simulation, status, task, waypoints
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
+from ual._cli.teleop import command as teleop
 
 
 @click.group(
@@ -35,6 +36,7 @@ def cli() -> None:
 for command in (
     *status.COMMANDS,
     *flight.COMMANDS,
+    *teleop.COMMANDS,
     *task.COMMANDS,
     *path.COMMANDS,
     *frames.COMMANDS,

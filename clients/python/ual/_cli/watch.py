@@ -11,14 +11,13 @@ import click
 
 from ual._cli import many
 from ual._cli.app import REFUSED, Many, Session, command, note, pass_session
-from ual._cli.everyone import ask_all, chosen_daemons
+from ual._cli.everyone import ask_all, named_daemons
 from ual._cli.help import Section
 from ual._cli.output import error_text, pose_text
 from ual._cli.values import Number
 from ual._cli.watch_board import Board
 from ual._cli.watch_roster import all_subscribed
 from ual._discovery import Registration
-from ual.errors import DaemonUnreachableError
 from ual.types import Telemetry
 
 _RATE_HZ = 5.0
@@ -48,10 +47,7 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
     names = many.names(session)
     if names is not None:
-        daemons = chosen_daemons(session)
-        missing = set(names) - {daemon.ns for daemon in daemons}
-        if missing:
-            raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} runs on this computer")
+        daemons = named_daemons(session, names)
         if once:
             _print_each(session, daemons)
             return

@@ -1,0 +1,168 @@
+"""Flies until the operator leaves: reads the device at a fixed rate, draws the screen, and stops the UAV at any end."""
+
+from __future__ import annotations
+
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn, Protocol
+
+from ual._cli.keys import Keyboard, keyboard
+from ual._cli.teleop import board
+from ual._cli.teleop.pilot import Pilot
+from ual._cli.watch_screen import as_text
+
+if TYPE_CHECKING:
+    from rich.live import Live
+
+PERIOD_S = 0.05
+"""Ten velocities within the daemon's time-out."""
+LATE_S = 0.5
+"""After such a pause (a suspended process, a terminal that took no output) the daemon has stopped the UAV. What was
+pressed meanwhile must not start it again."""
+_DRAW_S = 0.2
+"""A screen is some 2 kB: 10 kB/s over SSH."""
+_HUNG_UP = 128 + signal.SIGHUP
+
+
+class Controls(Protocol):
+    """A device, with what its keys and buttons mean."""
+
+    @property
+    def title(self) -> str:
+        """What the screen names it."""
+        ...
+
+    @property
+    def help(self) -> Sequence[tuple[str, str]]:
+        """Keys or buttons, and what each does in a few words."""
+        ...
+
+    def question(self, now_s: float) -> str:
+        """Returns what is to be confirmed; empty if nothing is."""
+        ...
+
+    def forget(self) -> None:
+        """Forgets what was held."""
+        ...
+
+    def control(self, pilot: Pilot, read: bytes, now_s: float, *, is_late: bool) -> None:
+        """Does what the device says.
+
+        Args:
+            pilot: Who does it.
+            read: What the terminal has sent since the last call.
+            now_s: When (monotonic).
+            is_late: Whether it may have waited for a while. Then it can only end a motion.
+
+        """
+        ...
+
+
+def fly(pilot: Pilot, controls: Controls, say: Callable[[str], None]) -> None:
+    """Flies until the operator quits, and says what became of the UAV.
+
+    Ctrl-Z stops the UAV and suspends; resumed, all sticks are centred.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C. The UAV was stopped, as by any other exception.
+        SystemExit: SIGTERM, or the terminal is gone.
+
+    """
+    with _suspension() as suspension, _exit_at_hangup():
+        while not pilot.has_quit:
+            controls.forget()
+            _fly_on_screen(pilot, controls, suspension, say)
+            suspension.suspend()
+
+
+def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, say: Callable[[str], None]) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    said = ""
+    try:
+        with keyboard() as keys, Live(console=Console(), screen=True, auto_refresh=False) as live:
+            try:
+                _loop(pilot, controls, keys, live, suspension)
+            finally:
+                said = pilot.stop()  # before the terminal is restored, which may take long
+    finally:
+        if said:
+            say(said)
+
+
+def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, live: Live, suspension: _Suspension) -> None:
+    last_s = time.monotonic()
+    drawn_s = 0.0
+    while not (pilot.has_quit or suspension.is_asked):
+        read = keys.read(max(0.0, last_s + PERIOD_S - time.monotonic()))
+        now_s = time.monotonic()
+        controls.control(pilot, read, now_s, is_late=now_s - last_s > LATE_S)
+        last_s = now_s
+        if keys.is_gone:
+            raise SystemExit(_HUNG_UP)
+        if now_s - drawn_s >= _DRAW_S and _takes_output():
+            _draw(pilot, controls, live)
+            drawn_s = now_s
+
+
+def _draw(pilot: Pilot, controls: Controls, live: Live) -> None:
+    width, height = live.console.size
+    view = pilot.view()
+    question = controls.question(view.now_s)
+    shown = board.lines(view, controls.title, controls.help, question, width=width, height=height)
+    live.update(as_text(shown), refresh=True)
+
+
+def _takes_output() -> bool:
+    """Returns whether the terminal takes output now. The keys must not wait for a slow one."""
+    return bool(select.select([], [sys.stdout], [], 0.0)[1])
+
+
+class _Suspension:
+    """Whether Ctrl-Z was pressed."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+
+    def ask(self, _: int, __: FrameType | None) -> None:
+        """Handles SIGTSTP."""
+        self.is_asked = True
+
+    def suspend(self) -> None:
+        """Suspends the process, if that was asked. Returns when it is resumed."""
+        if not self.is_asked:
+            return
+        self.is_asked = False
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        signal.pthread_kill(threading.get_ident(), signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, self.ask)
+
+
+@contextmanager
+def _suspension() -> Iterator[_Suspension]:
+    suspension = _Suspension()
+    before = signal.signal(signal.SIGTSTP, suspension.ask)
+    try:
+        yield suspension
+    finally:
+        signal.signal(signal.SIGTSTP, before)
+
+
+@contextmanager
+def _exit_at_hangup() -> Iterator[None]:
+    before = signal.signal(signal.SIGHUP, _hang_up)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def _hang_up(_: int, __: FrameType | None) -> NoReturn:
+    raise SystemExit(_HUNG_UP)
