@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import select
 import signal
 import subprocess
 import sys
 import termios
+import time
+from collections.abc import Callable
+from functools import partial
 
 from typing_extensions import Self
 
@@ -16,14 +21,32 @@ UAL = (sys.executable, "-c", "from ual._cli import main; main()")
 
 
 class Terminal:
-    """A program whose input and output are a terminal."""
+    """A program whose input and output are a terminal.
 
-    def __init__(self, *words: str) -> None:
+    Args:
+        words: The words of the command.
+        size: Columns and lines.
+        is_controlling: Whether it is the terminal of the program's session: closed, it sends SIGHUP. Otherwise the
+            program is in a process group of its own, as a shell starts it, and can be suspended.
+
+    """
+
+    def __init__(self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False) -> None:
         self._ours, its = open_terminal()
-        environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
-        self.process = subprocess.Popen([*UAL, *words], stdin=its, stdout=its, stderr=its, env=environment)
+        environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
+        own = partial(fcntl.ioctl, 0, termios.TIOCSCTTY, 0) if is_controlling else partial(os.setpgid, 0, 0)
+        self.process = subprocess.Popen(
+            [*UAL, *words],
+            stdin=its,
+            stdout=its,
+            stderr=its,
+            env=environment,
+            start_new_session=is_controlling,
+            preexec_fn=own,  # noqa: PLW1509 (one system call; `process_group` came with Python 3.11)
+        )
         os.close(its)
         self.text = ""
+        self._is_closed = False
 
     def __enter__(self) -> Self:
         return self
@@ -31,7 +54,31 @@ class Terminal:
     def __exit__(self, *exc: object) -> None:
         self.process.kill()
         self.process.wait()
-        os.close(self._ours)
+        self.close()
+
+    def close(self) -> None:
+        """What a lost connection does."""
+        if not self._is_closed:
+            os.close(self._ours)
+        self._is_closed = True
+
+    def drain(self) -> None:
+        """Reads what is there."""
+        while not self._is_closed and select.select([self._ours], [], [], 0.0)[0] and self._read():
+            pass
+
+    def forget(self) -> None:
+        """Makes `wait_for` wait only for what is drawn from now on."""
+        self.drain()
+        self.text = ""
+
+    def wait_until(self, is_so: Callable[[], bool]) -> None:
+        """Waits for anything, and reads meanwhile."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not is_so():
+            assert time.monotonic() < deadline_s, self.text[-5000:]
+            self.drain()
+            time.sleep(0.01)
 
     def wait_for(self, text: str) -> None:
         while text not in self.text:

@@ -8,7 +8,7 @@ import select
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import Enum, auto
 from types import FrameType
 
@@ -63,7 +63,8 @@ def keyboard() -> Iterator[Keyboard]:
             tty.setcbreak(file)
             yield Keyboard(file)
         finally:
-            termios.tcsetattr(file, termios.TCSADRAIN, mode)
+            with suppress(termios.error):  # the terminal may be gone
+                termios.tcsetattr(file, termios.TCSADRAIN, mode)
     finally:
         signal.signal(signal.SIGTERM, before)
 

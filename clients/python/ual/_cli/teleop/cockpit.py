@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import select
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,16 +13,20 @@ from typing import TYPE_CHECKING, NoReturn, Protocol
 from ual._cli.keys import Keyboard, keyboard
 from ual._cli.teleop import board
 from ual._cli.teleop.pilot import Pilot
+from ual._cli.teleop.screen import Screen, screen
 from ual._cli.watch_screen import as_text
 
 if TYPE_CHECKING:
-    from rich.live import Live
+    from rich.console import RenderableType
 
 PERIOD_S = 0.05
 """Ten velocities within the daemon's time-out."""
 LATE_S = 0.5
-"""After such a pause (a suspended process, a terminal that took no output) the daemon has stopped the UAV. What was
-pressed meanwhile must not start it again."""
+"""After such a pause (a process that was suspended) the daemon has stopped the UAV. What was pressed meanwhile must not
+start it again."""
+STUCK_S = 1.0
+"""Where the terminal has not taken a picture for this long (a slow link), nobody sees what the UAV does."""
+_LATE = "sticks: released, because the process was suspended or the terminal took no output"
 _DRAW_S = 0.2
 """A screen is some 2 kB: 10 kB/s over SSH."""
 _HUNG_UP = 128 + signal.SIGHUP
@@ -82,47 +84,42 @@ def fly(pilot: Pilot, controls: Controls, say: Callable[[str], None]) -> None:
 
 
 def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, say: Callable[[str], None]) -> None:
-    from rich.console import Console
-    from rich.live import Live
-
     said = ""
     try:
-        with keyboard() as keys, Live(console=Console(), screen=True, auto_refresh=False) as live:
+        with keyboard() as keys, screen() as shown:
             try:
-                _loop(pilot, controls, keys, live, suspension)
+                _loop(pilot, controls, keys, shown, suspension)
             finally:
                 said = pilot.stop()  # before the terminal is restored, which may take long
+    except OSError:  # it takes no output any more
+        raise SystemExit(_HUNG_UP) from None
     finally:
         if said:
             say(said)
 
 
-def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, live: Live, suspension: _Suspension) -> None:
-    last_s = time.monotonic()
-    drawn_s = 0.0
+def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, suspension: _Suspension) -> None:
+    last_s = drawn_s = time.monotonic() - PERIOD_S
     while not (pilot.has_quit or suspension.is_asked):
         read = keys.read(max(0.0, last_s + PERIOD_S - time.monotonic()))
         now_s = time.monotonic()
-        controls.control(pilot, read, now_s, is_late=now_s - last_s > LATE_S)
+        is_late = now_s - last_s > LATE_S or shown.stuck_s() > STUCK_S
+        if is_late:
+            pilot.release(_LATE)
+        controls.control(pilot, read, now_s, is_late=is_late)
         last_s = now_s
-        if keys.is_gone:
+        if keys.is_gone or shown.is_gone:
             raise SystemExit(_HUNG_UP)
-        if now_s - drawn_s >= _DRAW_S and _takes_output():
-            _draw(pilot, controls, live)
+        if now_s - drawn_s >= _DRAW_S:
+            shown.show(_picture(pilot, controls, shown))
             drawn_s = now_s
 
 
-def _draw(pilot: Pilot, controls: Controls, live: Live) -> None:
-    width, height = live.console.size
+def _picture(pilot: Pilot, controls: Controls, shown: Screen) -> RenderableType:
+    width, height = shown.size
     view = pilot.view()
     question = controls.question(view.now_s)
-    shown = board.lines(view, controls.title, controls.help, question, width=width, height=height)
-    live.update(as_text(shown), refresh=True)
-
-
-def _takes_output() -> bool:
-    """Returns whether the terminal takes output now. The keys must not wait for a slow one."""
-    return bool(select.select([], [sys.stdout], [], 0.0)[1])
+    return as_text(board.lines(view, controls.title, controls.help, question, width=width, height=height))
 
 
 class _Suspension:
