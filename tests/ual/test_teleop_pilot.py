@@ -224,7 +224,7 @@ def test_the_reference_waits_for_the_uav(posing: Flight) -> None:
 
 def test_a_stick_that_is_held_makes_steps(posing: Flight) -> None:
     posing.steer(CENTRED)
-    posing.steer(FORWARD, 1.6)
+    posing.steer(FORWARD, 1.7)
     assert len(posing.poses()) == 4
     assert posing.twists() == []
 
