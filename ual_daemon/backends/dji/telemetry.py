@@ -49,6 +49,7 @@ class Telemetry:
         self._geo: GeoPoint | None = None
         self._status: Sample[int] | None = None
         self._display: Sample[int] | None = None
+        self._left_landing_s: float | None = None
         self._device: Sample[int] | None = None
         self._level: Sample[int] | None = None
         self._is_rtk_fixed = False
@@ -145,10 +146,22 @@ class Telemetry:
     def take_display_mode(self, message: Message, now_s: float) -> None:
         """Takes the mode."""
         mode = int(number(message.get("display_mode", message.get("data"))))
+        if self._is_still_landing(mode, now_s):
+            return
         self._display = Sample(mode, now_s)
         if not self.wrapper.says_authority:
             follows = self.authority.observe(mode, now_s)
             self._device = Sample(_OURS if follows else _REMOTE, now_s)
+
+    def _is_still_landing(self, mode: int, now_s: float) -> bool:
+        """Whether another mode than landing may be an old one, or that of the ground, which another topic tells."""
+        was_landing = self._display is not None and self._display.value in modes.LANDING
+        if mode in modes.LANDING or not was_landing or self.is_on_ground:
+            self._left_landing_s = None
+            return False
+        if self._left_landing_s is None:
+            self._left_landing_s = now_s
+        return now_s - self._left_landing_s < _SKEW_S
 
     def take_control_mode(self, message: Message, now_s: float) -> None:
         """Takes who controls the aircraft."""
@@ -305,6 +318,8 @@ class Telemetry:
 
 
 _LEVEL_S = 3.0
+_SKEW_S = 0.1
+"""Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0
 """A stamp that is older than the newest by more than this shows that the clock was set back."""
 

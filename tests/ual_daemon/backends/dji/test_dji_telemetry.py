@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.telemetry import Telemetry
 from ual_daemon.backends.dji.wrappers import WRAPPERS
@@ -83,3 +84,26 @@ def test_why_its_motors_do_not_start_is_told_in_words(number: int, text: str) ->
     telemetry = Telemetry(WRAPPERS[0], DjiSettings())
     telemetry.take_motor_error({"data": number}, 0.0)
     assert telemetry.why_not_start == text
+
+
+def test_the_mode_of_the_ground_may_come_before_the_ground() -> None:
+    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry.take_flight_status({"data": modes.IN_AIR}, 1.0)
+    for mode, now_s in ((modes.AUTO_LANDING, 1.0), (modes.SDK_CONTROL, 1.02), (modes.AUTO_LANDING, 1.04)):
+        telemetry.take_display_mode({"data": mode}, now_s)  # the second one has come late
+    for now_s in (5.0, 5.05):
+        telemetry.take_display_mode({"data": modes.P_GPS}, now_s)
+    assert telemetry.is_landing
+    telemetry.take_flight_status({"data": modes.STOPPED}, 5.06)
+    telemetry.take_display_mode({"data": modes.P_GPS}, 5.07)
+    assert not telemetry.is_landing
+
+
+def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
+    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry.take_flight_status({"data": modes.IN_AIR}, 1.0)
+    telemetry.take_display_mode({"data": modes.AUTO_LANDING}, 1.0)
+    telemetry.take_display_mode({"data": modes.P_GPS}, 2.0)
+    assert telemetry.is_landing
+    telemetry.take_display_mode({"data": modes.P_GPS}, 2.11)
+    assert not telemetry.is_landing
