@@ -28,10 +28,13 @@ class Terminal:
         size: Columns and lines.
         is_controlling: Whether it is the terminal of the program's session: closed, it sends SIGHUP. Otherwise the
             program is in a process group of its own, as a shell starts it, and can be suspended.
+        is_answering: Whether it answers the question for its status, as all true terminals do.
 
     """
 
-    def __init__(self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False) -> None:
+    def __init__(
+        self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False, is_answering: bool = False
+    ) -> None:
         self._ours, its = open_terminal()
         environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
         own = partial(fcntl.ioctl, 0, termios.TIOCSCTTY, 0) if is_controlling else partial(os.setpgid, 0, 0)
@@ -46,6 +49,8 @@ class Terminal:
         )
         os.close(its)
         self.text = ""
+        self.is_answering = is_answering
+        self.answers_count = 0
         self._is_closed = False
 
     def __enter__(self) -> Self:
@@ -87,6 +92,11 @@ class Terminal:
     def press(self, keys: bytes) -> None:
         os.write(self._ours, keys)
 
+    def answer(self) -> None:
+        """Answers the question for its status."""
+        self.answers_count += 1
+        self.press(b"\x1b[0n")
+
     def mode(self) -> list[object]:
         return list(termios.tcgetattr(self._ours))
 
@@ -105,4 +115,6 @@ class Terminal:
         except OSError:  # the other end is closed
             return False
         self.text += read.decode(errors="replace")
+        if self.is_answering and b"\x1b[5n" in read:
+            self.answer()
         return bool(read)

@@ -105,7 +105,7 @@ def test_a_flight_by_keys(uav: ual.Uav) -> None:
 
 def test_nothing_is_sent_until_a_key_is_pressed(flying: ual.Uav, daemon: DaemonProcess) -> None:
     task = flying.go_to_waypoint(ual.Pose.at(300.0, 0.0, 2.0), blocking=False)
-    known = len(daemon.events)
+    begun = daemon.wait_for("command", command="go_to_waypoint")
     with Terminal("teleop", "keyboard") as terminal:
         terminal.wait_for("FLYING_AUTO")
         terminal.press(b"+-h\tt")  # none of these flies
@@ -113,7 +113,11 @@ def test_nothing_is_sent_until_a_key_is_pressed(flying: ual.Uav, daemon: DaemonP
         terminal.press(b"q")
         assert terminal.wait() == 0
     assert not task.done()
-    assert not [event for event in daemon.events[known:] if event["event"] in ("command", "task_ended")]
+    assert not [
+        event
+        for event in daemon.events[daemon.events.index(begun) + 1 :]
+        if event["event"] in ("command", "task_ended")
+    ]
 
 
 def test_space_stops_at_once(flying: ual.Uav, daemon: DaemonProcess) -> None:
@@ -262,7 +266,20 @@ def test_a_terminal_that_takes_no_output_stops_the_uav(flying: ual.Uav) -> None:
             while speed(flying) > 0.05:  # nobody reads
                 assert time.monotonic() < deadline_s
                 time.sleep(0.01)
-            terminal.wait_for("the terminal took no output")
+            terminal.wait_for("the terminal is slow")
+
+
+def test_a_terminal_that_answers_late_stops_the_uav(flying: ual.Uav) -> None:
+    with Terminal("teleop", "keyboard", is_answering=True) as terminal:
+        terminal.wait_until(lambda: terminal.answers_count >= 1)
+        fly_forward(terminal, flying)
+        terminal.is_answering = False
+        with Held(terminal, UP_ARROW):
+            terminal.wait_for("the terminal is slow")
+            terminal.wait_until(lambda: speed(flying) < 0.05)
+        terminal.is_answering = True
+        terminal.answer()
+        fly_forward(terminal, flying)
 
 
 def test_without_telemetry_the_sticks_do_nothing(flying: ual.Uav, daemon: DaemonProcess) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ual._cli.teleop import smoothing, speeds
 from ual._cli.teleop.actions import CONFIRMED, Action
+from ual._cli.teleop.echo import Echo
 from ual._cli.teleop.keyboard import CONFIRM_S, Decoder, Keys, Menu, Steps
 from ual._cli.teleop.smoothing import Axis
 from ual._cli.teleop.stepper import BEGIN, REPEAT_S, Stepper
@@ -142,6 +143,33 @@ def test_no_bytes_break_the_decoder(read: bytes) -> None:
     decoder = Decoder()
     for key in decoder.keys(read):
         assert key
+
+
+# --- How late the terminal is -----------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.sampled_from([b"\x1b[0n", b"\x1b[A", b"w", b"\x1bOD"])), st.data())
+def test_answers_are_taken_out_of_the_keys(typed: list[bytes], data: st.DataObject) -> None:
+    sent = b"".join(typed)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(sent)), max_size=5)))
+    echo = Echo()
+    keys = b"".join(echo.filtered(sent[a:b], 0.0) for a, b in itertools.pairwise([0, *cuts, len(sent)]))
+    assert keys == sent.replace(b"\x1b[0n", b"")
+
+
+def test_a_terminal_that_answered_once_is_late_until_it_answers_soon() -> None:
+    echo = Echo()
+    assert echo.asks(0.0)
+    assert not echo.asks(5.0)
+    assert echo.lag_s(100.0) == 0.0  # it may never answer
+    echo.filtered(b"\x1b[0n", 100.0)
+    assert echo.lag_s(100.0) == 100.0
+    assert echo.asks(101.0)
+    assert echo.is_awaited
+    echo.filtered(b"\x1b[0n", 101.1)
+    assert echo.lag_s(101.2) == pytest.approx(0.1)
+    assert echo.asks(102.0)
+    assert echo.lag_s(104.0) == 2.0
 
 
 # --- Actions ----------------------------------------------------------------------------------------------------------

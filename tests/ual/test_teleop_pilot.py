@@ -16,7 +16,7 @@ from ual._cli.teleop.pilot import BRAKE_S, OLD_S, Mode, Pilot
 from ual._cli.teleop.sticks import CENTRED, Sticks
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
-from ual.types import Battery, Setpoint, State, TaskInfo, TaskKind, TaskStatus, Telemetry
+from ual.types import Battery, Info, Setpoint, State, TaskInfo, TaskKind, TaskStatus, Telemetry
 
 PERIOD_S = 0.05
 FORWARD = Sticks(forward=1.0)
@@ -31,6 +31,7 @@ class FakeCraft(Craft):
         self.is_refusing = False
         self.fresh_s = 0.0
         super().__init__(None, name, clock)  # type: ignore[arg-type]  # never asked
+        self.info = Info(name, "light")
         self.telemetry = Telemetry(State.FLYING_AUTO, pose=Pose.at(0.0, 0.0, 2.0, math.pi / 2), frame_id=f"{name}/odom")
 
     def age_s(self) -> float:
@@ -40,7 +41,8 @@ class FakeCraft(Craft):
         self.sent.append(setpoint)
 
     def was_refused(self) -> bool:
-        return self.is_refusing
+        was_refusing, self.is_refusing = self.is_refusing, False
+        return was_refusing
 
     def command(self, name: str, call: Callable[[Uav], object], *, begins: str = "") -> threading.Thread:
         del call, begins
@@ -142,13 +144,31 @@ def test_after_a_refusal_nothing_is_sent_until_the_release() -> None:
     flight.steer(FORWARD, 1.0)
     flight.crafts[0].is_refusing = True
     flight.steer(FORWARD)
-    flight.crafts[0].is_refusing = False
     flight.sent.clear()
     flight.steer(FORWARD, 2.0)
     assert flight.sent == []
     flight.steer(CENTRED)
     flight.steer(FORWARD)
     assert len(flight.sent) == 1
+
+
+def test_a_refusal_that_comes_after_the_release_does_not_hinder_the_next_touch() -> None:
+    flight = Flight()
+    flight.steer(FORWARD, 1.0)
+    flight.crafts[0].is_refusing = True
+    flight.steer(CENTRED)
+    flight.sent.clear()
+    flight.steer(FORWARD)
+    assert len(flight.sent) == 1
+
+
+def test_before_the_first_telemetry_the_sticks_do_nothing() -> None:
+    flight = Flight()
+    flight.crafts[0].telemetry = None
+    flight.steer(FORWARD, 1.0)
+    flight.pilot.act(Action.MODE)
+    flight.pilot.step(FORWARD)
+    assert flight.sent == []
 
 
 def test_old_telemetry_releases_the_sticks() -> None:

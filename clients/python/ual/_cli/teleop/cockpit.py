@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NoReturn, Protocol
 
 from ual._cli.keys import Keyboard, keyboard
 from ual._cli.teleop import board
+from ual._cli.teleop.echo import Echo
 from ual._cli.teleop.pilot import Pilot
 from ual._cli.teleop.screen import Screen, screen
 from ual._cli.watch_screen import as_text
@@ -24,9 +25,11 @@ PERIOD_S = 0.05
 LATE_S = 0.5
 """After such a pause (a process that was suspended) the daemon has stopped the UAV. What was pressed meanwhile must not
 start it again."""
-STUCK_S = 1.0
-"""Where the terminal has not taken a picture for this long (a slow link), nobody sees what the UAV does."""
-_LATE = "sticks: released, because the process was suspended or the terminal took no output"
+SLOW_S = 1.0
+"""Where the terminal answers or takes a picture so late (a slow link), nobody sees what the UAV does, and a key that is
+released still flies."""
+_LATE = "sticks: released, because the terminal is slow, or the process was suspended"
+_ANSWER_S = 0.5
 _DRAW_S = 0.2
 """A screen is some 2 kB: 10 kB/s over SSH."""
 _HUNG_UP = 128 + signal.SIGHUP
@@ -84,13 +87,14 @@ def fly(pilot: Pilot, controls: Controls, say: Callable[[str], None]) -> None:
 
 
 def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, say: Callable[[str], None]) -> None:
-    said = ""
+    said, echo = "", Echo()
     try:
         with keyboard() as keys, screen() as shown:
             try:
-                _loop(pilot, controls, keys, shown, suspension)
+                _loop(pilot, controls, keys, shown, echo, suspension)
             finally:
                 said = pilot.stop()  # before the terminal is restored, which may take long
+                _await_answer(keys, echo)
     except OSError:  # it takes no output any more
         raise SystemExit(_HUNG_UP) from None
     finally:
@@ -98,12 +102,13 @@ def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, sa
             say(said)
 
 
-def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, suspension: _Suspension) -> None:
+def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, echo: Echo, suspension: _Suspension) -> None:
     last_s = drawn_s = time.monotonic() - PERIOD_S
     while not (pilot.has_quit or suspension.is_asked):
         read = keys.read(max(0.0, last_s + PERIOD_S - time.monotonic()))
         now_s = time.monotonic()
-        is_late = now_s - last_s > LATE_S or shown.stuck_s() > STUCK_S
+        read = echo.filtered(read, now_s)
+        is_late = now_s - last_s > LATE_S or max(shown.stuck_s(), echo.lag_s(now_s)) > SLOW_S
         if is_late:
             pilot.release(_LATE)
         controls.control(pilot, read, now_s, is_late=is_late)
@@ -111,8 +116,15 @@ def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, suspe
         if keys.is_gone or shown.is_gone:
             raise SystemExit(_HUNG_UP)
         if now_s - drawn_s >= _DRAW_S:
-            shown.show(_picture(pilot, controls, shown))
+            shown.show(_picture(pilot, controls, shown), is_asking=echo.asks(now_s))
             drawn_s = now_s
+
+
+def _await_answer(keys: Keyboard, echo: Echo) -> None:
+    """Takes the answer of the terminal that is still to come, or the shell would take it for input."""
+    end_s = time.monotonic() + _ANSWER_S
+    while echo.is_awaited and not keys.is_gone and (left_s := end_s - time.monotonic()) > 0.0:
+        echo.filtered(keys.read(left_s), time.monotonic())
 
 
 def _picture(pilot: Pilot, controls: Controls, shown: Screen) -> RenderableType:
@@ -162,4 +174,5 @@ def _exit_at_hangup() -> Iterator[None]:
 
 
 def _hang_up(_: int, __: FrameType | None) -> NoReturn:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # another one must not interrupt the stop
     raise SystemExit(_HUNG_UP)

@@ -130,6 +130,7 @@ class Craft:
             call(self._uav)
             self.done = self._said(f"{name}: done")
         except UalError as error:
+            self.done = self._said(f"{name}: not done")
             self._note(name, error)
         finally:
             with self._changed:

@@ -52,7 +52,6 @@ class View:
     sticks: Sticks
     done: Said
     refusal: Said
-    running: Sequence[str] = ()
     number: int = 1
     count: int = 1
     now_s: float = 0.0
@@ -109,7 +108,6 @@ class Pilot:
             sticks=self._sticks,
             done=craft.done,
             refusal=craft.refusal,
-            running=craft.running(),
             number=self._chosen + 1,
             count=len(self._crafts),
             now_s=self._clock(),
@@ -149,17 +147,18 @@ class Pilot:
         self._is_latched = True
 
     def _admitted(self, sticks: Sticks) -> Sticks:
+        if self.craft.was_refused():
+            self._latch()
         if sticks.is_centred():
             self._is_latched = False
-        elif self.craft.was_refused():
-            self._latch()
         elif not self._is_latched:
             self._is_latched = self._is_blind(sticks)
         return CENTRED if self._is_latched else sticks
 
     def _is_blind(self, sticks: Sticks) -> bool:
         """Returns whether nobody sees what the UAV does; says so if the sticks are moved."""
-        is_blind = self.craft.age_s() > OLD_S
+        is_known = self.craft.telemetry is not None and self.craft.info is not None
+        is_blind = self.craft.age_s() > OLD_S or not is_known
         if is_blind and not sticks.is_centred():
             self.craft.refuse(f"sticks: no telemetry for {self.craft.age_s():.0f} s: they do nothing")
         return is_blind

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from ual._cli.teleop.echo import QUESTION
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.live import Live
@@ -22,6 +24,7 @@ class Screen:
         self._live = live
         self._changed = threading.Condition()
         self._picture: RenderableType | None = None
+        self._is_asking = False
         self._began_s: float | None = None
         self._is_closed = False
 
@@ -30,10 +33,11 @@ class Screen:
         """Columns and lines."""
         return self._live.console.size.width, self._live.console.size.height
 
-    def show(self, picture: RenderableType) -> None:
-        """Draws a picture as soon as the one before is drawn."""
+    def show(self, picture: RenderableType, *, is_asking: bool) -> None:
+        """Draws a picture as soon as the one before is drawn, and then sends the question of `echo`."""
         with self._changed:
             self._picture = picture
+            self._is_asking = self._is_asking or is_asking
             self._changed.notify_all()
 
     def stuck_s(self) -> float:
@@ -47,6 +51,7 @@ class Screen:
             self._began_s = time.monotonic()
             try:
                 self._live.update(picture, refresh=True)
+                self._ask()
             except OSError:
                 self.is_gone = True
             self._began_s = None
@@ -56,6 +61,13 @@ class Screen:
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
+
+    def _ask(self) -> None:
+        with self._changed:
+            is_asking, self._is_asking = self._is_asking, False
+        if is_asking:
+            self._live.console.file.write(QUESTION)
+            self._live.console.file.flush()
 
     def _next(self) -> RenderableType | None:
         with self._changed:
