@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from click.testing import CliRunner
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual.terminal import Terminal
+from ual._cli import cli
 from ual.types import State, Telemetry
 
 UP_ARROW = b"\x1b[A"
@@ -291,11 +293,7 @@ def test_without_telemetry_the_sticks_do_nothing(flying: ual.Uav, daemon: Daemon
             terminal.wait_for("sticks: no telemetry")
 
 
-def test_it_needs_a_terminal(daemon: DaemonProcess) -> None:
-    from click.testing import CliRunner
-
-    from ual._cli import cli
-
-    result = CliRunner().invoke(cli, ["--ns", daemon.ns, "teleop", "keyboard"])
+def test_it_needs_a_terminal() -> None:
+    result = CliRunner().invoke(cli, ["teleop", "keyboard"])
     assert result.exit_code == 2
     assert "needs a terminal" in result.stderr

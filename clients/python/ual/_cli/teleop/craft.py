@@ -29,7 +29,7 @@ class Said:
 
 
 class Craft:
-    """One UAV. No member blocks, except `halt`, which has a time limit. May be used from any thread.
+    """One UAV. No member blocks, except `halt` and `close`, which have a time limit. May be used from any thread.
 
     Args:
         uav: The UAV, which nothing has been asked of yet. It is closed with this.

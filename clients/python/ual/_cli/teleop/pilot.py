@@ -136,15 +136,13 @@ class Pilot:
         assert self.mode is Mode.POSE
         if self.craft.was_refused():
             self._reference = None
-        self._sticks = CENTRED if self._is_blind(direction) else direction
-        self._step(self._sticks)
+        if not self._is_blind(direction):
+            self._step(direction)
 
     def release(self, why: str) -> None:
         """Stops what the sticks fly. They do nothing until they were centred once."""
-        if not self._sticks.is_centred():
-            self.craft.refuse(why)
-        self._sticks = CENTRED
-        self._is_latched = True
+        self.craft.refuse(why)
+        self._drop_sticks()
 
     def _admitted(self, sticks: Sticks) -> Sticks:
         if self.craft.was_refused():
