@@ -9,7 +9,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,20 +18,18 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner, Result
-from typing_extensions import Self
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, open_terminal
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.pages import why_wrong
 from tests.ual import fake_daemon
+from tests.ual.terminal import UAL, Terminal
 from ual._cli import cli, values
 from ual._cli.app import UalCommand, UalGroup
 from ual._cli.help import Section
 from ual._cli.watch_board import Board
 from ual._discovery import Registration
 from ual.types import State, Telemetry
-
-UAL = (sys.executable, "-c", "from ual._cli import main; main()")
 
 
 @pytest.fixture(autouse=True)
@@ -756,52 +753,6 @@ def test_a_velocity_whose_stop_nobody_answers_has_failed() -> None:
 
 
 # --- On a terminal ----------------------------------------------------------------------------------------------------
-
-
-class Terminal:
-    """A program whose input and output are a terminal."""
-
-    def __init__(self, *words: str) -> None:
-        self._ours, its = open_terminal()
-        environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
-        self.process = subprocess.Popen([*UAL, *words], stdin=its, stdout=its, stderr=its, env=environment)
-        os.close(its)
-        self.text = ""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self._ours)
-
-    def wait_for(self, text: str) -> None:
-        while text not in self.text:
-            assert self._read(), f"{text!r} never came:\n{self.text}"
-
-    def press(self, keys: bytes) -> None:
-        os.write(self._ours, keys)
-
-    def mode(self) -> list[object]:
-        return list(termios.tcgetattr(self._ours))
-
-    def interrupt(self) -> None:
-        """What a terminal does at Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
-
-    def wait(self) -> int:
-        while self._read():
-            pass
-        return self.process.wait(LIMIT_S)
-
-    def _read(self) -> bool:
-        try:
-            read = os.read(self._ours, 65536)
-        except OSError:  # the other end is closed
-            return False
-        self.text += read.decode(errors="replace")
-        return bool(read)
 
 
 def test_a_long_manoeuvre_shows_its_progress_and_ctrl_c_cancels_it(flying: DaemonProcess) -> None:

@@ -8,7 +8,7 @@ import select
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import Enum, auto
 from types import FrameType
 
@@ -63,7 +63,8 @@ def keyboard() -> Iterator[Keyboard]:
             tty.setcbreak(file)
             yield Keyboard(file)
         finally:
-            termios.tcsetattr(file, termios.TCSADRAIN, mode)
+            with suppress(termios.error):  # the terminal may be gone
+                termios.tcsetattr(file, termios.TCSADRAIN, mode)
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -76,14 +77,26 @@ class Keyboard:
 
     def wait(self, timeout_s: float) -> Sequence[Key]:
         """Returns the keys that were pressed, after `timeout_s` at the latest."""
+        return decoded(self.read(timeout_s))
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether there is no terminal (any more)."""
+        return self._file is None
+
+    def read(self, timeout_s: float) -> bytes:
+        """Returns what the terminal has sent, after `timeout_s` at the latest."""
         files = [] if self._file is None else [self._file]
         ready, _, _ = select.select(files, [], [], timeout_s)
         if not ready or self._file is None:
-            return []
-        read = os.read(self._file, 1024)
+            return b""
+        try:
+            read = os.read(self._file, 1024)
+        except OSError:
+            read = b""
         if not read:  # the terminal is gone
             self._file = None
-        return decoded(read)
+        return read
 
 
 def _exit(_: int, __: FrameType | None) -> None:

@@ -23,6 +23,7 @@ from ual._cli import (
 )
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
+from ual._cli.teleop import command as teleop
 
 
 @click.group(
@@ -48,6 +49,7 @@ def cli() -> None:
 for command in (
     *status.COMMANDS,
     *flight.COMMANDS,
+    *teleop.COMMANDS,
     *task.COMMANDS,
     *path.COMMANDS,
     *frames.COMMANDS,

@@ -1,0 +1,115 @@
+"""The screen of `ual teleop`: what the UAV does, what the sticks do, and the keys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from textwrap import wrap
+
+from ual._cli.output import pose_text, running_text
+from ual._cli.teleop.pilot import OLD_S, Mode, View
+from ual._cli.teleop.speeds import LEVELS, Level
+from ual._cli.watch_table import STATE_STYLES, Line
+from ual.types import State, Telemetry
+
+_NAME = 11
+_MOST_LINES = 3
+"""Of a long text."""
+_SHOWN_S = 3.0
+"""A refusal is bright for this time."""
+
+
+def lines(
+    view: View, title: str, help_text: Sequence[tuple[str, str]], question: str, *, width: int, height: int
+) -> list[Line]:
+    """Returns the lines of the screen: `height` at most, each `width` characters at most."""
+    which = f" ({view.number} of {view.count}, Tab)" if view.count > 1 else ""
+    head = [Line(f"ual teleop {title}: {view.name}{which}", "bold")]
+    shown = head + _uav(view, width) + [Line("")] + _sticks(view, question, width)
+    keys = _keys(help_text, width)
+    gap = max(0, height - len(shown) - len(keys))
+    all_lines = shown + [Line("")] * min(1, gap) + keys
+    return [Line(line.text[:width], line.style) for line in all_lines[:height]]
+
+
+def _uav(view: View, width: int) -> list[Line]:
+    t = view.telemetry or Telemetry(State.UNINITIALIZED)
+    is_old = view.age_s > OLD_S
+    rows = [
+        ("state", "" if view.telemetry is None else t.state.name, STATE_STYLES.get(t.state, "")),
+        ("because", t.state_reason, "dim"),
+        ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
+        ("position", "" if t.pose is None else f"{pose_text(t.pose)}  in {t.frame_id}", ""),
+        ("speed", _speed(t), ""),
+        ("battery", _battery(t), ""),
+        ("task", "" if t.task is None else running_text(t.task), ""),
+        ("telemetry", _age(view), ""),
+    ]
+    return [line for name, text, style in rows for line in _row(name, text, "red" if is_old else style, width)]
+
+
+def _speed(t: Telemetry) -> str:
+    if t.velocity is None:
+        return ""
+    v = t.velocity.linear
+    return f"{v.norm():.2f} m/s ({v.horizontal_norm():.2f} horizontal, {v.z:+.2f} up)"
+
+
+def _battery(t: Telemetry) -> str:
+    if t.battery is None:
+        return ""
+    percent, voltage = t.battery.remaining_percent, t.battery.voltage_v
+    known = ("" if percent is None else f"{percent:.0f} %", "" if voltage is None else f"{voltage:.1f} V")
+    return " ".join(filter(None, known))
+
+
+def _age(view: View) -> str:
+    if view.age_s <= OLD_S:
+        return f"{view.age_s:.1f} s old"
+    return f"NONE FOR {view.age_s:.0f} s: the sticks do nothing"
+
+
+def _sticks(view: View, question: str, width: int) -> list[Line]:
+    s = view.sticks
+    is_fresh = view.refusal.text and view.now_s - view.refusal.time_s < _SHOWN_S
+    deflections = f"forward {s.forward:+.2f}   left {s.left:+.2f}   up {s.up:+.2f}   turn {s.turn:+.2f}"
+    return [
+        *_row("flies", _meaning(view), "bold", width),
+        *_row("sticks", deflections, "" if s.is_centred() else "bold green", width),
+        *_row("done", question or view.done.text, "bold yellow" if question else "", width),
+        *_row("refused", _refused(view), "bold red" if is_fresh else "dim", width),
+    ]
+
+
+def _meaning(view: View) -> str:
+    axes = "east and north" if view.is_headless else "the nose"
+    what = _velocities(view.speeds) if view.mode is Mode.VELOCITY else _steps(view.speeds)
+    return f"{view.mode.value} along {axes}, level {view.level + 1} of {len(LEVELS)}: {what}"
+
+
+def _velocities(speeds: Level) -> str:
+    return f"{speeds.horizontal_m_s:g} m/s, up {speeds.vertical_m_s:g} m/s, {speeds.turn_deg_s:.0f}°/s"
+
+
+def _steps(speeds: Level) -> str:
+    return f"steps of {speeds.step_m:g} m, {speeds.turn_step_deg:g}°"
+
+
+def _refused(view: View) -> str:
+    if not view.refusal.text:
+        return ""
+    return f"{view.refusal.text} ({max(0.0, view.now_s - view.refusal.time_s):.0f} s ago)"
+
+
+def _row(name: str, text: str, style: str, width: int) -> list[Line]:
+    """Returns a row, which goes on in further lines if the text is long."""
+    first, *others = wrap(text, max(8, width - _NAME), max_lines=_MOST_LINES, placeholder=" …") or [""]
+    return [Line(f"{name:<{_NAME}}{first}", style), *(Line(f"{'':<{_NAME}}{each}", style) for each in others)]
+
+
+def _keys(help_text: Sequence[tuple[str, str]], width: int) -> list[Line]:
+    """Returns the keys in two columns, the first half of them on the left."""
+    cells = [f"{keys:<9} {text}" for keys, text in help_text]
+    half = math.ceil(len(cells) / 2)
+    left, right = cells[:half], [*cells[half:], ""]
+    return [Line(f"{a:<{width // 2}}{b}".rstrip(), "dim") for a, b in zip(left, right, strict=False)]

@@ -1,0 +1,120 @@
+"""The ``ual`` command on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable
+from functools import partial
+
+from typing_extensions import Self
+
+from tests.conftest import LIMIT_S, open_terminal
+
+UAL = (sys.executable, "-c", "from ual._cli import main; main()")
+
+
+class Terminal:
+    """A program whose input and output are a terminal.
+
+    Args:
+        words: The words of the command.
+        size: Columns and lines.
+        is_controlling: Whether it is the terminal of the program's session: closed, it sends SIGHUP. Otherwise the
+            program is in a process group of its own, as a shell starts it, and can be suspended.
+        is_answering: Whether it answers the question for its status, as all true terminals do.
+
+    """
+
+    def __init__(
+        self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False, is_answering: bool = False
+    ) -> None:
+        self._ours, its = open_terminal()
+        environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
+        own = partial(fcntl.ioctl, 0, termios.TIOCSCTTY, 0) if is_controlling else partial(os.setpgid, 0, 0)
+        self.process = subprocess.Popen(
+            [*UAL, *words],
+            stdin=its,
+            stdout=its,
+            stderr=its,
+            env=environment,
+            start_new_session=is_controlling,
+            preexec_fn=own,  # noqa: PLW1509 (one system call; `process_group` came with Python 3.11)
+        )
+        os.close(its)
+        self.text = ""
+        self.is_answering = is_answering
+        self.answers_count = 0
+        self._is_closed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.close()
+
+    def close(self) -> None:
+        """What a lost connection does."""
+        if not self._is_closed:
+            os.close(self._ours)
+        self._is_closed = True
+
+    def drain(self) -> None:
+        """Reads what is there."""
+        while not self._is_closed and select.select([self._ours], [], [], 0.0)[0] and self._read():
+            pass
+
+    def forget(self) -> None:
+        """Makes `wait_for` wait only for what is drawn from now on."""
+        self.drain()
+        self.text = ""
+
+    def wait_until(self, is_so: Callable[[], bool]) -> None:
+        """Waits for anything, and reads meanwhile."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not is_so():
+            assert time.monotonic() < deadline_s, self.text[-5000:]
+            self.drain()
+            time.sleep(0.01)
+
+    def wait_for(self, text: str) -> None:
+        while text not in self.text:
+            assert self._read(), f"{text!r} never came:\n{self.text}"
+
+    def press(self, keys: bytes) -> None:
+        os.write(self._ours, keys)
+
+    def answer(self) -> None:
+        """Answers the question for its status."""
+        self.answers_count += 1
+        self.press(b"\x1b[0n")
+
+    def mode(self) -> list[object]:
+        return list(termios.tcgetattr(self._ours))
+
+    def interrupt(self) -> None:
+        """What a terminal does at Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def wait(self) -> int:
+        while self._read():
+            pass
+        return self.process.wait(LIMIT_S)
+
+    def _read(self) -> bool:
+        try:
+            read = os.read(self._ours, 65536)
+        except OSError:  # the other end is closed
+            return False
+        self.text += read.decode(errors="replace")
+        if self.is_answering and b"\x1b[5n" in read:
+            self.answer()
+        return bool(read)
