@@ -35,7 +35,7 @@ _FAILED, _WRONG_FILE = 1, 2
 )
 @pass_session
 def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, compose: Path | None) -> None:
-    """Run a team of UAVs: daemons, and programs beside them, as a file says.
+    """Run a team: daemons, and programs beside them.
 
     Ctrl-C lands the UAVs that this team flies, then ends all programs. Ctrl-C again holds them and ends at once; a
     third one kills.
