@@ -9,6 +9,7 @@ from tests.sitl.transmitter import Transmitter
 from ual.geometry import Pose, Vector3
 from ual.interface import Uav
 from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 PATIENCE_S = 40.0
 HEIGHT_M = 3.0
@@ -43,6 +44,27 @@ class Flight:
         """A place at its own height."""
         here = self.position()
         return Pose.at(here.x + dx, here.y + dy, here.z)
+
+    def set_home(self, above_m: float) -> None:
+        """A ground station sets home so high above where the UAV is; waits until the daemon knows it.
+
+        ArduPilot keeps a home that was set in this way until it boots; without, each arming sets it.
+        """
+        self.wait_for(lambda: self.uav.telemetry().position_geo is not None, "its position on Earth")
+        here = self.uav.telemetry().position_geo
+        assert here is not None
+        assert here.altitude_amsl_m is not None
+        altitude_m = here.altitude_amsl_m + above_m
+        place = (here.latitude_deg, here.longitude_deg, altitude_m)
+        self.pilot.order(mavlink.MAV_CMD_DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, *place))
+
+        def is_set() -> bool:
+            point = self.uav.telemetry().position_geo
+            return (
+                point is not None and point.altitude_home_m is not None and abs(point.altitude_home_m + above_m) < 1.0
+            )
+
+        self.wait_for(is_set, "home")
 
     def be_armed(self) -> None:
         """The pilot arms."""

@@ -13,7 +13,6 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
@@ -21,39 +20,22 @@ HEIGHT_M = 5.0
 BELOW_M = 20.0
 
 
-def set_home(flight: Flight, above_m: float) -> None:
-    """A ground station sets home so high above where the UAV is, and waits until the daemon knows it."""
-    flight.wait_for(lambda: flight.uav.telemetry().position_geo is not None, "its position on Earth")
-    here = flight.uav.telemetry().position_geo
-    assert here is not None
-    assert here.altitude_amsl_m is not None
-    altitude_m = here.altitude_amsl_m + above_m
-    place = (here.latitude_deg, here.longitude_deg, altitude_m)
-    flight.pilot.order(mavlink.MAV_CMD_DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, *place))
-
-    def is_set() -> bool:
-        point = flight.uav.telemetry().position_geo
-        return point is not None and point.altitude_home_m is not None and abs(point.altitude_home_m + above_m) < 1.0
-
-    flight.wait_for(is_set, "home")
-
-
 def test_the_height_of_a_take_off_counts_from_the_ground_wherever_home_is(flight: Flight, uav: UAL) -> None:
     """With a rangefinder ArduPilot would climb to the sum of both heights."""
     flight.be_armed()
     ground = flight.position()
     has_rangefinder = uav.vehicle.backend.snapshot().has_rangefinder
-    set_home(flight, -BELOW_M)
+    flight.set_home(-BELOW_M)
     highest = [ground.z]
     uav.vehicle.subscribe(lambda sample: highest.append(ground.z if sample.pose is None else sample.pose.position.z))
     if has_rangefinder and uav.info().autopilot == "ArduPilot":
         with pytest.raises(WrongStateError, match="with its rangefinder it counts"):
             uav.take_off(HEIGHT_M)
-        set_home(flight, 0.0)
+        flight.set_home(0.0)
     uav.take_off(HEIGHT_M)
     assert flight.position().z - ground.z == pytest.approx(HEIGHT_M, abs=0.5)
     assert max(highest) - ground.z < 1.2 * HEIGHT_M + 1.0
-    set_home(flight, -HEIGHT_M)
+    flight.set_home(-HEIGHT_M)
 
 
 def test_a_second_flight_from_elsewhere_climbs_by_the_home_of_its_own_arming(
@@ -76,7 +58,7 @@ def fence(flight: Flight, simulator: Simulator) -> Iterator[str]:
     """The autopilot's own fence of 30 m around home; the name of its parameter."""
     names = {"ArduPilot": ("FENCE_RADIUS", "FENCE_ENABLE"), "PX4": ("GF_MAX_HOR_DIST", "")}
     radius, enable = names[simulator.autopilot]
-    set_home(flight, 0.0)  # else it may stand beyond the fence, and cannot be armed
+    flight.set_home(0.0)  # else it may stand beyond the fence, and cannot be armed
     flight.pilot.set_parameter(radius, RADIUS_M)
     if enable:
         flight.pilot.set_parameter(enable, 1.0)
