@@ -94,7 +94,7 @@ def test_one_of_several_is_chosen_by_number_or_name(joysticks: Joysticks, connec
     assert joysticks.find("controller").index == 0
     with pytest.raises(JoystickError, match="'xbox' is none of the joysticks"):
         joysticks.find("xbox")
-    with pytest.raises(JoystickError, match="are not known: save a mapping"):
+    with pytest.raises(JoystickError, match="are not known: ual teleop joystick --map"):
         joysticks.open(1)
 
 

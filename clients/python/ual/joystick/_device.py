@@ -90,9 +90,7 @@ class Joysticks:
 
         """
         if not device.is_mapped:
-            raise JoystickError(
-                f"the axes and buttons of {device.name} are not known: save a mapping of it, see ual.joystick.Mapper"
-            )
+            raise JoystickError(f"the axes and buttons of {device.name} are not known: ual teleop joystick --map")
         try:
             return Gamepad(self._sdl, device)
         except self._sdl.pygame.error as error:

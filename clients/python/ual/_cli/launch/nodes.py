@@ -90,6 +90,11 @@ class Node:
         """Whether it is a list."""
         return isinstance(self.node, yaml.SequenceNode)
 
+    @property
+    def is_text(self) -> bool:
+        """Whether it is a text or a number."""
+        return isinstance(self.node, yaml.ScalarNode)
+
     def text(self) -> str:
         """Returns a text, with its placeholders filled in.
 

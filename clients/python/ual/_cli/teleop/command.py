@@ -5,18 +5,21 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from ual._cli import values
-from ual._cli.app import Many, Session, UalCommand, UalGroup, note, pass_session
+from ual._cli.app import REFUSED, Many, Session, UalCommand, UalGroup, note, pass_session
 from ual._cli.everyone import several
 from ual._cli.help import Section
 
 if TYPE_CHECKING:
     from ual._cli.teleop.cockpit import Controls
     from ual._cli.teleop.craft import Craft
+    from ual._cli.teleop.layout import Layout
+    from ual.joystick import Device, Joysticks
 
 HEIGHT_M = 2.0
 
@@ -25,10 +28,10 @@ HEIGHT_M = 2.0
     "teleop",
     cls=UalGroup,
     section=Section.FLYING,
-    examples=("ual teleop keyboard", "ual --ns uav_1,uav_2 teleop keyboard"),
+    examples=("ual teleop keyboard", "ual teleop joystick", "ual --ns uav_1,uav_2 teleop keyboard"),
 )
 def teleop() -> None:
-    """Fly by hand, from the keyboard."""
+    """Fly by hand: by keyboard, joystick or gamepad."""
 
 
 def height_option(function: Callable[..., None]) -> Callable[..., None]:
@@ -59,6 +62,74 @@ def keyboard(session: Session, height_m: float) -> None:
     from ual._cli.teleop.keyboard import Keyboard
 
     fly(session, height_m, Keyboard)
+
+
+@teleop.command(
+    "joystick",
+    cls=UalCommand,
+    many=Many.ITSELF,
+    examples=("ual teleop joystick", "ual teleop joystick --list", "ual teleop joystick --map"),
+)
+@height_option
+@click.option(
+    "--device", "which", metavar="WHICH", help="Its number, or a part of its name; the only one if not given."
+)
+@click.option("--config", "file", type=click.Path(path_type=Path), help="What its axes and buttons mean (YAML).")
+@click.option("--list", "is_listing", is_flag=True, help="Only list the joysticks of this computer.")
+@click.option("--map", "is_mapping", is_flag=True, help="Only say which axis and button of the device is which.")
+@pass_session
+def joystick(
+    session: Session, height_m: float, which: str | None, file: Path | None, is_listing: bool, is_mapping: bool
+) -> None:
+    """Fly by a joystick or gamepad.
+
+    The sticks fly only while the left shoulder button is held. Take-off, landing and recovery need two buttons
+    together. The screen shows all of them. Space stops at once, q quits.
+    """
+    from ual._cli.launch.nodes import TeamFileError
+    from ual.joystick import JoystickError, Joysticks
+
+    try:
+        layout = _layout(file)
+        with Joysticks() as joysticks:
+            if is_listing:
+                _list(joysticks)
+                return
+            device = joysticks.find(int(which) if which is not None and which.isdecimal() else which)
+            if is_mapping:
+                from ual._cli.teleop.mapping import make_mapping
+
+                make_mapping(joysticks, device)
+            else:
+                _fly_by(session, height_m, joysticks, device, layout)
+    except (JoystickError, TeamFileError) as error:
+        note(f"ual: {error}")
+        raise click.exceptions.Exit(REFUSED) from None
+
+
+def _layout(file: Path | None) -> Layout:
+    from ual._cli.teleop.layout import Layout
+
+    if file is None:
+        return Layout()
+    from ual._cli.teleop.layout_file import load
+
+    return load(file)
+
+
+def _list(joysticks: Joysticks) -> None:
+    for device in joysticks.list():
+        click.echo(f"{device.index}\t{device.name}\t{'known' if device.is_mapped else 'needs --map'}")
+
+
+def _fly_by(session: Session, height_m: float, joysticks: Joysticks, device: Device, layout: Layout) -> None:
+    from ual._cli.teleop.joystick import JoystickControls
+
+    controls = JoystickControls(joysticks, device, layout)
+    try:
+        fly(session, height_m, lambda: controls)
+    finally:
+        controls.close()
 
 
 def fly(session: Session, height_m: float, make_controls: Callable[[], Controls]) -> None:
