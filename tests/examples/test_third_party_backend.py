@@ -103,7 +103,7 @@ def test_errors_name_what_is_known(installed: Path) -> None:
     unknown, other_setting, bad_value = run(UNKNOWN, installed)
     assert (
         unknown
-        == "backend: there is no backend 'hoover'; known are airsim, crazyflie, dji, hover, light, mavlink, mavros"
+        == "backend: there is no backend 'hoover'; known are airsim, crazyflie, dji, hover, light, mavlink, mavros, replay"
     )
     assert other_setting == "hover.sped: there is no such setting"
     assert bad_value.startswith("hover.speed: ")
