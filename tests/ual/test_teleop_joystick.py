@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -193,5 +194,24 @@ def test_without_a_joystick_the_command_says_so(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.delenv("UAL_NS", raising=False)
     result = CliRunner().invoke(cli, ["teleop", "joystick"])
     assert (result.exit_code, result.stderr) == (1, "ual: no joystick is connected\n")
-    with suppress(SystemExit):
-        assert CliRunner().invoke(cli, ["teleop", "joystick", "--list"]).stdout == ""
+    assert CliRunner().invoke(cli, ["teleop", "joystick", "--list"]).stdout == ""
+
+
+def test_a_wrong_file_is_wrong_usage(tmp_path: Path) -> None:
+    file = tmp_path / "joystick.yaml"
+    file.write_text("hold: shoulder", encoding="utf-8")
+    result = CliRunner().invoke(cli, ["teleop", "joystick", "--config", str(file)])
+    assert result.exit_code == 2
+    assert "joystick.yaml:1: hold: expected" in result.stderr
+
+
+@pytest.mark.parametrize(("package", "words"), [("pygame", []), ("yaml", ["--config", "any.yaml"])])
+def test_a_package_that_is_missing_is_named_with_its_extra(
+    package: str, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith(("ual._cli.launch", "ual._cli.teleop.layout_file"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    result = CliRunner().invoke(cli, ["teleop", "joystick", *words])
+    assert result.exit_code == 1
+    assert "pip install 'ual-client[joystick]'" in result.stderr

@@ -14,6 +14,7 @@ from ual._cli import values
 from ual._cli.app import REFUSED, Many, Session, UalCommand, UalGroup, note, pass_session
 from ual._cli.everyone import several
 from ual._cli.help import Section
+from ual.errors import NotSupportedError
 
 if TYPE_CHECKING:
     from ual._cli.teleop.cockpit import Controls
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ual.joystick import Device, Joysticks
 
 HEIGHT_M = 2.0
+_WRONG_FILE = 2
 
 
 @click.group(
@@ -86,11 +88,10 @@ def joystick(
     The sticks fly only while the left shoulder button is held. Take-off, landing and recovery need two buttons
     together. The screen shows all of them. Space stops at once, q quits.
     """
-    from ual._cli.launch.nodes import TeamFileError
     from ual.joystick import JoystickError, Joysticks
 
+    layout = _layout(file)
     try:
-        layout = _layout(file)
         with Joysticks() as joysticks:
             if is_listing:
                 _list(joysticks)
@@ -102,7 +103,7 @@ def joystick(
                 make_mapping(joysticks, device)
             else:
                 _fly_by(session, height_m, joysticks, device, layout)
-    except (JoystickError, TeamFileError) as error:
+    except JoystickError as error:
         note(f"ual: {error}")
         raise click.exceptions.Exit(REFUSED) from None
 
@@ -112,9 +113,16 @@ def _layout(file: Path | None) -> Layout:
 
     if file is None:
         return Layout()
-    from ual._cli.teleop.layout_file import load
-
-    return load(file)
+    try:
+        from ual._cli.launch.nodes import TeamFileError
+        from ual._cli.teleop.layout_file import load
+    except ModuleNotFoundError as error:
+        raise NotSupportedError(f"--config needs {error.name}: pip install 'ual-client[joystick]'") from None
+    try:
+        return load(file)
+    except TeamFileError as error:
+        note(f"ual: {error}")
+        raise click.exceptions.Exit(_WRONG_FILE) from None
 
 
 def _list(joysticks: Joysticks) -> None:
