@@ -89,6 +89,17 @@ class Terminal:
         while text not in self.text:
             assert self._read(), f"{text!r} never came:\n{self.text}"
 
+    def press_until(self, keys: bytes, text: str) -> None:
+        """Presses keys again until the text is there: a program that was not scheduled for long may drop them."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while text not in self.text:
+            assert time.monotonic() < deadline_s, self.text[-5000:]
+            self.press(keys)
+            again_s = time.monotonic() + 3.0
+            while text not in self.text and time.monotonic() < again_s:
+                self.drain()
+                time.sleep(0.01)
+
     def press(self, keys: bytes) -> None:
         os.write(self._ours, keys)
 

@@ -15,6 +15,7 @@ from ual.types import Info, Setpoint, Telemetry
 TELEMETRY_HZ = 10.0
 STALE_S = 0.2
 """A setpoint that waited for longer (the daemon did not answer) is dropped: nobody holds the stick so any more."""
+DROPPED = "sticks: a step was dropped, as the daemon was too slow for it"
 _RETRY_S = 1.0
 _IN_FLIGHT_S = 0.3
 """How long a command waits for the setpoint before it, which is on its way."""
@@ -145,6 +146,9 @@ class Craft:
                 newest = self._setpoint
             if newest is not None and newest[1] + STALE_S >= self._clock():
                 self._send(newest)
+            elif newest is not None and isinstance(newest[0], PoseStamped):  # a velocity comes again, a step does not
+                self._is_refused = True
+                self.refuse(DROPPED)
             with self._changed:
                 if self._setpoint is newest:
                     self._setpoint = None
