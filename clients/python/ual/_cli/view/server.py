@@ -6,12 +6,12 @@ viser passes neither TLS nor a check of requests to `websockets`. So while it st
 from __future__ import annotations
 
 import http
+import io
 import socket
 import ssl
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Any
-from unittest import mock
 
 import viser
 from typing_extensions import override
@@ -51,7 +51,7 @@ def serving(host: str, port: int, guard: Guard, tls: ssl.SSLContext | None = Non
     try:
         yield server
     finally:
-        with mock.patch("rich.print"):
+        with _quiet():
             server.stop()
 
 
@@ -71,8 +71,17 @@ def _guarded(guard: Guard, tls: ssl.SSLContext | None) -> Iterator[None]:
         options |= {"ssl": tls, "max_size": _LARGEST_MESSAGE}
         return real(*args, process_request=_checked(guard, process_request), **options)
 
-    with mock.patch.object(websockets_server, "serve", serve), mock.patch("rich.print"):
-        yield
+    websockets_server.serve = serve  # type: ignore[assignment, misc]
+    try:
+        with _quiet():
+            yield
+    finally:
+        websockets_server.serve = real  # type: ignore[misc]
+
+
+def _quiet() -> redirect_stdout[io.StringIO]:
+    """Keeps viser from printing its own address."""
+    return redirect_stdout(io.StringIO())
 
 
 def _checked(guard: Guard, answer: _Answer) -> _Answer:
