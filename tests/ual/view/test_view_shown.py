@@ -91,7 +91,9 @@ def test_a_daemon_that_ended_is_lost_at_once() -> None:
 
 def test_a_uav_that_was_never_seen_says_so() -> None:
     assert look(Seen(NOW_S)).label == "uav_1: no telemetry yet"
-    assert look(Seen(NOW_S - 3.0, None, "LINK_LOST: x")).label == "uav_1: never seen: no telemetry for 3 s: LINK_LOST: x"
+    assert (
+        look(Seen(NOW_S - 3.0, None, "LINK_LOST: x")).label == "uav_1: never seen: no telemetry for 3 s: LINK_LOST: x"
+    )
 
 
 def test_what_is_not_known_is_not_drawn() -> None:
@@ -114,9 +116,7 @@ def test_words_of_an_autopilot_are_no_markup() -> None:
     evil = dataclasses.replace(FLYING, status_text="<img src=x onerror=alert(1)> {a} | **c**\n# d http://b")
     text = panel.details(look(Seen(NOW_S, evil)), Seen(NOW_S, evil), now_s=NOW_S)
     line = next(line for line in text.splitlines() if "onerror" in line)
-    assert line == (
-        r"| autopilot says | \<img src=x onerror=alert\(1\)\> \{a\} \| \*\*c\*\* \# d http\://b |"
-    )
+    assert line == (r"| autopilot says | \<img src=x onerror=alert\(1\)\> \{a\} \| \*\*c\*\* \# d http\://b |")
 
 
 def test_the_head_says_of_which_moment_the_page_is() -> None:

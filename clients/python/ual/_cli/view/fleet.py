@@ -81,7 +81,8 @@ class Fleet:
 
         One name is one UAV: the first that has it.
         """
-        found = {each.ns: each for each in chosen_daemons(self._session)}
+        wanted = self._session.ns.split(",") if self._session.ns else None
+        found = {each.ns: each for each in chosen_daemons(self._session) if wanted is None or each.ns in wanted}
         for named in self._named:
             if named.found is not None and found.setdefault(named.found.ns, named.found).address != named.address:
                 named.refuse(f"not shown, because another UAV has its name, {named.found.ns}")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from ual._cli.output import vector_text
 from ual._client import Uav
-from ual._task import Task
 from ual.geometry import Pose, PoseStamped, Vector3
+from ual.interface import Task
 from ual.types import Plan
 
 _FARTHEST_M = 5_000.0

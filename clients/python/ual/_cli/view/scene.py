@@ -164,7 +164,7 @@ class _Place:
             self._pose = None
         elif self.has_moved:
             self._pose = pose
-            self._handle.position = tuple(pose.position)
+            self._handle.position = xyz(pose.position)
             self._handle.wxyz = wxyz(pose.orientation)
 
 
@@ -189,7 +189,12 @@ class _Lines:
 
 def points(lines: Sequence[tuple[Vector3, Vector3]]) -> Points:
     """Returns lines as viser takes them."""
-    return np.array([[tuple(a), tuple(b)] for a, b in lines], np.float32)
+    return np.array([(xyz(a), xyz(b)) for a, b in lines], np.float32)
+
+
+def xyz(place: Vector3) -> tuple[float, float, float]:
+    """Returns a place as viser takes it."""
+    return place.x, place.y, place.z
 
 
 def wxyz(rotation: Quaternion) -> tuple[float, float, float, float]:

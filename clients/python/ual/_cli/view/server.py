@@ -71,12 +71,12 @@ def _guarded(guard: Guard, tls: ssl.SSLContext | None) -> Iterator[None]:
         options |= {"ssl": tls, "max_size": _LARGEST_MESSAGE}
         return real(*args, process_request=_checked(guard, process_request), **options)
 
-    websockets_server.serve = serve  # type: ignore[assignment, misc]
+    websockets_server.serve = serve  # type: ignore[assignment]
     try:
         with _quiet():
             yield
     finally:
-        websockets_server.serve = real  # type: ignore[misc]
+        websockets_server.serve = real
 
 
 def _quiet() -> redirect_stdout[io.StringIO]:

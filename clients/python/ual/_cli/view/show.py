@@ -1,0 +1,109 @@
+"""Runs the page: looks at the UAVs ten times a second, draws what has changed, and keeps each browser's panel."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from itertools import count
+
+import viser
+
+from ual._cli.app import Session
+from ual._cli.view.control_panel import ControlPanel
+from ual._cli.view.desk import Desk
+from ual._cli.view.fleet import RATE_HZ, Fleet
+from ual._cli.view.guard import Guard
+from ual._cli.view.journal import Journal
+from ual._cli.view.models import MODELS
+from ual._cli.view.page import Page
+from ual._cli.view.picture import Moment, Picture
+from ual._cli.view.scene import Scene
+from ual._cli.view.server import serving
+from ual._cli.view.ways import Ways
+from ual.geometry import Vector3
+
+_PERIOD_S = 1.0 / RATE_HZ
+_PANEL_EVERY = 3
+"""The panels are written with each third picture: nobody reads faster."""
+
+
+def show(session: Session, addresses: Sequence[str], host: str, port: int, *, control: bool) -> None:
+    """Serves the page until Ctrl-C."""
+    journal = Journal()
+    fleet = Fleet(session, addresses, journal)
+    with serving(host, port, Guard()) as server, fleet.running():
+        viewer = Viewer(server, fleet, journal, control=control)
+        url = f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}/"
+        session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
+        viewer.run()
+
+
+class Viewer:
+    """All pages of one server.
+
+    Args:
+        server: viser's.
+        fleet: The UAVs.
+        journal: The log.
+        control: Whether the pages may fly.
+
+    """
+
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, journal: Journal, *, control: bool) -> None:
+        self._server = server
+        self._fleet = fleet
+        self._journal = journal
+        self._is_control = control
+        self._picture = Picture(fleet.board, journal)
+        self._ways = Ways()
+        self._scene = Scene(server.scene, self._model_of, self._goal_of)
+        self._lock = threading.Lock()
+        self._pages: dict[int, Page] = {}
+        server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        server.gui.set_panel_label("UAL" + (" - CONTROL" if control else ""))
+        server.initial_camera.position = (-8.0, -12.0, 9.0)
+        server.initial_camera.look_at = (0.0, 0.0, 1.0)
+        server.on_client_connect(self._open)
+        server.on_client_disconnect(self._close)
+
+    def run(self) -> None:
+        """Draws until Ctrl-C."""
+        due_s = time.monotonic()
+        for number in count():
+            self.draw(with_panels=number % _PANEL_EVERY == 0)
+            due_s = max(due_s + _PERIOD_S, time.monotonic())
+            time.sleep(max(0.0, due_s - time.monotonic()))
+
+    def draw(self, *, with_panels: bool) -> None:
+        """Draws one picture."""
+        moment = self._picture.look(time.monotonic(), time.time())
+        self._scene.update(moment)
+        if with_panels:
+            self._update_pages(moment)
+
+    def _update_pages(self, moment: Moment) -> None:
+        with self._lock:
+            pages = list(self._pages.values())
+        for page in pages:
+            page.update(moment)
+        self._fleet.wants_frames = any(page.wants_frames for page in pages)
+
+    def _open(self, client: viser.ClientHandle) -> None:
+        desk = Desk(self._fleet, self._journal, self._ways) if self._is_control else None
+        control = None if desk is None else ControlPanel(desk, self._fleet)
+        page = Page(client, self._fleet, self._journal, control)
+        with self._lock:
+            self._pages[client.client_id] = page
+
+    def _close(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._pages.pop(client.client_id, None)
+
+    def _model_of(self, ns: str) -> str:
+        member = self._fleet.members().get(ns)
+        return member.info.backend if member is not None and member.info.backend in MODELS else "quadrotor"
+
+    def _goal_of(self, ns: str) -> Vector3 | None:
+        seen = self._fleet.board.seen().get(ns)
+        return self._ways.goal(ns, None if seen is None else seen.telemetry)
