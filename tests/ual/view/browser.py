@@ -96,11 +96,34 @@ class Page:
 
     def press(self, label: str) -> None:
         """Clicks the button of this label once it is there."""
-        script = (
-            f"(() => {{ const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === "
-            f"{json.dumps(label)}); if (!b) return false; b.scrollIntoView({{block: 'center'}}); b.click(); return true }})()"
-        )
-        self.wait_until(lambda: self.evaluate(script), f"a button {label!r}")
+        self._press(f"text === {json.dumps(label)}", label)
+
+    def press_beginning(self, label: str) -> None:
+        """Clicks the button whose label begins so, once it is there."""
+        self._press(f"text.startsWith({json.dumps(label)})", label)
+
+    def buttons(self) -> list[str]:
+        """The labels of all buttons."""
+        found: list[str] = self.evaluate("[...document.querySelectorAll('button')].map(b => b.innerText.trim())")
+        return [label for label in found if label]
+
+    def choose(self, option: str) -> None:
+        """Chooses in the page's first list."""
+        self.evaluate("document.querySelector('input[aria-haspopup=listbox]').click()")
+        wanted = f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === {json.dumps(option)})"
+        self.wait_until(lambda: self.evaluate(f"!!{wanted}"), f"the option {option}")
+        self.evaluate(f"{wanted}.click()")
+
+    def _press(self, condition: str, label: str) -> None:
+        script = f"""(() => {{
+            const found = [...document.querySelectorAll('button')].find(button => {{
+                const text = button.innerText.trim()
+                return {condition}
+            }})
+            if (found) found.click()
+            return !!found
+        }})()"""
+        self.wait_until(lambda: self.evaluate(script), f"a button {label!r} among {self.buttons()}")
 
     def picture(self, file: Path) -> None:
         """Takes a picture of the page."""

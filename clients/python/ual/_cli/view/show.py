@@ -62,8 +62,8 @@ class Viewer:
         self._pages: dict[int, Page] = {}
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         server.gui.set_panel_label("UAL" + (" - CONTROL" if control else ""))
-        server.initial_camera.position = (-8.0, -12.0, 9.0)
-        server.initial_camera.look_at = (0.0, 0.0, 1.0)
+        server.initial_camera.position = (-3.0, -9.0, 6.0)
+        server.initial_camera.look_at = (1.5, 0.0, 1.0)
         server.on_client_connect(self._open)
         server.on_client_disconnect(self._close)
 
