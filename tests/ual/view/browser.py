@@ -9,7 +9,7 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -72,15 +72,13 @@ class Page:
         """All that can be read on the page."""
         return str(self.evaluate("document.body ? document.body.innerText : ''"))
 
-    def wait_for(self, *words: str, unless: str | None = None) -> str:
-        """Waits until all words can be read, and `unless` cannot."""
-        return self.wait_until(
-            lambda: (text := self.text())
-            and all(word in text for word in words)
-            and (unless is None or unless not in text)
-            and text,
-            f"{words} (without {unless})",
-        )
+    def wait_for(self, *words: str) -> str:
+        """Waits until all words can be read."""
+        return str(self.wait_until(lambda: self._text_with(words), f"{words}"))
+
+    def _text_with(self, words: Sequence[str]) -> str:
+        text = self.text()
+        return text if all(word in text for word in words) else ""
 
     def wait_until(self, get: Callable[[], Any], what: str) -> Any:
         deadline_s = time.monotonic() + LIMIT_S
@@ -110,7 +108,9 @@ class Page:
     def choose(self, option: str) -> None:
         """Chooses in the page's first list."""
         self.evaluate("document.querySelector('input[aria-haspopup=listbox]').click()")
-        wanted = f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === {json.dumps(option)})"
+        wanted = (
+            f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === {json.dumps(option)})"
+        )
         self.wait_until(lambda: self.evaluate(f"!!{wanted}"), f"the option {option}")
         self.evaluate(f"{wanted}.click()")
 

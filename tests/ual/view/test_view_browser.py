@@ -62,5 +62,6 @@ def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, s
 
 def goal_in(words: str) -> tuple[float, float]:
     """Where the proposed go-to leads."""
-    x, y, _ = words.split("uav_2: go to ")[1].split(" in map")[0].split()
-    return float(x), float(y)
+    found = re.search(r"uav_2: go to (\S+) (\S+) \S+ in map", words)
+    assert found is not None
+    return float(found[1]), float(found[2])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
-from ual._cli.view.guard import is_loopback
-from ual.errors import InvalidArgumentError, NotSupportedError
+from ual._cli.view.access import access
+from ual.errors import NotSupportedError
 
 _PORT = 8080
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @command("view", "ual view", "ual view --control", "ual view --port 9000", section=Section.LOOKING, many=Many.ITSELF)
@@ -23,19 +26,30 @@ _PORT = 8080
 @click.option("--control", is_flag=True, help="Let the page fly, too. Without it, it only shows.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page is served.")
 @click.option("--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
+@click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
+@click.option("--tls-key", "key", type=_FILE, help="The key of the certificate (PEM).")
+@click.option("--token-file", type=_FILE, help="The token that a browser needs with TLS; a new one when not given.")
 @pass_session
-def view(session: Session, addresses: tuple[str, ...], control: bool, host: str, port: int) -> None:
+def view(
+    session: Session,
+    addresses: tuple[str, ...],
+    control: bool,
+    host: str,
+    port: int,
+    certificate: Path | None,
+    key: Path | None,
+    token_file: Path | None,
+) -> None:
     """Show the UAVs in a page of the browser until Ctrl-C.
 
     These are all UAVs of this computer, or those named by --ns, and those at the given addresses. They appear when
     their daemons start. A UAV that is lost turns grey at once. Needs ual-client[view].
     """
     _require_viser()
-    if not is_loopback(host):
-        raise InvalidArgumentError(f"--host {host}: only with TLS", {"field": "host"})
+    where = access(host, port, certificate, key, token_file)
     from ual._cli.view import show
 
-    show.show(session, (*filter(None, [session.address]), *addresses), host, port, control=control)
+    show.show(session, (*filter(None, [session.address]), *addresses), where, control=control)
 
 
 def _require_viser() -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import http
 import io
 import socket
-import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
@@ -20,6 +19,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from ual._cli.view.access import Access
 from ual._cli.view.guard import HEADERS, Guard
 from ual.errors import InvalidArgumentError
 
@@ -38,16 +38,16 @@ class PageServer(viser.ViserServer):
 
 
 @contextmanager
-def serving(host: str, port: int, guard: Guard, tls: ssl.SSLContext | None = None) -> Iterator[PageServer]:
-    """Serves the page while the block runs; port 0: any.
+def serving(access: Access) -> Iterator[PageServer]:
+    """Serves the page while the block runs.
 
     Raises:
         InvalidArgumentError: The address cannot be listened on.
 
     """
-    _require_free(host, port)
-    with _guarded(guard, tls):
-        server = PageServer(host, port, verbose=False)
+    _require_free(access.host, access.port)
+    with _guarded(access):
+        server = PageServer(access.host, access.port, verbose=False)
     try:
         yield server
     finally:
@@ -64,12 +64,12 @@ def _require_free(host: str, port: int) -> None:
 
 
 @contextmanager
-def _guarded(guard: Guard, tls: ssl.SSLContext | None) -> Iterator[None]:
+def _guarded(access: Access) -> Iterator[None]:
     real = websockets_server.serve
 
     def serve(*args: Any, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)
-        options |= {"ssl": tls, "max_size": _LARGEST_MESSAGE}
-        return real(*args, process_request=_checked(guard, process_request), **options)
+        options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE}
+        return real(*args, process_request=_checked(access.guard, process_request), **options)
 
     websockets_server.serve = serve  # type: ignore[assignment]
     try:

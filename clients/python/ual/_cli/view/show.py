@@ -10,10 +10,10 @@ from itertools import count
 import viser
 
 from ual._cli.app import Session
+from ual._cli.view.access import Access
 from ual._cli.view.control_panel import ControlPanel
 from ual._cli.view.desk import Desk
 from ual._cli.view.fleet import RATE_HZ, Fleet
-from ual._cli.view.guard import Guard
 from ual._cli.view.journal import Journal
 from ual._cli.view.models import MODELS
 from ual._cli.view.page import Page
@@ -28,13 +28,13 @@ _PANEL_EVERY = 3
 """The panels are written with each third picture: nobody reads faster."""
 
 
-def show(session: Session, addresses: Sequence[str], host: str, port: int, *, control: bool) -> None:
+def show(session: Session, addresses: Sequence[str], where: Access, *, control: bool) -> None:
     """Serves the page until Ctrl-C."""
     journal = Journal()
     fleet = Fleet(session, addresses, journal)
-    with serving(host, port, Guard()) as server, fleet.running():
+    with serving(where) as server, fleet.running():
         viewer = Viewer(server, fleet, journal, control=control)
-        url = f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}/"
+        url = where.url(server.get_port())
         session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
         viewer.run()
 
