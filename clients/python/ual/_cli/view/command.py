@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
+from typing_extensions import override
 
 from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
 from ual._cli.view.access import access
+from ual._cli.view.fence import Fence
+from ual._cli.view.shown import MODEL_NAMES
 from ual.errors import NotSupportedError
 
 _PORT = 8080
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+class Model(click.ParamType[tuple[str, str]]):
+    """The model of one UAV, or of all of them: (its name or nothing, the model)."""
+
+    name = "model"
+
+    @override
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        ns, _, model = str(value).rpartition("=")
+        if model not in MODEL_NAMES:
+            self.fail(f"{model!r} is no model: {', '.join(MODEL_NAMES)}", param, ctx)
+        return ns, model
 
 
 @command("view", "ual view", "ual view --control", "ual view --port 9000", section=Section.LOOKING, many=Many.ITSELF)
@@ -24,6 +41,21 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     help="A daemon that is not on this computer; as often as wanted.",
 )
 @click.option("--control", is_flag=True, help="Let the page fly, too. Without it, it only shows.")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    type=Model(),
+    metavar="[UAV=]MODEL",
+    help=f"{', '.join(MODEL_NAMES)}: of all UAVs, or of one. When not given, it follows from the backend.",
+)
+@click.option(
+    "--config",
+    "configs",
+    multiple=True,
+    type=_FILE,
+    help="A daemon's configuration file: its geofence is drawn. As often as wanted.",
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page is served.")
 @click.option("--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
 @click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
@@ -34,6 +66,8 @@ def view(
     session: Session,
     addresses: tuple[str, ...],
     control: bool,
+    models: tuple[tuple[str, str], ...],
+    configs: tuple[Path, ...],
     host: str,
     port: int,
     certificate: Path | None,
@@ -49,7 +83,16 @@ def view(
     where = access(host, port, certificate, key, token_file)
     from ual._cli.view import show
 
-    show.show(session, (*filter(None, [session.address]), *addresses), where, control=control)
+    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models), _fences(configs))
+    show.show(session, fleet, where, control=control)
+
+
+def _fences(configs: Sequence[Path]) -> list[Fence]:
+    if not configs:
+        return []
+    from ual._cli.view.fence_file import fences
+
+    return [fence for config in configs for fence in fences(config)]
 
 
 def _require_viser() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ual._cli.view.meshes import Mesh, bar, box, cylinder, joined
+from ual._cli.view.shown import MODEL_NAMES
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,9 @@ def crazyflie() -> Model:
     return _multirotor(count=4, arm_m=0.046, propeller_m=0.023)
 
 
-MODELS: dict[str, Callable[[], Model]] = {
-    "quadrotor": quadrotor,
-    "hexarotor": hexarotor,
-    "manipulator": manipulator,
-    "crazyflie": crazyflie,
-}
+MODELS: dict[str, Callable[[], Model]] = dict(
+    zip(MODEL_NAMES, (quadrotor, hexarotor, manipulator, crazyflie), strict=True)
+)
 
 
 def _multirotor(count: int, arm_m: float, propeller_m: float) -> Model:

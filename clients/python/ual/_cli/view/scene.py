@@ -105,8 +105,8 @@ class Craft:
             lod="off",
             cast_shadow=False,
         )
-        self._trail = _Lines(scene, f"{path}/trail", _GHOST)
-        self._way = _Lines(scene, f"{path}/way", _ORANGE)
+        self._trail = Lines(scene, f"{path}/trail", _GHOST)
+        self._way = Lines(scene, f"{path}/way", _ORANGE)
         self._angle_rad = 0.0
         self._colour: Colour | None = None
         self._count = 0
@@ -168,7 +168,7 @@ class _Place:
             self._handle.wxyz = wxyz(pose.orientation)
 
 
-class _Lines:
+class Lines:
     """Lines of one colour, which are sent only when they have changed."""
 
     def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:
@@ -178,6 +178,7 @@ class _Lines:
         )
 
     def draw(self, lines: list[tuple[Vector3, Vector3]]) -> None:
+        """Draws these lines, and no others."""
         if lines == self._drawn:
             return
         if bool(lines) != bool(self._drawn):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import count
 
 import viser
@@ -13,6 +14,8 @@ from ual._cli.app import Session
 from ual._cli.view.access import Access
 from ual._cli.view.control_panel import ControlPanel
 from ual._cli.view.desk import Desk
+from ual._cli.view.fence import Fence
+from ual._cli.view.fences import Fences
 from ual._cli.view.fleet import RATE_HZ, Fleet
 from ual._cli.view.journal import Journal
 from ual._cli.view.models import MODELS
@@ -20,6 +23,7 @@ from ual._cli.view.page import Page
 from ual._cli.view.picture import Moment, Picture
 from ual._cli.view.scene import Scene
 from ual._cli.view.server import serving
+from ual._cli.view.shown import MODEL_NAMES
 from ual._cli.view.ways import Ways
 from ual.geometry import Vector3
 
@@ -28,12 +32,24 @@ _PANEL_EVERY = 3
 """The panels are written with each third picture: nobody reads faster."""
 
 
-def show(session: Session, addresses: Sequence[str], where: Access, *, control: bool) -> None:
+@dataclass(frozen=True)
+class Choice:
+    """Which UAVs are shown besides those of this computer, and what is known of them.
+
+    `models` has the model of each UAV that has one of its own, and under the empty name that of all others.
+    """
+
+    addresses: Sequence[str] = ()
+    models: Mapping[str, str] = field(default_factory=dict)
+    fences: Sequence[Fence] = ()
+
+
+def show(session: Session, choice: Choice, where: Access, *, control: bool) -> None:
     """Serves the page until Ctrl-C."""
     journal = Journal()
-    fleet = Fleet(session, addresses, journal)
+    fleet = Fleet(session, choice.addresses, journal)
     with serving(where) as server, fleet.running():
-        viewer = Viewer(server, fleet, journal, control=control)
+        viewer = Viewer(server, fleet, journal, choice, control=control)
         url = where.url(server.get_port())
         session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
         viewer.run()
@@ -46,17 +62,22 @@ class Viewer:
         server: viser's.
         fleet: The UAVs.
         journal: The log.
+        choice: The models and fences.
         control: Whether the pages may fly.
 
     """
 
-    def __init__(self, server: viser.ViserServer, fleet: Fleet, journal: Journal, *, control: bool) -> None:
+    def __init__(
+        self, server: viser.ViserServer, fleet: Fleet, journal: Journal, choice: Choice, *, control: bool
+    ) -> None:
         self._server = server
         self._fleet = fleet
         self._journal = journal
         self._is_control = control
         self._picture = Picture(fleet.board, journal)
         self._ways = Ways()
+        self._choice = choice
+        self._fences = Fences(server.scene, choice.fences, fleet)
         self._scene = Scene(server.scene, self._model_of, self._goal_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
@@ -79,6 +100,7 @@ class Viewer:
         """Draws one picture."""
         moment = self._picture.look(time.monotonic(), time.time())
         self._scene.update(moment)
+        self._fences.update(moment)
         if with_panels:
             self._update_pages(moment)
 
@@ -87,7 +109,7 @@ class Viewer:
             pages = list(self._pages.values())
         for page in pages:
             page.update(moment)
-        self._fleet.wants_frames = any(page.wants_frames for page in pages)
+        self._fleet.wants_frames = self._fences.need_frames or any(page.wants_frames for page in pages)
 
     def _open(self, client: viser.ClientHandle) -> None:
         desk = Desk(self._fleet, self._journal, self._ways) if self._is_control else None
@@ -101,8 +123,10 @@ class Viewer:
             self._pages.pop(client.client_id, None)
 
     def _model_of(self, ns: str) -> str:
+        named = self._choice.models.get(ns) or self._choice.models.get("")
         member = self._fleet.members().get(ns)
-        return member.info.backend if member is not None and member.info.backend in MODELS else "quadrotor"
+        backend = "" if member is None else member.info.backend
+        return named or (backend if backend in MODELS else MODEL_NAMES[0])
 
     def _goal_of(self, ns: str) -> Vector3 | None:
         seen = self._fleet.board.seen().get(ns)

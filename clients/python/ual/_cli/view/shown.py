@@ -17,6 +17,8 @@ from ual.types import State, Telemetry
 
 Colour = tuple[int, int, int]
 
+MODEL_NAMES = ("quadrotor", "hexarotor", "manipulator", "crazyflie")
+
 GREY: Colour = (128, 128, 128)
 _COLOURS: dict[State, Colour] = {
     State.UNINITIALIZED: (214, 39, 40),
