@@ -37,11 +37,15 @@ SIZE = (1280, 800)
 class Page:
     """The browser's one page."""
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection: ClientConnection, pid: int) -> None:
+        self.pid = pid
         self._connection = connection
         self._numbers = itertools.count(1)
         self.problems: list[str] = []
         """What the page's own console calls an error."""
+        self.received_count = 0
+        """How many messages its WebSockets have received."""
+        self.call("Network.enable")
         self.call("Runtime.enable")
         self.call("Log.enable")
         self.call("Page.enable")
@@ -134,6 +138,8 @@ class Page:
         params = message.get("params", {})
         if message.get("method") == "Log.entryAdded" and params["entry"]["level"] == "error":
             self.problems.append(str(params["entry"]["text"]))
+        elif message.get("method") == "Network.webSocketFrameReceived":
+            self.received_count += 1
         elif message.get("method") == "Runtime.exceptionThrown":
             self.problems.append(str(params["exceptionDetails"]))
 
@@ -157,7 +163,7 @@ def browser(profile: Path) -> Iterator[Page]:
     )
     try:
         with connect(_page_address(profile, process), max_size=None, compression=None) as connection:
-            yield Page(connection)
+            yield Page(connection, process.pid)
     finally:
         process.terminate()
         process.wait(LIMIT_S)
