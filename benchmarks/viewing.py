@@ -76,10 +76,9 @@ def measure(page: Page, processes: Mapping[str, int], duration_s: float) -> None
     """Prints the pictures a second, and what each process took."""
     before = {name: processor_s(pid) for name, pid in processes.items()}
     start_s = time.monotonic()
-    first = page.received_count
     frames = page.evaluate(_FRAMES % (1000 * duration_s))
     took_s = time.monotonic() - start_s
-    print(f"{(page.received_count - first) / took_s:.1f} bundles a second came, {frames / took_s:.1f} frames a second drawn")
+    print(f"{frames / took_s:.1f} frames a second drawn")
     for name, pid in processes.items():
         print(f"{name:10}{100.0 * (processor_s(pid) - before[name]) / took_s:6.0f} % of a core")
 
@@ -106,7 +105,7 @@ def main() -> None:
         url = json.loads(view.popen.stdout.readline())["url"]
         page = stack.enter_context(browser(directory / "profile"))
         page.open(url)
-        page.wait_for(f"{names[-1]} FLYING_AUTO")
+        page.wait_for(names[-1], "FLYING_AUTO")
         time.sleep(5.0)
         print(f"{options.uavs} UAVs; {priority_text()}")
         measure(page, {"daemon": daemon.pid, "ual view": view.pid, "browser": page.pid}, options.duration)

@@ -43,9 +43,6 @@ class Page:
         self._numbers = itertools.count(1)
         self.problems: list[str] = []
         """What the page's own console calls an error."""
-        self.received_count = 0
-        """How many messages its WebSockets have received."""
-        self.call("Network.enable")
         self.call("Runtime.enable")
         self.call("Log.enable")
         self.call("Page.enable")
@@ -138,8 +135,6 @@ class Page:
         params = message.get("params", {})
         if message.get("method") == "Log.entryAdded" and params["entry"]["level"] == "error":
             self.problems.append(str(params["entry"]["text"]))
-        elif message.get("method") == "Network.webSocketFrameReceived":
-            self.received_count += 1
         elif message.get("method") == "Runtime.exceptionThrown":
             self.problems.append(str(params["exceptionDetails"]))
 

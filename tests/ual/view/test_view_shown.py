@@ -52,7 +52,8 @@ def test_all_is_drawn_in_map() -> None:
     assert near(uav.reference.position, 8.0, 21.0, 8.0)
     assert uav.is_armed
     assert not uav.is_lost
-    assert uav.label == "uav_1 FLYING_AUTO: goes to 4 2 3"
+    assert uav.label == "uav_1 FLYING_AUTO"
+    assert panel.everyone([uav]) == r"- uav\_1 FLYING\_AUTO\: goes to 4 2 3"
     assert (uav.height_m, uav.speed_m_s, uav.off_reference_m) == (3.0, 5.0, 2.0)
 
 
@@ -150,7 +151,7 @@ def test_a_trail_and_a_chart_do_not_grow() -> None:
     track = Track()
     for step in range(5000):
         track.add(step / 10, at(step * 0.2))
-    assert len(track.trail()) == 400
+    assert len(track.trail()) == 200
     assert len(track.chart(500.0)) <= 301
 
 

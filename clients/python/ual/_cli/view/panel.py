@@ -36,7 +36,7 @@ def details(uav: Shown, seen: Seen, *, now_s: float) -> str:
 
 def everyone(uavs: Iterable[Shown]) -> str:
     """Returns one line for each UAV."""
-    return "\n".join(f"- {plain(uav.label)}" for uav in uavs)
+    return "\n".join(f"- {plain(uav.label + (f': {uav.task}' if uav.task else ''))}" for uav in uavs)
 
 
 def log(lines: Sequence[str]) -> str:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import count
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ual._cli.view import models
+from ual._cli.view.meshes import Mesh
 from ual._cli.view.models import MODELS, Model
 from ual._cli.view.picture import Moment
-from ual._cli.view.shown import Colour, Shown
+from ual._cli.view.shown import GREY, Colour, Shown
 from ual._cli.view.track import Track
-from ual.geometry import Pose, Quaternion, Vector3
+from ual.geometry import Pose, Quaternion, Transform, Vector3
 
 _BLACK: Colour = (40, 40, 40)
 _ORANGE: Colour = (255, 127, 14)
@@ -42,7 +43,7 @@ def draw_ground(scene: viser.SceneApi) -> None:
 
 
 class Scene:
-    """The UAVs in the scene.
+    """The UAVs in the scene. What all of them have is drawn at once: with 20 UAVs, one by one would be slow.
 
     Args:
         scene: viser's.
@@ -58,114 +59,146 @@ class Scene:
         self._model_of = model_of
         self._goal_of = goal_of
         self._number = count(1)
-        self._crafts: dict[str, tuple[str, Craft]] = {}
+        self._squadrons = {name: Squadron(scene, f"/models/{name}", make()) for name, make in MODELS.items()}
+        self._homes = Batch(scene, "/homes", models.helipad())
+        self._marks: dict[str, Marks] = {}
         draw_ground(scene)
 
     def update(self, moment: Moment) -> None:
         """Draws all UAVs as they are now, and takes away those that are not there any more."""
-        for ns in self._crafts.keys() - moment.uavs.keys():
-            self._crafts.pop(ns)[1].remove()
+        names = {ns: self._model_of(ns) for ns in moment.uavs}
+        for name, squadron in self._squadrons.items():
+            squadron.update([uav for ns, uav in moment.uavs.items() if names[ns] == name])
+        homes = [Pose(uav.odom.translation, uav.odom.rotation) for uav in moment.uavs.values() if uav.odom is not None]
+        self._homes.draw(homes, [_GHOST] * len(homes))
+        self._draw_marks(moment, names)
+
+    def _draw_marks(self, moment: Moment, names: Mapping[str, str]) -> None:
+        for ns in self._marks.keys() - moment.uavs.keys():
+            self._marks.pop(ns).remove()
         for ns, uav in moment.uavs.items():
-            self._craft(ns).update(uav, moment.tracks[ns], self._goal_of(ns))
-
-    def _craft(self, ns: str) -> Craft:
-        name = self._model_of(ns)
-        known = self._crafts.get(ns)
-        if known is not None and known[0] == name:
-            return known[1]
-        if known is not None:
-            known[1].remove()
-        craft = Craft(self._scene, f"/uav/{next(self._number)}", MODELS[name]())
-        self._crafts[ns] = (name, craft)
-        return craft
+            if ns not in self._marks:
+                self._marks[ns] = Marks(self._scene, f"/uav/{next(self._number)}")
+            top_m = self._squadrons[names[ns]].model.top_m
+            self._marks[ns].update(uav, moment.tracks[ns], self._goal_of(ns), top_m)
 
 
-class Craft:
-    """One UAV: its model, label, ghost (the reference), home, trail and way."""
+class Squadron:
+    """All UAVs of one model: their bodies, noses and propellers, and their ghosts, which show the references."""
 
     def __init__(self, scene: viser.SceneApi, path: str, model: Model) -> None:
-        self._model = model
+        self.model = model
+        self._bodies = Batch(scene, f"{path}/bodies", model.body)
+        self._noses = Batch(scene, f"{path}/noses", model.nose)
+        self._propellers = Batch(scene, f"{path}/propellers", model.propeller)
+        self._ghosts = Batch(scene, f"{path}/references", model.ghost, opacity=0.3)
+        self._angle_rad = 0.0
+
+    def update(self, uavs: Sequence[Shown]) -> None:
+        """Draws them as they are now."""
+        self._angle_rad += _TURN_RAD
+        placed = [(uav, uav.body) for uav in uavs if uav.body is not None]
+        bodies = [body for _, body in placed]
+        propellers = [each for uav, body in placed for each in self._turned(uav, body)]
+        ghosts = [uav.reference for uav in uavs if uav.reference is not None]
+        self._bodies.draw(bodies, [uav.colour for uav, _ in placed])
+        self._noses.draw(bodies, [GREY if uav.is_lost else _ORANGE for uav, _ in placed])
+        self._propellers.draw(propellers, [_WHITE] * len(propellers))
+        self._ghosts.draw(ghosts, [_GHOST] * len(ghosts))
+
+    def _turned(self, uav: Shown, body: Pose) -> Iterator[Pose]:
+        """Returns where its propellers are; neighbours turn in opposite directions, and none while it is disarmed."""
+        angle_rad = self._angle_rad if uav.is_armed else 0.0
+        place = Transform(body.position, body.orientation)
+        for i, hub in enumerate(self.model.hubs):
+            yield place.apply_pose(Pose(Vector3(*hub), Quaternion.from_yaw(angle_rad * (-1) ** i)))
+
+
+class Batch:
+    """One mesh that is drawn at many places. Only what has changed is sent."""
+
+    def __init__(self, scene: viser.SceneApi, path: str, mesh: Mesh, opacity: float | None = None) -> None:
         self._scene = scene
+        self._path = path
+        self._mesh = mesh
+        self._opacity = opacity
+        self._handle: viser.BatchedMeshHandle | None = None
+        self._drawn: tuple[Sequence[Pose], Sequence[Colour]] = ((), ())
+
+    def draw(self, poses: Sequence[Pose], colours: Sequence[Colour]) -> None:
+        """Draws it at these places, and nowhere else."""
+        before, before_colours = self._drawn
+        if len(poses) != len(before):
+            self._make(poses, colours)
+        elif self._handle is not None:
+            if not all(map(_near, poses, before)):
+                self._handle.batched_positions = _positions(poses)
+                self._handle.batched_wxyzs = _rotations(poses)
+            else:
+                poses = before
+            if list(colours) != list(before_colours):
+                self._handle.batched_colors = np.array(colours, np.uint8)
+        self._drawn = (poses, colours)
+
+    def _make(self, poses: Sequence[Pose], colours: Sequence[Colour]) -> None:
+        """Begins anew: viser does not change how many there are."""
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        if poses:
+            self._handle = self._scene.add_batched_meshes_simple(
+                self._path,
+                self._mesh.vertices,
+                self._mesh.faces,
+                batched_wxyzs=_rotations(poses),
+                batched_positions=_positions(poses),
+                batched_colors=np.array(colours, np.uint8),
+                opacity=self._opacity,
+                lod="off",
+                flat_shading=True,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+
+class Marks:
+    """What one UAV has of its own: its label, its trail, and the straight way that it flies."""
+
+    def __init__(self, scene: viser.SceneApi, path: str) -> None:
         self._root = scene.add_frame(path, show_axes=False)
-        self._body = _Place(scene.add_frame(f"{path}/body", show_axes=False, visible=False))
-        self._ghost = _Place(scene.add_frame(f"{path}/reference", show_axes=False, visible=False))
-        self._home = _Place(scene.add_frame(f"{path}/home", axes_length=0.4, axes_radius=0.015, visible=False))
         self._label = scene.add_label(f"{path}/label", "", anchor="bottom-center", visible=False)
-        self._skin = _mesh(scene, f"{path}/body/skin", model, _BLACK)
-        scene.add_mesh_simple(f"{path}/body/nose", model.nose.vertices, model.nose.faces, color=_ORANGE)
-        _mesh(scene, f"{path}/reference/skin", model, _GHOST, opacity=0.3)
-        scene.add_label(f"{path}/home/label", "home", font_screen_scale=0.6)
-        self._propellers = scene.add_batched_meshes_simple(
-            f"{path}/body/propellers",
-            model.propeller.vertices,
-            model.propeller.faces,
-            batched_wxyzs=_turned(0.0, len(model.hubs)),
-            batched_positions=np.array(model.hubs, np.float32),
-            batched_colors=_WHITE,
-            lod="off",
-            cast_shadow=False,
-        )
         self._trail = Lines(scene, f"{path}/trail", _GHOST)
         self._way = Lines(scene, f"{path}/way", _ORANGE)
-        self._angle_rad = 0.0
-        self._colour: Colour | None = None
+        self._shown: Pose | None = None
         self._count = 0
         self._drawn_count = -1
 
-    def update(self, uav: Shown, track: Track, goal: Vector3 | None) -> None:
-        """Draws the UAV as it is now."""
-        self._body.put(uav.body)
-        self._ghost.put(uav.reference)
-        self._home.put(None if uav.odom is None else Pose(uav.odom.translation, uav.odom.rotation))
-        self._name(uav)
-        if uav.colour != self._colour:
-            self._colour = self._skin.color = uav.colour
-        if uav.is_armed:
-            self._angle_rad += _TURN_RAD
-            self._propellers.batched_wxyzs = _turned(self._angle_rad, len(self._model.hubs))
-        self._draw_lines(uav, track, goal)
-
-    def remove(self) -> None:
-        """Takes it out of the scene."""
-        self._root.remove()
-
-    def _name(self, uav: Shown) -> None:
-        self._label.visible = uav.body is not None
-        if uav.label != self._label.text:
-            self._label.text = uav.label
-        if uav.body is not None and self._body.has_moved:
-            x, y, z = uav.body.position
-            self._label.position = (x, y, z + self._model.top_m)
-
-    def _draw_lines(self, uav: Shown, track: Track, goal: Vector3 | None) -> None:
+    def update(self, uav: Shown, track: Track, goal: Vector3 | None, top_m: float) -> None:
+        """Draws them as they are now."""
+        self._name(uav, top_m)
         self._count += 1
         if self._count % _TRAIL_EVERY:
             return
         if track.count != self._drawn_count:
             self._drawn_count = track.count
             self._trail.draw(track.trail())
-        from_here = uav.body is not None and not uav.is_lost
-        self._way.draw([(uav.body.position, goal)] if from_here and uav.body and goal else [])
+        is_known = uav.body is not None and goal is not None and not uav.is_lost
+        self._way.draw([(uav.body.position, goal)] if is_known and uav.body and goal else [])
 
+    def remove(self) -> None:
+        """Takes them out of the scene."""
+        self._root.remove()
 
-class _Place:
-    """A frame of the scene that is moved only when its pose has changed, and shown only while that is known."""
-
-    def __init__(self, handle: viser.FrameHandle) -> None:
-        self.has_moved = False
-        self._handle = handle
-        self._pose: Pose | None = None
-
-    def put(self, pose: Pose | None) -> None:
-        self.has_moved = pose is not None and not _near(pose, self._pose)
-        if (pose is None) != (self._pose is None):
-            self._handle.visible = pose is not None
-        if pose is None:
-            self._pose = None
-        elif self.has_moved:
-            self._pose = pose
-            self._handle.position = xyz(pose.position)
-            self._handle.wxyz = wxyz(pose.orientation)
+    def _name(self, uav: Shown, top_m: float) -> None:
+        if (uav.body is None) != (self._shown is None):
+            self._label.visible = uav.body is not None
+        if uav.label != self._label.text:
+            self._label.text = uav.label
+        if uav.body is not None and (self._shown is None or not _near(uav.body, self._shown)):
+            self._label.position = xyz(uav.body.position + Vector3(0.0, 0.0, top_m))
+            self._shown = uav.body
+        elif uav.body is None:
+            self._shown = None
 
 
 class Lines:
@@ -203,23 +236,16 @@ def wxyz(rotation: Quaternion) -> tuple[float, float, float, float]:
     return rotation.w, rotation.x, rotation.y, rotation.z
 
 
-def _mesh(
-    scene: viser.SceneApi, path: str, model: Model, colour: Colour, opacity: float | None = None
-) -> viser.MeshHandle:
-    return scene.add_mesh_simple(
-        path, model.body.vertices, model.body.faces, color=colour, opacity=opacity, flat_shading=True, cast_shadow=False
-    )
+def _positions(poses: Sequence[Pose]) -> Points:
+    return np.array([xyz(pose.position) for pose in poses], np.float32)
 
 
-def _turned(angle_rad: float, hubs_count: int) -> Points:
-    """Returns the rotation of each propeller; neighbours turn in opposite directions."""
-    half = angle_rad / 2
-    each = [(math.cos(half), 0.0, 0.0, math.sin(half) * (-1) ** i) for i in range(hubs_count)]
-    return np.array(each, np.float32)
+def _rotations(poses: Sequence[Pose]) -> Points:
+    return np.array([wxyz(pose.orientation) for pose in poses], np.float32)
 
 
-def _near(pose: Pose, other: Pose | None) -> bool:
-    if other is None or (pose.position - other.position).norm() > _NEAR_M:
+def _near(pose: Pose, other: Pose) -> bool:
+    if (pose.position - other.position).norm() > _NEAR_M:
         return False
     pairs = zip(pose.orientation, other.orientation, strict=True)
     return all(abs(a - b) < _NEAR_ROTATION for a, b in pairs)

@@ -42,6 +42,7 @@ class Shown:
     ns: str
     label: str
     colour: Colour
+    task: str = ""
     is_lost: bool = True
     is_armed: bool = False
     body: Pose | None = None
@@ -65,6 +66,7 @@ def shown(ns: str, seen: Seen, *, now_s: float, utc_s: float, lost_after_s: floa
         ns,
         _label(ns, telemetry),
         _COLOURS[telemetry.state],
+        task="" if telemetry.task is None else running_text(telemetry.task),
         is_lost=False,
         is_armed=telemetry.armed,
         body=body,
@@ -93,7 +95,7 @@ def clock_text(utc_s: float) -> str:
 def _label(ns: str, t: Telemetry) -> str:
     if t.frame_lost:
         return f"{ns} {t.state.name}: FRAME LOST"
-    return f"{ns} {t.state.name}" + ("" if t.task is None else f": {running_text(t.task)}")
+    return f"{ns} {t.state.name}"
 
 
 def _body(t: Telemetry) -> Pose | None:

@@ -11,8 +11,8 @@ from ual.geometry import Vector3
 
 CHART_S = 60.0
 _CHART_PERIOD_S = 0.2
-_TRAIL_STEP_M = 0.1
-_MOST_POINTS = 400
+_TRAIL_STEP_M = 0.2
+_MOST_POINTS = 200
 _JUMP_M = 20.0
 """Between two samples; a UAV that is farther away was set anew, and no line joins the two."""
 
