@@ -15,13 +15,25 @@ from tests.conftest import LIMIT_S, daemon_environment
 _MAIN = "from ual._cli import main; main()"
 
 StartView = Callable[..., str]
+Views = list[subprocess.Popen[str]]
 
 
 @pytest.fixture
-def start_view(runtime_dir: Path) -> Iterator[StartView]:
+def views() -> Iterator[Views]:
+    """The processes that `start_view` has started."""
+    started: Views = []
+    yield started
+    for each in started:
+        each.kill()
+        each.wait(LIMIT_S)
+        assert each.stdout is not None
+        each.stdout.close()
+
+
+@pytest.fixture
+def start_view(runtime_dir: Path, views: Views) -> StartView:
     """Starts ``ual --json view`` with these arguments on any free port; returns the address of the page."""
     pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
-    started: list[subprocess.Popen[str]] = []
 
     def start(*arguments: str) -> str:
         process = subprocess.Popen(
@@ -30,13 +42,8 @@ def start_view(runtime_dir: Path) -> Iterator[StartView]:
             stdout=subprocess.PIPE,
             text=True,
         )
-        started.append(process)
+        views.append(process)
         assert process.stdout is not None
         return str(json.loads(process.stdout.readline())["url"])
 
-    yield start
-    for each in started:
-        each.kill()
-        each.wait(LIMIT_S)
-        assert each.stdout is not None
-        each.stdout.close()
+    return start

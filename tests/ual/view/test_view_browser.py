@@ -10,11 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import LIMIT_S, StartDaemon
+from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual.view.browser import Page, browser
-from tests.ual.view.conftest import StartView
+from tests.ual.view.conftest import StartView, Views
 from ual import Uav
 from ual.types import State
+
+VIEWERS = ("Save Canvas", "Reset View", "Reset Panel Layout")
+"""Buttons of viser's own, for the browser only."""
 
 
 @pytest.fixture
@@ -58,6 +61,21 @@ def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, s
     page.wait_for("uav_2: LOST since", "it was FLYING_AUTO")
     assert time.monotonic() - killed_s < LIMIT_S
     assert not page.problems
+
+
+def test_a_page_that_gets_no_news_says_so_itself(
+    page: Page, start_view: StartView, views: Views, daemon: DaemonProcess
+) -> None:
+    page.open(start_view())
+    page.wait_for(f"{daemon.ns}: LANDED_ARMED", "telemetry 0.")
+    page.wait_until(lambda: "NO NEWS" not in page.text(), "the present")
+    assert [label for label in page.buttons() if label not in VIEWERS] == ["Look at it"]
+    views[0].send_signal(signal.SIGSTOP)  # the connection stays, and nothing comes
+    page.wait_for("NO NEWS since", "this is not the present")
+    views[0].send_signal(signal.SIGCONT)
+    page.wait_until(lambda: "NO NEWS" not in page.text(), "the present again")
+    views[0].kill()
+    page.wait_for("NO NEWS since")
 
 
 def goal_in(words: str) -> tuple[float, float]:

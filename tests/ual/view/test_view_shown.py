@@ -124,6 +124,11 @@ def test_the_head_says_of_which_moment_the_page_is() -> None:
     assert panel.head(UTC_S, 2) == "**2 UAVs** as of **22:13:20 UTC**"
 
 
+def test_the_curtain_is_another_one_each_second_and_says_since_when_there_is_no_news() -> None:
+    assert "NO NEWS since 22:13:20 UTC" in panel.curtain(UTC_S)
+    assert panel.curtain(UTC_S) != panel.curtain(UTC_S + 1.0)
+
+
 def at(x: float, *, is_lost: bool = False) -> Shown:
     return Shown("uav_1", "", GREY, is_lost=is_lost, body=Pose(Vector3(x, 0.0, 0.0)), height_m=x)
 

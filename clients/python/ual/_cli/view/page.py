@@ -39,6 +39,7 @@ class Page:
         self._names: tuple[str, ...] = ()
         self._frames: dict[str, viser.FrameHandle] = {}
         gui = client.gui
+        self._curtain = _Text(gui.add_html(""))
         self._head = _Text(gui.add_markdown(""))
         self._choice = gui.add_dropdown("UAV", [ALL], initial_value=ALL)
         self._details = _Text(gui.add_markdown(""))
@@ -61,6 +62,7 @@ class Page:
         """Shows the moment."""
         self._offer(tuple(moment.uavs))
         ns = self._ns
+        self._curtain.set(panel.curtain(moment.utc_s))
         self._head.set(panel.head(moment.utc_s, len(moment.uavs)))
         if ns:
             self._details.set(panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s))
@@ -129,9 +131,9 @@ class Page:
 
 
 class _Text:
-    """A Markdown text of the panel, which is sent only when it has changed."""
+    """A text of the panel, which is sent only when it has changed."""
 
-    def __init__(self, handle: viser.GuiMarkdownHandle) -> None:
+    def __init__(self, handle: viser.GuiMarkdownHandle | viser.GuiHtmlHandle) -> None:
         self._handle = handle
         self._text = ""
 

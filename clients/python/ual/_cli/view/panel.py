@@ -12,6 +12,13 @@ from ual.types import Telemetry
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$:-])")
 
+_CURTAIN_STYLE = """<style>
+@keyframes ual-curtain { to { visibility: visible; } }
+.ual-curtain { visibility: hidden; animation: ual-curtain 0s 2s forwards; position: fixed; inset: 0; z-index: 10000;
+  pointer-events: none; background: rgba(110, 110, 110, 0.55); backdrop-filter: grayscale(1); }
+.ual-curtain b { position: fixed; top: 40%; left: 5%; padding: 1em; background: #d62728; color: white; }
+</style>"""
+
 
 def plain(text: str) -> str:
     """Returns a text of which Markdown makes nothing but itself. It may come from an autopilot or a daemon."""
@@ -21,6 +28,15 @@ def plain(text: str) -> str:
 def head(utc_s: float, count: int) -> str:
     """Returns the line that says of which moment the page is."""
     return f"**{count} UAV{'' if count == 1 else 's'}** as of **{clock_text(utc_s)}**"
+
+
+def curtain(utc_s: float) -> str:
+    """Returns what greys the whole page, as HTML, 2 s after it came, unless a newer one replaces it.
+
+    It is the browser that counts: the page may be old because `ual view` hangs, or because nothing gets through.
+    """
+    words = f"NO NEWS since {clock_text(utc_s)}: this is not the present"
+    return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{words}</b></div>"
 
 
 def details(uav: Shown, seen: Seen, *, now_s: float) -> str:
