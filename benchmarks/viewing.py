@@ -1,4 +1,4 @@
-"""What ``ual view`` costs, and how many pictures a second its page shows: ``python -m benchmarks.viewing``.
+"""What ``ual view`` costs, and how many frames a second its page draws: ``python -m benchmarks.viewing``.
 
 A fleet of light UAVs flies circles, ``ual view`` serves its page, and Chromium (headless, with software WebGL: the
 worst case) shows it. Needs Chromium.
@@ -73,7 +73,7 @@ def fly(names: Sequence[str], stack: ExitStack) -> None:
 
 
 def measure(page: Page, processes: Mapping[str, int], duration_s: float) -> None:
-    """Prints the pictures a second, and what each process took."""
+    """Prints the frames a second, and what each process took."""
     before = {name: processor_s(pid) for name, pid in processes.items()}
     start_s = time.monotonic()
     frames = page.evaluate(_FRAMES % (1000 * duration_s))
@@ -88,6 +88,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="What the page of ual view costs.")
     parser.add_argument("--uavs", type=int, default=20, help="[20]")
     parser.add_argument("--duration", type=float, default=20.0, help="seconds [20]")
+    parser.add_argument(
+        "--after", type=float, default=5.0, help="seconds that the page is open before: trails grow [5]"
+    )
     parser.add_argument("--picture", type=Path, help="take a picture of the page, too (PNG)")
     options = parser.parse_args()
     with ExitStack() as stack:
@@ -106,7 +109,7 @@ def main() -> None:
         page = stack.enter_context(browser(directory / "profile"))
         page.open(url)
         page.wait_for(names[-1], "FLYING_AUTO")
-        time.sleep(5.0)
+        time.sleep(options.after)
         print(f"{options.uavs} UAVs; {priority_text()}")
         measure(page, {"daemon": daemon.pid, "ual view": view.pid, "browser": page.pid}, options.duration)
         if options.picture is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import pytest
@@ -141,6 +142,20 @@ def test_a_trail_has_gaps_where_the_uav_was_lost_or_set_anew() -> None:
     assert track.count == 2
 
 
+def test_a_trail_has_few_pieces_where_it_is_nearly_straight() -> None:
+    track, radius_m, corners = Track(), 8.0, 500
+    way = [
+        Vector3(radius_m * math.cos(a), radius_m * math.sin(a), 0.0)
+        for a in (math.tau * i / corners for i in range(corners))
+    ]
+    for place in way:
+        track.add(0.0, dataclasses.replace(at(0.0), body=Pose(place)))
+    pieces = track.trail()
+    assert len(pieces) < 50
+    assert all(end == start for (_, end), (start, _) in itertools.pairwise(pieces))
+    assert min((a + b).norm() / 2 for a, b in pieces) > radius_m - 0.05
+
+
 def test_the_chart_is_of_the_last_minute_and_has_no_values_of_a_lost_uav() -> None:
     track = Track()
     for step in range(100):
@@ -155,8 +170,8 @@ def test_the_chart_is_of_the_last_minute_and_has_no_values_of_a_lost_uav() -> No
 def test_a_trail_and_a_chart_do_not_grow() -> None:
     track = Track()
     for step in range(5000):
-        track.add(step / 10, at(step * 0.2))
-    assert len(track.trail()) == 200
+        track.add(step / 10, at(float(step % 2)))
+    assert len(track.trail()) == 100
     assert len(track.chart(500.0)) <= 301
 
 

@@ -12,7 +12,10 @@ from ual.geometry import Vector3
 CHART_S = 60.0
 _CHART_PERIOD_S = 0.2
 _TRAIL_STEP_M = 0.2
-_MOST_POINTS = 200
+_MOST_PIECES = 100
+_LONGEST_PIECE_M = 10.0
+_STRAIGHT = math.cos(math.radians(5.0))
+"""A step that turns by less goes on with the piece before: a browser draws few pieces faster."""
 _JUMP_M = 20.0
 """Between two samples; a UAV that is farther away was set anew, and no line joins the two."""
 
@@ -32,7 +35,7 @@ class Track:
 
     def __init__(self) -> None:
         self.count = 0
-        self._pieces: deque[tuple[Vector3, Vector3]] = deque(maxlen=_MOST_POINTS)
+        self._pieces: deque[tuple[Vector3, Vector3]] = deque(maxlen=_MOST_PIECES)
         self._last: Vector3 | None = None
         self._samples: deque[Sample] = deque()
 
@@ -66,9 +69,21 @@ class Track:
         if step_m < _TRAIL_STEP_M:
             return
         if step_m < _JUMP_M:
-            self._pieces.append((self._last, here))
-            self.count += 1
+            self._append(self._last, here)
         self._last = here
+
+    def _append(self, last: Vector3, here: Vector3) -> None:
+        start = self._pieces.pop()[0] if self._goes_on(last, here) else last
+        self._pieces.append((start, here))
+        self.count += 1
+
+    def _goes_on(self, last: Vector3, here: Vector3) -> bool:
+        """Whether a step goes on straight from the last piece."""
+        if not self._pieces or self._pieces[-1][1] != last:
+            return False
+        piece, step = last - self._pieces[-1][0], here - last
+        is_straight = piece.dot(step) > _STRAIGHT * piece.norm() * step.norm()
+        return is_straight and piece.norm() < _LONGEST_PIECE_M
 
 
 def _number(value: float | None) -> float:
