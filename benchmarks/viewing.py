@@ -88,9 +88,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="What the page of ual view costs.")
     parser.add_argument("--uavs", type=int, default=20, help="[20]")
     parser.add_argument("--duration", type=float, default=20.0, help="seconds [20]")
-    parser.add_argument(
-        "--after", type=float, default=5.0, help="seconds that the page is open before: trails grow [5]"
-    )
+    parser.add_argument("--after", type=float, default=5.0, help="seconds that trails grow before [5]")
     parser.add_argument("--picture", type=Path, help="take a picture of the page, too (PNG)")
     options = parser.parse_args()
     with ExitStack() as stack:

@@ -139,7 +139,6 @@ def test_a_trail_has_gaps_where_the_uav_was_lost_or_set_anew() -> None:
     for now_s, uav in enumerate([at(0.0), at(1.0), at(1.01), at(2.0, is_lost=True), at(3.0), at(4.0), at(100.0)]):
         track.add(float(now_s), uav)
     assert [(a.x, b.x) for a, b in track.trail()] == [(0.0, 1.0), (3.0, 4.0)]
-    assert track.count == 2
 
 
 def test_a_trail_has_few_pieces_where_it_is_nearly_straight() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import count
 
 import numpy as np
 import viser
@@ -14,7 +13,6 @@ from ual._cli.view.meshes import Mesh
 from ual._cli.view.models import MODELS, Model
 from ual._cli.view.picture import Moment
 from ual._cli.view.shown import GREY, Colour, Shown
-from ual._cli.view.track import Track
 from ual.geometry import Pose, Quaternion, Transform, Vector3
 
 _BLACK: Colour = (40, 40, 40)
@@ -24,6 +22,8 @@ _GHOST: Colour = (31, 119, 180)
 _TURN_RAD = 1.1
 """By how much the propellers turn between two pictures: enough to see that they turn."""
 _NEAR_M, _NEAR_ROTATION = 1e-3, 1e-3
+_ALL_PIECES, _FEWEST_PIECES = 600, 20
+"""Of the trails of all UAVs, and of each one: a browser without a graphics card draws no more at 10 frames a second."""
 _TRAIL_EVERY = 5
 """The trail is sent with each fifth picture: it is long, and two of them a second are enough."""
 
@@ -58,7 +58,7 @@ class Scene:
         self._scene = scene
         self._model_of = model_of
         self._goal_of = goal_of
-        self._number = count(1)
+        self._numbers: dict[str, int] = {}
         self._squadrons = {name: Squadron(scene, f"/models/{name}", make()) for name, make in MODELS.items()}
         self._homes = Batch(scene, "/homes", models.helipad())
         self._marks: dict[str, Marks] = {}
@@ -76,11 +76,13 @@ class Scene:
     def _draw_marks(self, moment: Moment, names: Mapping[str, str]) -> None:
         for ns in self._marks.keys() - moment.uavs.keys():
             self._marks.pop(ns).remove()
+        most = max(_FEWEST_PIECES, _ALL_PIECES // max(1, len(moment.uavs)))
         for ns, uav in moment.uavs.items():
             if ns not in self._marks:
-                self._marks[ns] = Marks(self._scene, f"/uav/{next(self._number)}")
+                # A UAV that is back gets its old path: viser remembers each path that was ever used.
+                self._marks[ns] = Marks(self._scene, f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}")
             top_m = self._squadrons[names[ns]].model.top_m
-            self._marks[ns].update(uav, moment.tracks[ns], self._goal_of(ns), top_m)
+            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], self._goal_of(ns), top_m)
 
 
 class Squadron:
@@ -171,17 +173,14 @@ class Marks:
         self._way = Lines(scene, f"{path}/way", _ORANGE)
         self._shown: Pose | None = None
         self._count = 0
-        self._drawn_count = -1
 
-    def update(self, uav: Shown, track: Track, goal: Vector3 | None, top_m: float) -> None:
+    def update(self, uav: Shown, trail: list[tuple[Vector3, Vector3]], goal: Vector3 | None, top_m: float) -> None:
         """Draws them as they are now."""
         self._name(uav, top_m)
         self._count += 1
         if self._count % _TRAIL_EVERY:
             return
-        if track.count != self._drawn_count:
-            self._drawn_count = track.count
-            self._trail.draw(track.trail())
+        self._trail.draw(trail)
         is_known = uav.body is not None and goal is not None and not uav.is_lost
         self._way.draw([(uav.body.position, goal)] if is_known and uav.body and goal else [])
 

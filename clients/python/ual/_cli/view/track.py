@@ -31,10 +31,9 @@ class Sample:
 
 
 class Track:
-    """The trail and the chart of one UAV. `count` changes with each new piece of the trail."""
+    """The trail and the chart of one UAV."""
 
     def __init__(self) -> None:
-        self.count = 0
         self._pieces: deque[tuple[Vector3, Vector3]] = deque(maxlen=_MOST_PIECES)
         self._last: Vector3 | None = None
         self._samples: deque[Sample] = deque()
@@ -75,7 +74,6 @@ class Track:
     def _append(self, last: Vector3, here: Vector3) -> None:
         start = self._pieces.pop()[0] if self._goes_on(last, here) else last
         self._pieces.append((start, here))
-        self.count += 1
 
     def _goes_on(self, last: Vector3, here: Vector3) -> bool:
         """Whether a step goes on straight from the last piece."""
