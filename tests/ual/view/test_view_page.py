@@ -15,6 +15,7 @@ from websockets.exceptions import InvalidStatus
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.ual.view.conftest import StartView
 from ual import State, Uav
+from ual.simulation import LinkLost
 
 pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
 
@@ -82,6 +83,18 @@ def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, s
         assert commands_in(daemon) == []  # a dry run begins nothing
         page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
         daemon.wait_for("command", command="take_off")
+
+
+def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
+    daemon: DaemonProcess, start_view: StartView
+) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        page.read_until_text("LANDED\\_ARMED")
+        uav.simulation.begin_fault(LinkLost())
+        page.read_until_text("no new pose for")
+        uav.simulation.end_fault()
+        page.read_until_text("### uav\\_1\\: LANDED\\_ARMED")
 
 
 def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:

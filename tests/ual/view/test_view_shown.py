@@ -10,6 +10,7 @@ import pytest
 
 from ual._cli.view import panel
 from ual._cli.view.journal import Journal
+from ual._cli.view.pose_times import PoseTimes
 from ual._cli.view.shown import GREY, Shown, clock_text, shown
 from ual._cli.view.track import CHART_S, Track
 from ual._cli.watch_board import Seen
@@ -91,6 +92,36 @@ def test_a_daemon_that_ended_is_lost_at_once() -> None:
     assert "its daemon has ended, it was FLYING_AUTO" in uav.label
 
 
+def test_an_old_pose_is_not_the_present_however_new_its_telemetry_is() -> None:
+    # A daemon that hears nothing from its autopilot goes on sending the pose that it knew last.
+    poses = PoseTimes()
+
+    def look_at(time_s: float, stamp_s: float) -> tuple[Shown, str]:
+        seen = Seen(time_s, dataclasses.replace(FLYING, stamp_s=stamp_s))
+        since_s = poses.since_s("uav_1", seen, time_s)
+        utc_s = UTC_S + time_s - NOW_S
+        uav = shown("uav_1", seen, now_s=time_s, utc_s=utc_s, lost_after_s=LOST_AFTER_S, pose_since_s=since_s)
+        return uav, panel.details(uav, seen, now_s=time_s).replace("\\", "")
+
+    assert not look_at(NOW_S, 5.0)[0].is_lost
+    uav, text = look_at(NOW_S + 1.9, 5.0)
+    assert not uav.is_lost
+    assert "pose 1.9 s old" in text
+    uav, text = look_at(NOW_S + 3.0, 5.0)
+    assert (uav.is_lost, uav.colour, uav.is_armed, uav.reference, uav.height_m) == (True, GREY, False, None, None)
+    assert uav.label == "uav_1: LOST since 22:13:20 UTC: no new pose for 3 s, it is FLYING_AUTO (in the air)"
+    assert "What was known then (3.0 s old)" in text
+    assert not look_at(NOW_S + 3.1, 5.1)[0].is_lost
+    poses.keep([])
+    assert not look_at(NOW_S + 9.0, 5.1)[0].is_lost  # it was forgotten
+
+
+def test_a_pose_without_a_time_is_not_judged_by_it() -> None:
+    poses = PoseTimes()
+    assert poses.since_s("uav_1", Seen(NOW_S, FLYING), NOW_S) is None
+    assert poses.since_s("uav_1", Seen(NOW_S, Telemetry(State.UNINITIALIZED, stamp_s=3.0)), NOW_S) is None
+
+
 def test_a_uav_that_was_never_seen_says_so() -> None:
     assert look(Seen(NOW_S)).label == "uav_1: no telemetry yet"
     assert (
@@ -110,7 +141,7 @@ def test_what_is_not_known_is_not_drawn() -> None:
 def test_the_panel_names_what_an_operator_looks_for() -> None:
     seen = Seen(NOW_S, dataclasses.replace(FLYING, health=Health(link_quality=0.5, failsafe="battery failsafe")))
     text = panel.details(look(seen), seen, now_s=NOW_S).replace("\\", "")
-    for words in ("in the air", "25 % after 7 s", "12.34 m left", "battery failsafe", "telemetry 0.0 s old; 50 %"):
+    for words in ("in the air", "25 % after 7 s", "12.34 m left", "battery failsafe", "pose 0.0 s old; 50 %"):
         assert words in text
 
 

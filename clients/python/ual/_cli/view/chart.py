@@ -19,9 +19,9 @@ Range = tuple[float, float]
 
 def _series(label: str, colour: str) -> uplot.Series:
     """Returns a series of points, not of a line: viser's uPlot would draw a line across what is not known."""
-    return uplot.Series(
-        label=label, stroke=colour, width=0, points={"show": True, "size": 3, "width": 0, "fill": colour}
-    )
+    points = uplot.Series_Points(show=True, size=3, width=0, fill=colour)
+    # A width of 0 would take the colour out of the legend.
+    return uplot.Series(label=label, stroke=colour, width=0.001, points=points)
 
 
 _SERIES = (
@@ -42,7 +42,7 @@ class Chart:
             columns([]),
             _SERIES,
             scales=_scales(self._limits),
-            legend=uplot.Legend(show=True, markers={"show": True, "width": 2}),
+            legend=uplot.Legend(show=True),
             padding=(10, 24, 0, 0),
             height=200,
             visible=False,

@@ -41,12 +41,12 @@ def curtain(utc_s: float) -> str:
 
 def details(uav: Shown, seen: Seen, *, now_s: float) -> str:
     """Returns all that is known of a UAV. Of one that is lost it says so first, and nothing stands as the present."""
-    telemetry, age = seen.telemetry, f"{now_s - seen.since_s:.1f} s old"
+    telemetry, age = seen.telemetry, f"telemetry {now_s - seen.since_s:.1f} s old, pose {uav.age_s:.1f} s old"
     if telemetry is None:
         return f"### {plain(uav.label)}"
-    lines = [*_rows(telemetry), ("link", f"telemetry {age}{_quality(telemetry)}")]
+    lines = [*_rows(telemetry), ("link", f"{age}{_quality(telemetry)}")]
     if uav.is_lost:
-        return f"### {plain(uav.label)}\n\nWhat was known then ({age}):\n\n{_table(lines)}"
+        return f"### {plain(uav.label)}\n\nWhat was known then ({uav.age_s:.1f} s old):\n\n{_table(lines)}"
     return f"### {plain(uav.ns)}: {plain(telemetry.state.name)}\n\n{_table(lines)}"
 
 

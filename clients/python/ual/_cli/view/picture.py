@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ual._cli.view.journal import Journal
+from ual._cli.view.pose_times import PoseTimes
 from ual._cli.view.shown import Shown, shown
 from ual._cli.view.track import Track
 from ual._cli.watch_board import Board, Seen
@@ -28,17 +29,26 @@ class Picture:
     def __init__(self, board: Board, journal: Journal) -> None:
         self._board = board
         self._journal = journal
+        self._poses = PoseTimes()
         self._tracks: dict[str, Track] = {}
 
     def look(self, now_s: float, utc_s: float) -> Moment:
         """Returns the moment. A UAV that is not on the board any more is forgotten."""
         seen = self._board.seen()
-        uavs = {
-            ns: shown(ns, each, now_s=now_s, utc_s=utc_s, lost_after_s=self._board.lost_after_s)
-            for ns, each in seen.items()
-        }
+        self._poses.keep(seen)
+        uavs = {ns: self._shown(ns, each, now_s, utc_s) for ns, each in seen.items()}
         self._tracks = {ns: self._tracks.get(ns) or Track() for ns in uavs}
         for ns, uav in uavs.items():
             self._tracks[ns].add(now_s, uav)
             self._journal.look(uav, seen[ns], utc_s)
         return Moment(now_s, utc_s, seen, uavs, self._tracks)
+
+    def _shown(self, ns: str, seen: Seen, now_s: float, utc_s: float) -> Shown:
+        return shown(
+            ns,
+            seen,
+            now_s=now_s,
+            utc_s=utc_s,
+            lost_after_s=self._board.lost_after_s,
+            pose_since_s=self._poses.since_s(ns, seen, now_s),
+        )

@@ -36,7 +36,7 @@ class Shown:
     """One UAV as it is drawn.
 
     `body` and `reference` are in `map`; `odom` is the transform from ``<ns>/odom`` to `map`. A UAV that `is_lost` stays
-    where it was last seen, in grey, without a reference. `height_m` is above home.
+    where it was last seen, in grey, without a reference. `age_s` is how old its pose is, `height_m` how far above home.
     """
 
     ns: str
@@ -44,6 +44,7 @@ class Shown:
     colour: Colour
     task: str = ""
     is_lost: bool = True
+    age_s: float = 0.0
     is_armed: bool = False
     body: Pose | None = None
     reference: Pose | None = None
@@ -53,21 +54,36 @@ class Shown:
     off_reference_m: float | None = None
 
 
-def shown(ns: str, seen: Seen, *, now_s: float, utc_s: float, lost_after_s: float) -> Shown:
-    """Returns how a UAV is drawn now: `now_s` is the monotonic time, `utc_s` the same moment since 1970."""
+def shown(
+    ns: str, seen: Seen, *, now_s: float, utc_s: float, lost_after_s: float, pose_since_s: float | None = None
+) -> Shown:
+    """Returns how a UAV is drawn now.
+
+    Args:
+        ns: Its name.
+        seen: What is known of it.
+        now_s: The monotonic time.
+        utc_s: The same moment since 1970.
+        lost_after_s: How old the telemetry and the pose may be to be the present.
+        pose_since_s: The monotonic time at which the newest pose came; None: the pose is as old as the telemetry.
+
+    """
     telemetry = seen.telemetry
-    lost = lost_text(seen, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
+    since_s = seen.since_s if pose_since_s is None else pose_since_s
+    age_s = now_s - since_s
+    lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY)
     body, odom = _body(telemetry), _odom(telemetry)
     if lost:
-        return Shown(ns, f"{ns}: {lost}", GREY, body=body, odom=odom)
+        return Shown(ns, f"{ns}: {lost}", GREY, age_s=age_s, body=body, odom=odom)
     return Shown(
         ns,
         _label(ns, telemetry),
         _COLOURS[telemetry.state],
         task="" if telemetry.task is None else running_text(telemetry.task),
         is_lost=False,
+        age_s=age_s,
         is_armed=telemetry.armed,
         body=body,
         reference=_reference(telemetry),
@@ -78,18 +94,20 @@ def shown(ns: str, seen: Seen, *, now_s: float, utc_s: float, lost_after_s: floa
     )
 
 
-def lost_text(seen: Seen, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
-    """Returns since when the UAV is lost, and why; nothing while its sample may be taken for the present."""
-    what = problem(seen, now_s, lost_after_s)
-    if not what:
-        return ""
-    since = "never seen" if seen.telemetry is None else f"LOST since {clock_text(utc_s - (now_s - seen.since_s))}"
-    return f"{since}: {what}"
-
-
 def clock_text(utc_s: float) -> str:
     """Returns a time since 1970 as the time of the day, in UTC."""
     return f"{datetime.fromtimestamp(utc_s, timezone.utc):%H:%M:%S} UTC"
+
+
+def _lost_text(seen: Seen, pose_since_s: float, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
+    """Returns since when the UAV is lost, and why; nothing while its sample may be taken for the present."""
+    what, since_s, t = problem(seen, now_s, lost_after_s), seen.since_s, seen.telemetry
+    if not what and t is not None and now_s - pose_since_s >= lost_after_s:
+        # The daemon does not hear the autopilot, and sends again what it knew last.
+        since_s = pose_since_s
+        what = f"no new pose for {now_s - since_s:.0f} s, it is {t.state.name} ({t.state_reason})"
+    since = "never seen" if t is None else f"LOST since {clock_text(utc_s - (now_s - since_s))}"
+    return what and f"{since}: {what}"
 
 
 def _label(ns: str, t: Telemetry) -> str:
