@@ -14,11 +14,11 @@ from click.testing import CliRunner, Result
 from tests.conftest import LIMIT_S
 from ual._cli import cli
 from ual._cli.launch import team_file
-from ual._cli.launch.nodes import TeamFileError
-from ual._cli.launch.placeholders import PlaceholderError, fill
 from ual._cli.launch.systemd import HARDENING
 from ual._cli.launch.team import AtEnd, Condition, Ready, Restart
 from ual._cli.launch.team_file import load
+from ual._cli.strict_yaml.nodes import YamlFileError
+from ual._cli.strict_yaml.placeholders import PlaceholderError, fill
 
 PAGE = Path(__file__).parents[2] / "docs" / "launch.md"
 DEPLOYED = Path(__file__).parents[2] / "deploy" / "systemd" / "ual-daemon@.service"
@@ -167,22 +167,22 @@ def test_what_is_wrong_is_named_with_its_line(file: Path, old: str, new: str, me
 def test_a_file_that_would_grow_without_end_is_refused(file: Path) -> None:
     levels = "".join(f"b{i}: &b{i} [{f'*b{i - 1}, ' * 50}]\n" for i in range(1, 6))
     file.write_text("b0: &b0 [" + "1, " * 50 + "]\n" + levels)
-    with pytest.raises(TeamFileError, match="aliases count"):
+    with pytest.raises(YamlFileError, match="aliases count"):
         load(file)
     file.write_text("a: &a [*a]\n")
-    with pytest.raises(TeamFileError, match="aliases count"):
+    with pytest.raises(YamlFileError, match="aliases count"):
         load(file)
     file.write_text("a: !!python/object/apply:os.system [true]\nuavs: []\n")
-    with pytest.raises(TeamFileError, match="no such key"):
+    with pytest.raises(YamlFileError, match="no such key"):
         load(file)
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xff", b"[]", b"x" * (1 << 20) + b"x"])
 def test_what_is_no_file_of_a_team_is_refused(file: Path, content: bytes) -> None:
     file.write_bytes(content)
-    with pytest.raises(TeamFileError, match=str(file)):
+    with pytest.raises(YamlFileError, match=str(file)):
         load(file)
-    with pytest.raises(TeamFileError, match="not a regular file"):
+    with pytest.raises(YamlFileError, match="not a regular file"):
         load(Path("/dev/zero"))
 
 

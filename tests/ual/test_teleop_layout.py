@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual._cli.launch.nodes import TeamFileError
+from ual._cli.strict_yaml.nodes import YamlFileError
 from ual._cli.teleop.actions import Action
 from ual._cli.teleop.layout import TWO_BUTTONS, Layout, StickAxis
 from ual._cli.teleop.layout_file import load
@@ -128,6 +128,6 @@ def test_a_file_says_only_what_is_different(tmp_path: Path) -> None:
 def test_a_wrong_file_is_refused_with_its_line(text: str, why: str, tmp_path: Path) -> None:
     file = tmp_path / "joystick.yaml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(TeamFileError) as caught:
+    with pytest.raises(YamlFileError) as caught:
         load(file)
     assert why in str(caught.value)

@@ -55,13 +55,13 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
 
 def _loaded(file: Path) -> Team:
     try:
-        from ual._cli.launch.nodes import TeamFileError
         from ual._cli.launch.team_file import load
+        from ual._cli.strict_yaml.nodes import YamlFileError
     except ModuleNotFoundError as error:
         raise NotSupportedError(f"ual launch needs {error.name}: pip install 'ual-client[launch]'") from None
     try:
         return load(file)
-    except TeamFileError as error:
+    except YamlFileError as error:
         note(f"ual: {error}")
         raise click.exceptions.Exit(_WRONG_FILE) from None
 

@@ -12,8 +12,8 @@ from itertools import chain
 from pathlib import Path
 
 from ual import _discovery
-from ual._cli.launch.nodes import Node, TeamFileError, read
 from ual._cli.launch.team import AtEnd, Condition, Program, Ready, Restart, Team
+from ual._cli.strict_yaml.nodes import Node, YamlFileError, read
 
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")  # as the daemon has it
 _NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]{0,62}")
@@ -54,7 +54,7 @@ def load(path: Path) -> Team:
     """Reads the file of a team.
 
     Raises:
-        TeamFileError: It is not valid; the message names the line and the key.
+        YamlFileError: It is not valid; the message names the line and the key.
     """
     root = read(path)
     path = path.absolute()
@@ -187,13 +187,13 @@ def _daemon_program() -> str:
     """Returns where ``ual-daemon`` is: beside ``ual``, else on the path.
 
     Raises:
-        TeamFileError: It is not installed.
+        YamlFileError: It is not installed.
     """
     programs = [program for program in (sys.argv[0], sys.executable) if Path(program).is_absolute()]
     beside = (Path(program).parent / "ual-daemon" for program in programs)
     found = next(filter(None, map(shutil.which, (*map(str, beside), "ual-daemon"))), None)
     if found is None:
-        raise TeamFileError("ual-daemon is not installed here: pip install ual-daemon (docs/installation.md)")
+        raise YamlFileError("ual-daemon is not installed here: pip install ual-daemon (docs/installation.md)")
     return found
 
 

@@ -114,13 +114,13 @@ def _layout(file: Path | None) -> Layout:
     if file is None:
         return Layout()
     try:
-        from ual._cli.launch.nodes import TeamFileError
+        from ual._cli.strict_yaml.nodes import YamlFileError
         from ual._cli.teleop.layout_file import load
     except ModuleNotFoundError as error:
         raise NotSupportedError(f"--config needs {error.name}: pip install 'ual-client[joystick]'") from None
     try:
         return load(file)
-    except TeamFileError as error:
+    except YamlFileError as error:
         note(f"ual: {error}")
         raise click.exceptions.Exit(_WRONG_FILE) from None
 

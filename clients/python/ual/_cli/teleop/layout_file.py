@@ -7,7 +7,7 @@ from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
-from ual._cli.launch.nodes import Node, read
+from ual._cli.strict_yaml.nodes import Node, read
 from ual._cli.teleop.actions import Action
 from ual._cli.teleop.layout import DEAD_ZONE, EXPO, TWO_BUTTONS, Layout, StickAxis
 from ual.joystick import Axis, Button
@@ -21,7 +21,7 @@ def load(path: Path) -> Layout:
     """Returns the layout of a file. What it leaves out is as in the default one.
 
     Raises:
-        TeamFileError: It cannot be read, or is not valid; the message has the line.
+        YamlFileError: It cannot be read, or is not valid; the message has the line.
 
     """
     entries = read(path).entries(("hold", "dead_zone", "expo", "sticks", "actions"))

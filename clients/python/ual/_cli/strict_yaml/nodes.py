@@ -21,7 +21,7 @@ from typing import TypeVar
 import yaml
 
 from ual._cli.help import close, did_you_mean
-from ual._cli.launch.placeholders import PlaceholderError, fill, is_one
+from ual._cli.strict_yaml.placeholders import PlaceholderError, fill, is_one
 
 E = TypeVar("E", bound=Enum)
 
@@ -31,7 +31,7 @@ _DEEPEST = 20
 _PLAIN = re.compile(r"[\w.+-]+")
 
 
-class TeamFileError(Exception):
+class YamlFileError(Exception):
     """The file is not valid; the message is one line that names the place."""
 
 
@@ -45,9 +45,9 @@ class Node:
     line: int = 1
     names: Mapping[str, str] = field(default_factory=dict)
 
-    def error(self, message: str) -> TeamFileError:
+    def error(self, message: str) -> YamlFileError:
         """Returns the error with the place of this value."""
-        return TeamFileError(f"{self.path}:{self.line}: {self.key + ': ' if self.key else ''}{message}")
+        return YamlFileError(f"{self.path}:{self.line}: {self.key + ': ' if self.key else ''}{message}")
 
     def named(self, names: Mapping[str, str]) -> Node:
         """Returns the same value with other placeholders."""
@@ -57,7 +57,7 @@ class Node:
         """Returns the entries of a mapping.
 
         Raises:
-            TeamFileError: It is not a mapping, or has a key that is not `known` or is given twice.
+            YamlFileError: It is not a mapping, or has a key that is not `known` or is given twice.
         """
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error("expected 'key: value' lines")
@@ -76,7 +76,7 @@ class Node:
         """Returns the values of a list.
 
         Raises:
-            TeamFileError: It is not a list.
+            YamlFileError: It is not a list.
         """
         if not isinstance(self.node, yaml.SequenceNode):
             raise self.error("expected a list")
@@ -99,7 +99,7 @@ class Node:
         """Returns a text, with its placeholders filled in.
 
         Raises:
-            TeamFileError: It is not a text, is empty, or has a placeholder that does not exist.
+            YamlFileError: It is not a text, is empty, or has a placeholder that does not exist.
         """
         if not isinstance(self.node, yaml.ScalarNode) or self.node.tag.endswith(":null") or not self.node.value:
             raise self.error("expected a text")
@@ -111,7 +111,7 @@ class Node:
         """Returns a finite number.
 
         Raises:
-            TeamFileError: It is not a number, or is below `at_least`.
+            YamlFileError: It is not a number, or is below `at_least`.
         """
         try:
             value = float(self.text())
@@ -125,7 +125,7 @@ class Node:
         """Returns a whole number.
 
         Raises:
-            TeamFileError: It is not a whole number, or is below `at_least`.
+            YamlFileError: It is not a whole number, or is below `at_least`.
         """
         value = self.number(at_least)
         if value != int(value):
@@ -136,7 +136,7 @@ class Node:
         """Returns true or false.
 
         Raises:
-            TeamFileError: It is neither.
+            YamlFileError: It is neither.
         """
         text = self.text()
         if text not in ("true", "false"):
@@ -147,7 +147,7 @@ class Node:
         """Returns the member of `kind` with this value.
 
         Raises:
-            TeamFileError: There is none.
+            YamlFileError: There is none.
         """
         text, known = self.text(), [str(each.value) for each in kind]
         if text not in known:
@@ -158,7 +158,7 @@ class Node:
         """Returns the value in one line of YAML that means the same, as ``--set KEY=VALUE`` of the daemon takes it.
 
         Raises:
-            TeamFileError: A placeholder does not exist.
+            YamlFileError: A placeholder does not exist.
         """
         if isinstance(self.node, yaml.MappingNode):
             entries = self.entries().items()
@@ -181,23 +181,23 @@ def read(path: Path) -> Node:
     """Reads a file.
 
     Raises:
-        TeamFileError: It cannot be read, or is not YAML.
+        YamlFileError: It cannot be read, or is not YAML.
     """
     try:
         text = _bytes(path).decode("utf-8-sig")
         root = yaml.compose(text, yaml.SafeLoader)
     except OSError as error:
-        raise TeamFileError(f"{path}: cannot be read: {error.strerror}") from None
+        raise YamlFileError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise TeamFileError(f"{path}: is not UTF-8 text") from None
+        raise YamlFileError(f"{path}: is not UTF-8 text") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = "; ".join(part for part in (error.context, error.problem) if part)
-        raise TeamFileError(f"{path}:{mark.line + 1 if mark else 1}: {problem}") from None
+        raise YamlFileError(f"{path}:{mark.line + 1 if mark else 1}: {problem}") from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise TeamFileError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
+        raise YamlFileError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
     if root is None:
-        raise TeamFileError(f"{path}:1: the file is empty")
+        raise YamlFileError(f"{path}:1: the file is empty")
     _check_size(path, root, count(), 0)
     return Node(path, root)
 
@@ -216,7 +216,7 @@ def _bytes(path: Path) -> bytes:
 def _check_size(path: Path, node: yaml.Node, numbers: Iterator[int], depth: int) -> None:
     """Refuses aliases that make a value endless or huge; those that repeat one are counted each time."""
     if next(numbers) >= _MOST_NODES or depth > _DEEPEST:
-        raise TeamFileError(f"{path}:{node.start_mark.line + 1}: too many values, or nested too deeply (aliases count)")
+        raise YamlFileError(f"{path}:{node.start_mark.line + 1}: too many values, or nested too deeply (aliases count)")
     if isinstance(node, yaml.CollectionNode):
         for inner in node.value:
             for each in inner if isinstance(inner, tuple) else (inner,):
