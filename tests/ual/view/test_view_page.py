@@ -94,7 +94,7 @@ def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
         uav.simulation.begin_fault(LinkLost())
         page.read_until_text("no new pose for")
         uav.simulation.end_fault()
-        page.read_until_text("### uav\\_1\\: LANDED\\_ARMED")
+        page.read_until_text("### uav\\_1: LANDED\\_ARMED")
 
 
 def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:

@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 
 from ual import _discovery
-from ual._cli.launch.nodes import Node, TeamFileError, read
+from ual._cli.strict_yaml.nodes import Node, YamlFileError, read
 from ual._cli.view.fence import Fence
 from ual.errors import InvalidArgumentError
 
@@ -26,7 +26,7 @@ def fences(file: Path) -> list[Fence]:
         entries = read(file).entries()
         fence = entries.get("geofence")
         return [] if fence is None else [_fence(ns, fence) for ns in _names(entries)]
-    except TeamFileError as error:
+    except YamlFileError as error:
         raise InvalidArgumentError(str(error), {"field": "config"}) from None
 
 
