@@ -85,6 +85,22 @@ def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, s
         daemon.wait_for("command", command="take_off")
 
 
+@pytest.mark.parametrize("height_m", ["high", None, [], 1e300, -5.0, {"a": 1}])
+def test_values_that_no_page_sends_fly_nothing_and_end_nothing(
+    height_m: object, daemon: DaemonProcess, start_view: StartView
+) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view("--control")) as page:
+        button = page.read_until(f"Take off {daemon.ns}")
+        height = page.read_until("Take-off height (m)")
+        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": height_m})
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": 2.0})
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        page.read_until(f"Confirm: {daemon.ns}: take off to 2 m")
+    assert [each for each in commands_in(daemon) if each["event"] == "command"] == []
+
+
 def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
     daemon: DaemonProcess, start_view: StartView
 ) -> None:

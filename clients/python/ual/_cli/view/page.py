@@ -70,7 +70,7 @@ class Page:
             self._details.set(panel.everyone(moment.uavs.values()))
         self._chart.update(moment.tracks.get(ns), moment.now_s)
         self._log.set(panel.log(self._journal.lines()))
-        self._draw_frames(ns)
+        self._draw_frames(ns if ns and not moment.uavs[ns].is_lost else "")
         if self._control is not None:
             self._control.update(moment, ns)
 
