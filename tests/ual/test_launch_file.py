@@ -17,7 +17,7 @@ from ual._cli.launch import team_file
 from ual._cli.launch.systemd import HARDENING
 from ual._cli.launch.team import AtEnd, Condition, Ready, Restart
 from ual._cli.launch.team_file import load
-from ual._cli.strict_yaml.nodes import YamlFileError
+from ual._cli.strict_yaml.loading import YamlFileError
 from ual._cli.strict_yaml.placeholders import PlaceholderError, fill
 
 PAGE = Path(__file__).parents[2] / "docs" / "launch.md"

@@ -209,7 +209,9 @@ def test_a_wrong_file_is_wrong_usage(tmp_path: Path) -> None:
 def test_a_package_that_is_missing_is_named_with_its_extra(
     package: str, words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith(("ual._cli.launch", "ual._cli.teleop.layout_file"))]:
+    for name in [
+        name for name in sys.modules if name.startswith(("ual._cli.strict_yaml.nodes", "ual._cli.teleop.layout_file"))
+    ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
     result = CliRunner().invoke(cli, ["teleop", "joystick", *words])

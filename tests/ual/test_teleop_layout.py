@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual._cli.strict_yaml.nodes import YamlFileError
+from ual._cli.strict_yaml.loading import YamlFileError
 from ual._cli.teleop.actions import Action
 from ual._cli.teleop.layout import TWO_BUTTONS, Layout, StickAxis
 from ual._cli.teleop.layout_file import load

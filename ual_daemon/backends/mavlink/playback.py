@@ -13,12 +13,12 @@ from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.values import Freshness, Packet, Sample, Snapshot, VehicleInfo
 
-__all__ = ["ENCODING", "Playback"]
+__all__ = ["ENCODING", "NoLink", "Playback"]
 
 _TICK_S = 0.05
 
 
-class _NoLink(Transport):
+class NoLink(Transport):
     """Sends nothing, and says that it has: what the session asks for was answered in the recording."""
 
     def __init__(self, *, is_stream: bool) -> None:
@@ -83,7 +83,7 @@ class Playback:
             return
         address = peer_address(packet.peer)
         if self._discovery is None:  # only now it is known what kind of link it was
-            link = _NoLink(is_stream=address is None)
+            link = NoLink(is_stream=address is None)
             self._discovery = Discovery(self._settings, link, self._url, self._setpoints)
         self._discovery.receiver.receive(packet.data, address, packet.time_s, packet.utc_s)
         self._tick(packet.time_s)

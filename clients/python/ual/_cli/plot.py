@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual.errors import InvalidArgumentError, NotSupportedError
+from ual import _extras
+from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3
 from ual.types import Telemetry
 
@@ -61,10 +62,8 @@ def _require_drawing(file: Path) -> None:
         raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
     if not (os.access(file, os.W_OK) or (os.access(file.parent, os.W_OK | os.X_OK) and not file.exists())):
         raise click.BadParameter(f"{file} cannot be written", param_hint="--plot")
-    try:
+    with _extras.needs("--plot", "plot"):
         import matplotlib as mpl  # noqa: F401
-    except ImportError:
-        raise NotSupportedError("--plot needs matplotlib: pip install 'ual-client[plot]'") from None
 
 
 def draw(places: Sequence[Place], file: Path, title: str) -> None:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ual import _extras
 from ual._cli.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
 from ual._cli.everyone import several
 from ual._cli.help import Section
 from ual._cli.tables import print_table
 from ual._cli.values import Number
 from ual._recording import requirements
-from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
     from ual._recording.client import ClientRecording
@@ -217,10 +218,8 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
     target = file.with_suffix(".png") if output is None else output
     if target.suffix.lower() not in _DRAWINGS:
         raise click.BadParameter(f"{target} ends in none of {', '.join(_DRAWINGS)}", param_hint="--output")
-    try:
+    with _extras.needs("ual plot", "plot"):
         import matplotlib as mpl  # noqa: F401
-    except ImportError:
-        raise NotSupportedError("ual plot needs matplotlib: pip install 'ual-client[plot]'") from None
     drawn = page.flights(Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls"))))
     if not drawn:
         raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})

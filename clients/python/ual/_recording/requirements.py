@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from ual.errors import NotSupportedError
+from ual import _extras
 
 _MODULES = ("mcap.writer", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
 
@@ -16,10 +16,6 @@ def require(distribution: str = "ual-client") -> None:
         NotSupportedError: One is not; names the extra to install.
 
     """
-    try:
+    with _extras.needs("a recording", "record", distribution):
         for module in _MODULES:
             import_module(module)
-    except ImportError as error:
-        raise NotSupportedError(
-            f"recordings need the extra 'record': pip install '{distribution}[record]' ({error})"
-        ) from None

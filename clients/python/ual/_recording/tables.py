@@ -6,8 +6,8 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
+from ual import _extras
 from ual._recording.reader import Message
-from ual.errors import NotSupportedError
 from ual.geometry import Pose
 from ual.types import Telemetry
 
@@ -90,11 +90,9 @@ def write_parquet(path: Path, table: Iterable[list[Cell]]) -> int:
         NotSupportedError: The extra is not installed.
 
     """
-    try:
+    with _extras.needs("--parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
-    except ImportError:
-        raise NotSupportedError("--parquet needs the extra 'parquet': pip install 'ual-client[parquet]'") from None
     texts = {"state", "state_reason", "flight_mode", "frame_id", "task", "task_id", "status_text"}
     others = {"sequence": pa.int64(), "armed": pa.bool_(), "satellites_count": pa.int64()}
     kinds = [(name, pa.string() if name in texts else others.get(name, pa.float64())) for name in HEADER]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from typing_extensions import override
 
 from ual.joystick._errors import JoystickDisconnectedError, JoystickError
 from ual.joystick._mapping import mapping_directory, read_mappings
@@ -130,7 +133,7 @@ def _is_meant(device: Device, which: int | str | None) -> bool:
     return device.index == which if isinstance(which, int) else which.casefold() in device.name.casefold()
 
 
-class _Opened:
+class _Opened(ABC):
     """A device that is open."""
 
     def __init__(self, sdl: Sdl, device: Device) -> None:
@@ -149,12 +152,13 @@ class _Opened:
         self._sdl.pump()
         return self._is_attached()
 
+    @abstractmethod
     def close(self) -> None:
         """Closes the device. It must not be read any more."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _is_attached(self) -> bool:
-        raise NotImplementedError
+        pass
 
     def _require(self) -> None:
         if not self.is_connected:
@@ -181,10 +185,11 @@ class Gamepad(_Opened):
         named = {axis.name.lower(): max(-1.0, value / _FULL) for axis, value in zip(Axis, axes, strict=True)}
         return GamepadState(**named, pressed=pressed)
 
+    @override
     def close(self) -> None:
-        """Closes the device. It must not be read any more."""
         self._controller.quit()
 
+    @override
     def _is_attached(self) -> bool:
         return bool(self._controller.attached())
 
@@ -211,10 +216,11 @@ class RawJoystick(_Opened):
             tuple(read.get_hat(number) for number in range(read.get_numhats())),
         )
 
+    @override
     def close(self) -> None:
-        """Closes the device. It must not be read any more."""
         self._joystick.quit()
 
+    @override
     def _is_attached(self) -> bool:
         joystick = self._sdl.pygame.joystick
         present = (joystick.Joystick(index).get_instance_id() for index in range(joystick.get_count()))

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ual.errors import NotSupportedError
+from ual import _extras
 
 _MAPPINGS = "SDL_GAMECONTROLLERCONFIG"
 _SETTINGS = {
@@ -53,11 +53,9 @@ class Sdl:
 
 
 def _pygame() -> Any:  # noqa: ANN401 (a module)
-    try:
+    with _extras.needs("a joystick", "joystick"):
         import pygame
         import pygame.joystick
-    except ImportError:
-        raise NotSupportedError("a joystick needs pygame-ce: pip install 'ual-client[joystick]'") from None
     return pygame
 
 

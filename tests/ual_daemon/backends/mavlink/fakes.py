@@ -7,7 +7,8 @@ from typing import Any
 from typing_extensions import override
 
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.links import Address
+from ual_daemon.backends.mavlink.playback import NoLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
@@ -55,27 +56,12 @@ def ack(command: int, result: int, target: tuple[int, int] = (1, 191)) -> Messag
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *target)
 
 
-class FakeLink(Transport):
+class FakeLink(NoLink):
     """Keeps what is sent."""
 
     def __init__(self, *, is_stream: bool = False) -> None:
-        self._is_stream = is_stream
+        super().__init__(is_stream=is_stream)
         self.sent: list[bytes] = []
-        self._peer: Address | None = None
-
-    @property
-    @override
-    def is_stream(self) -> bool:
-        return self._is_stream
-
-    @property
-    @override
-    def peer(self) -> Address | None:
-        return self._peer
-
-    @override
-    def answer_to(self, address: Address | None) -> None:
-        self._peer = address
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:

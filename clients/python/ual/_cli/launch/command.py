@@ -10,12 +10,12 @@ import click
 from ual import _discovery
 from ual._cli.app import Session, command, note, pass_session
 from ual._cli.help import Section
-from ual.errors import NotSupportedError
+from ual._cli.strict_yaml.loading import WRONG_FILE, loaded
 
 if TYPE_CHECKING:
     from ual._cli.launch.team import Team
 
-_FAILED, _WRONG_FILE = 1, 2
+_FAILED = 1
 
 
 @command(
@@ -42,7 +42,7 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
     """
     if session.ns or session.is_all or session.address:
         raise click.UsageError("the UAVs of a team are those of its file: leave out --ns, --all and --address")
-    team = _loaded(file)
+    team = loaded(_load, file, "ual launch", "launch")
     if is_shown:
         from ual._cli.launch import shown
 
@@ -53,17 +53,10 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
         _run(team)
 
 
-def _loaded(file: Path) -> Team:
-    try:
-        from ual._cli.launch.team_file import load
-        from ual._cli.strict_yaml.nodes import YamlFileError
-    except ModuleNotFoundError as error:
-        raise NotSupportedError(f"ual launch needs {error.name}: pip install 'ual-client[launch]'") from None
-    try:
-        return load(file)
-    except YamlFileError as error:
-        note(f"ual: {error}")
-        raise click.exceptions.Exit(_WRONG_FILE) from None
+def _load(file: Path) -> Team:
+    from ual._cli.launch.team_file import load
+
+    return load(file)
 
 
 def _write(team: Team, directory: Path | None, file: Path | None) -> None:
@@ -76,7 +69,7 @@ def _write(team: Team, directory: Path | None, file: Path | None) -> None:
             texts[file] = compose.text(team)
     except CannotExpressError as error:
         note(f"ual: {team.file}: {error}")
-        raise click.exceptions.Exit(_WRONG_FILE) from None
+        raise click.exceptions.Exit(WRONG_FILE) from None
     for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")

@@ -35,25 +35,25 @@ class Process:
         Raises:
             OSError: It cannot be started.
         """
-        file = None if program.log_file is None else program.log_file.open("a", encoding="utf-8", buffering=1)
-        read, write = os.pipe()
-        try:
-            process = await asyncio.create_subprocess_exec(
-                *program.argv,
-                cwd=program.cwd,
-                env={"PYTHONUNBUFFERED": "1", **os.environ, **program.env},
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=write,
-                stderr=write,
-                start_new_session=True,
-            )
-        except BaseException:
-            os.close(read)
-            if file is not None:
-                file.close()
-            raise
-        finally:
-            os.close(write)
+        with contextlib.ExitStack() as opened:
+            file = None
+            if program.log_file is not None:
+                file = opened.enter_context(program.log_file.open("a", encoding="utf-8", buffering=1))
+            read, write = os.pipe()
+            opened.callback(os.close, read)
+            try:
+                process = await asyncio.create_subprocess_exec(
+                    *program.argv,
+                    cwd=program.cwd,
+                    env={"PYTHONUNBUFFERED": "1", **os.environ, **program.env},
+                    stdin=asyncio.subprocess.DEVNULL,
+                    stdout=write,
+                    stderr=write,
+                    start_new_session=True,
+                )
+            finally:
+                os.close(write)
+            opened.pop_all()  # now they are the reader's
         started = cls(program, process, log)
         started._reading = asyncio.create_task(started._read(read, file))
         return started

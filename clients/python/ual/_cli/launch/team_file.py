@@ -10,10 +10,12 @@ import sys
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
+from typing import TypedDict
 
 from ual import _discovery
 from ual._cli.launch.team import AtEnd, Condition, Program, Ready, Restart, Team
-from ual._cli.strict_yaml.nodes import Node, YamlFileError, read
+from ual._cli.strict_yaml.loading import YamlFileError
+from ual._cli.strict_yaml.nodes import Node, read
 
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")  # as the daemon has it
 _NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]{0,62}")
@@ -48,6 +50,18 @@ _PROGRAM_READY_LIMIT_S = 60.0
 _PROGRAM_STOP_LIMIT_S = 10.0
 _DAEMON_STOP_LIMIT_S = 75.0
 """A landing that runs ends first, for 60 s at most."""
+
+
+class _Ending(TypedDict):
+    """What a daemon and any other program have alike: the fields of `Program` that it has."""
+
+    env: Mapping[str, str]
+    restart: Restart
+    is_ending_team: bool
+    ready_limit_s: float | None
+    stop_limit_s: float
+    log_file: Path | None
+    image: str | None
 
 
 def load(path: Path) -> Team:
@@ -149,7 +163,7 @@ def _uav(
         cwd=directory,
         needs=_last(beside, needs),
         ready=Ready(Condition.SERVING),
-        **_ending(values, directory, image, is_daemon=True),  # type: ignore[arg-type]
+        **_ending(values, directory, image, is_daemon=True),
     )
     return [*beside, daemon]
 
@@ -213,7 +227,7 @@ def _program(node: Node, directory: Path, needs: tuple[str, ...], known: tuple[s
         ready=_ready(values["ready"], directory) if "ready" in values else Ready(),
         is_ended_first="end" in known and ("end" not in values or _is_first(values["end"])),
         stop_signal=_signal(values["stop_signal"]) if "stop_signal" in values else signal.SIGTERM,
-        **_ending(values, directory, image, is_daemon=False),  # type: ignore[arg-type]
+        **_ending(values, directory, image, is_daemon=False),
     )
 
 
@@ -224,17 +238,14 @@ def _is_first(node: Node) -> bool:
     return text == "first"
 
 
-def _ending(values: Mapping[str, Node], directory: Path, image: str | None, *, is_daemon: bool) -> dict[str, object]:
+def _ending(values: Mapping[str, Node], directory: Path, image: str | None, *, is_daemon: bool) -> _Ending:
     """Returns what a daemon and any other program have alike."""
+    restart = Restart.ALWAYS if is_daemon else Restart.NO
     ready_limit_s = None if is_daemon else _PROGRAM_READY_LIMIT_S
     stop_limit_s = _DAEMON_STOP_LIMIT_S if is_daemon else _PROGRAM_STOP_LIMIT_S
     return {
         "env": _environment(values["env"]) if "env" in values else {},
-        "restart": values["restart"].choice(Restart)
-        if "restart" in values
-        else Restart.ALWAYS
-        if is_daemon
-        else Restart.NO,
+        "restart": values["restart"].choice(Restart) if "restart" in values else restart,
         "is_ending_team": values["ends_team"].boolean() if "ends_team" in values else is_daemon,
         "ready_limit_s": values["ready_limit_s"].number() if "ready_limit_s" in values else ready_limit_s,
         "stop_limit_s": values["stop_limit_s"].number() if "stop_limit_s" in values else stop_limit_s,

@@ -1,4 +1,4 @@
-"""Reads a YAML file strictly: each value by its kind, each error with its line. Needs PyYAML (the extra ``launch``).
+"""Reads a YAML file strictly: each value by its kind, each error with its line. Needs PyYAML.
 
 The nodes of the file are read, not the objects that YAML makes of them: so each value knows its line, and no tag of
 the file can make anything.
@@ -21,6 +21,7 @@ from typing import TypeVar
 import yaml
 
 from ual._cli.help import close, did_you_mean
+from ual._cli.strict_yaml.loading import YamlFileError
 from ual._cli.strict_yaml.placeholders import PlaceholderError, fill, is_one
 
 E = TypeVar("E", bound=Enum)
@@ -29,10 +30,6 @@ _MOST_BYTES = 1 << 20
 _MOST_NODES = 10_000
 _DEEPEST = 20
 _PLAIN = re.compile(r"[\w.+-]+")
-
-
-class YamlFileError(Exception):
-    """The file is not valid; the message is one line that names the place."""
 
 
 @dataclass(frozen=True)

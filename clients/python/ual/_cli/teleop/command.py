@@ -14,7 +14,7 @@ from ual._cli import values
 from ual._cli.app import REFUSED, Many, Session, UalCommand, UalGroup, note, pass_session
 from ual._cli.everyone import several
 from ual._cli.help import Section
-from ual.errors import NotSupportedError
+from ual._cli.strict_yaml.loading import loaded
 
 if TYPE_CHECKING:
     from ual._cli.teleop.cockpit import Controls
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ual.joystick import Device, Joysticks
 
 HEIGHT_M = 2.0
-_WRONG_FILE = 2
 
 
 @click.group(
@@ -111,18 +110,13 @@ def joystick(
 def _layout(file: Path | None) -> Layout:
     from ual._cli.teleop.layout import Layout
 
-    if file is None:
-        return Layout()
-    try:
-        from ual._cli.strict_yaml.nodes import YamlFileError
-        from ual._cli.teleop.layout_file import load
-    except ModuleNotFoundError as error:
-        raise NotSupportedError(f"--config needs {error.name}: pip install 'ual-client[joystick]'") from None
-    try:
-        return load(file)
-    except YamlFileError as error:
-        note(f"ual: {error}")
-        raise click.exceptions.Exit(_WRONG_FILE) from None
+    return Layout() if file is None else loaded(_load_layout, file, "--config", "joystick")
+
+
+def _load_layout(file: Path) -> Layout:
+    from ual._cli.teleop.layout_file import load
+
+    return load(file)
 
 
 def _list(joysticks: Joysticks) -> None:
