@@ -8,12 +8,12 @@ from pathlib import Path
 import click
 from typing_extensions import override
 
+from ual import _extras
 from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
 from ual._cli.view.access import access
 from ual._cli.view.fence import Fence
 from ual._cli.view.shown import MODEL_NAMES
-from ual.errors import NotSupportedError
 
 _PORT = 8080
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -97,10 +97,8 @@ def _fences(configs: Sequence[Path]) -> list[Fence]:
 
 def _require_viser() -> None:
     """Refuses before anything is begun."""
-    try:
+    with _extras.needs("ual view", "view"):
         import viser  # noqa: F401
-    except ImportError:
-        raise NotSupportedError("ual view needs viser: pip install 'ual-client[view]'") from None
 
 
 COMMANDS = (view,)

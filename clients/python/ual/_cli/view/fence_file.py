@@ -7,7 +7,8 @@ from math import inf
 from pathlib import Path
 
 from ual import _discovery
-from ual._cli.strict_yaml.nodes import Node, YamlFileError, read
+from ual._cli.strict_yaml.loading import YamlFileError
+from ual._cli.strict_yaml.nodes import Node, read
 from ual._cli.view.fence import Fence
 from ual.errors import InvalidArgumentError
 
