@@ -147,8 +147,8 @@ class _SharedOptions(click.Command):
         super().__init__(*args, **kwargs)
         self.section = section
         self.examples = examples
-        own = {param.name for param in self.params}
-        self.params.extend(option for option in _shared_options() if option.name not in own)
+        own = {name for param in self.params for name in (param.name, *param.opts)}
+        self.params.extend(option for option in _shared_options() if own.isdisjoint((option.name, *option.opts)))
 
     @override
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -24,6 +24,7 @@ from ual._cli import (
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
 from ual._cli.teleop import command as teleop
+from ual._cli.view import command as view
 
 
 @click.group(
@@ -58,6 +59,7 @@ for command in (
     *check.COMMANDS,
     *extpose.COMMANDS,
     *record.COMMANDS,
+    *view.COMMANDS,
     *launch.COMMANDS,
     *completion.COMMANDS,
 ):

@@ -280,9 +280,13 @@ def list_faults(session: Session) -> None:
 
 def _fault_text(fault: Fault) -> str:
     """Returns a fault as `ual sim fault begin` names it, with its values."""
-    name = re.sub(r"(?<!^)(?=[A-Z])", "-", type(fault).__name__).lower()
     values = (f"{field.name}={_value_text(getattr(fault, field.name))}" for field in dataclasses.fields(fault))
-    return " ".join([name, *values])
+    return " ".join([fault_name(type(fault)), *values])
+
+
+def fault_name(kind: type[Fault]) -> str:
+    """Returns the name of a kind of fault: ``link-lost``."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "-", kind.__name__).lower()
 
 
 def _value_text(value: object) -> str:

@@ -29,11 +29,19 @@ class Seen:
 
 
 class Board:
-    """The newest sample of each UAV. Sets `changed` at every change."""
+    """The newest sample of each UAV. Sets `changed` at every change.
 
-    def __init__(self, names: Iterable[str], rate_hz: float) -> None:
+    Args:
+        names: The UAVs that are known from the beginning.
+        rate_hz: How many samples of each come in a second; 0: every one.
+        gone_after_s: For how long a UAV whose daemon has ended is still shown; `GONE_S` when not given.
+
+    """
+
+    def __init__(self, names: Iterable[str], rate_hz: float, gone_after_s: float | None = None) -> None:
         self.changed = threading.Event()
         self.lost_after_s = max(LOST_S, 2.0 / rate_hz if rate_hz else 0.0)
+        self._gone_after_s = gone_after_s
         self._lock = threading.Lock()
         self._seen = {ns: Seen(time.monotonic()) for ns in names}
         self._new: dict[str, Telemetry] = {}
@@ -82,10 +90,12 @@ class Board:
         """Returns what is known of each UAV, sorted by name and number, without those that ended a while ago."""
         now_s = time.monotonic()
         with self._lock:
-            self._seen = {
-                ns: each for ns, each in self._seen.items() if each.gone_s is None or now_s - each.gone_s < GONE_S
-            }
+            self._seen = {ns: each for ns, each in self._seen.items() if not self._has_vanished(each, now_s)}
             return dict(sorted(self._seen.items(), key=lambda item: _discovery.natural_order(item[0])))
+
+    def _has_vanished(self, seen: Seen, now_s: float) -> bool:
+        limit_s = GONE_S if self._gone_after_s is None else self._gone_after_s
+        return seen.gone_s is not None and now_s - seen.gone_s >= limit_s
 
     def _is_here(self, ns: str) -> bool:
         # The last sample of a daemon that has ended may come late: its UAV must not come back by it.

@@ -108,7 +108,7 @@ def detail(found: Mapping[str, Seen], *, width: int, now_s: float, lost_after_s:
 def _aged_rows(seen: Seen, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
     """Returns the lines of a UAV, with the age of the sample if it is old."""
     telemetry = seen.telemetry
-    (name, state, style), because, *others = _rows(telemetry or Telemetry(State.UNINITIALIZED))
+    (name, state, style), because, *others = rows(telemetry or Telemetry(State.UNINITIALIZED))
     if telemetry is None:
         others = [(name, "", "") for name, _, _ in others]
     if seen.why or age_s >= lost_after_s:
@@ -122,8 +122,8 @@ def _aged_rows(seen: Seen, age_s: float, lost_after_s: float) -> list[tuple[str,
     return [(name, state, style), because, *others]
 
 
-def _rows(t: Telemetry) -> list[tuple[str, str, str]]:
-    """Returns name, text and style of each line of one UAV's seen."""
+def rows(t: Telemetry) -> list[tuple[str, str, str]]:
+    """Returns name, text and style of each line about one UAV."""
     geo, battery, gps, task = t.position_geo, t.battery, t.gps, t.task
     percent = None if battery is None else battery.remaining_percent
     voltage = None if battery is None else battery.voltage_v

@@ -121,10 +121,10 @@ def _rest(
     seen: Seen, columns: Sequence[_Column], note_width: int, width: int, now_s: float, lost_after_s: float
 ) -> tuple[str, str]:
     """Returns what stands behind the name, and the style of the line."""
-    problem = _problem(seen, now_s, lost_after_s)
+    what = problem(seen, now_s, lost_after_s)
     telemetry = seen.telemetry
-    if problem:
-        return _clip(problem, width), "red"
+    if what:
+        return _clip(what, width), "red"
     if telemetry is None:
         return "", ""
     cells = [_clip(column.cell(telemetry), column.width).ljust(column.width) for column in columns]
@@ -132,7 +132,7 @@ def _rest(
     return _GAP.join([*cells, *note]), STATE_STYLES.get(telemetry.state, "")
 
 
-def _problem(seen: Seen, now_s: float, lost_after_s: float) -> str:
+def problem(seen: Seen, now_s: float, lost_after_s: float) -> str:
     """Returns why the sample must not be taken for the present, or nothing."""
     was = "" if seen.telemetry is None else f", it was {seen.telemetry.state.name}"
     if seen.gone_s is not None:

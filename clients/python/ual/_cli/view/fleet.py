@@ -1,0 +1,149 @@
+"""The UAVs of the page: those of this computer and those at given addresses, each with its connection."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from ual._cli.app import Session
+from ual._cli.everyone import chosen_daemons
+from ual._cli.output import error_text
+from ual._cli.view.journal import Journal
+from ual._cli.watch_board import Board
+from ual._cli.watch_roster import Roster, kept_up_to_date
+from ual._client import Uav
+from ual._discovery import Registration
+from ual.errors import UalError
+from ual.types import Frame, Info
+
+RATE_HZ = 10.0
+_GONE_AFTER_S = 600.0
+"""A UAV whose daemon has ended stays on the page for this time: it may still be in the air."""
+_LOOK_S = 0.5
+_RETRY_S = 1.0
+_LOST_AFTER_S = 1.5
+"""So that the page greys a UAV within 2 s of its last sample."""
+
+
+@dataclass
+class Member:
+    """What is known of one UAV beside its telemetry. `frames` is None where they are not known now."""
+
+    uav: Uav
+    info: Info
+    frames: Sequence[Frame] | None = None
+    task_id: str = ""
+
+
+class Fleet:
+    """All UAVs of the page.
+
+    Args:
+        session: The options of the command.
+        addresses: Of daemons that are not on this computer, or not to be found there.
+        journal: Gets how tasks ended, and what cannot be reached.
+
+    """
+
+    def __init__(self, session: Session, addresses: Sequence[str], journal: Journal) -> None:
+        self.board = Board([], RATE_HZ, _GONE_AFTER_S)
+        self.board.lost_after_s = _LOST_AFTER_S
+        self.wants_frames = False
+        """Whether anybody looks at the frames."""
+        self._session = session
+        self._journal = journal
+        self._named = [Named(address, session.tls_ca, self._say) for address in addresses]
+        self._members: dict[str, Member] = {}
+        self._roster = Roster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Keeps the fleet up to date while the block runs."""
+        for each in self._named:
+            each.start()
+        try:
+            with kept_up_to_date(self._roster):
+                yield
+        finally:
+            for each in self._named:
+                each.is_closed.set()
+
+    def members(self) -> Mapping[str, Member]:
+        """Returns the UAVs that are connected."""
+        return dict(self._members)
+
+    def _choose(self) -> list[Registration]:
+        """Returns the daemons of this computer, and those at the addresses whose names are known.
+
+        One name is one UAV: the first that has it.
+        """
+        wanted = self._session.ns.split(",") if self._session.ns else None
+        found = {each.ns: each for each in chosen_daemons(self._session) if wanted is None or each.ns in wanted}
+        for named in self._named:
+            if named.found is not None and found.setdefault(named.found.ns, named.found).address != named.address:
+                named.refuse(f"not shown, because another UAV has its name, {named.found.ns}")
+        return list(found.values())
+
+    def _say(self, text: str) -> None:
+        self._journal.write("ual view", text.removeprefix("ual: "), time.time())
+
+    def _attend(self, ns: str, uav: Uav, is_ended: threading.Event) -> None:
+        member = self._members[ns] = Member(uav, uav.info())
+        try:
+            while not is_ended.wait(_LOOK_S):
+                self._look(ns, member)
+        finally:
+            if self._members.get(ns) is member:  # else it was connected to anew
+                self._members.pop(ns)
+
+    def _look(self, ns: str, member: Member) -> None:
+        """Asks for what the telemetry does not have. What is not answered is not known."""
+        try:
+            self._look_at_task(ns, member)
+            member.frames = member.uav.frames() if self.wants_frames else None
+        except UalError:
+            member.frames = None
+
+    def _look_at_task(self, ns: str, member: Member) -> None:
+        """Writes down how a task ended: the telemetry has only the one that runs."""
+        seen = self.board.seen().get(ns)
+        task = None if seen is None or seen.telemetry is None else seen.telemetry.task
+        before, member.task_id = member.task_id, "" if task is None else task.id
+        if before and before != member.task_id:
+            self._journal.ended(ns, member.uav.task(before).info(), time.time())
+
+
+class Named:
+    """A daemon at an address. Asks for its name until it answers."""
+
+    def __init__(self, address: str, tls_ca: Path | None, say: Callable[[str], None]) -> None:
+        self.address = address
+        self.found: Registration | None = None
+        self.is_closed = threading.Event()
+        self._tls_ca = tls_ca
+        self._say = say
+        self._said = ""
+
+    def start(self) -> None:
+        """Begins to ask, on a thread of its own."""
+        threading.Thread(target=self._ask, name=f"ual view {self.address}", daemon=True).start()
+
+    def refuse(self, why: str) -> None:
+        """Says once why it is not shown."""
+        if why != self._said:
+            self._said = why
+            self._say(f"{self.address}: {why}")
+
+    def _ask(self) -> None:
+        while self.found is None and not self.is_closed.is_set():
+            try:
+                with Uav(address=self.address, tls_ca=self._tls_ca) as uav:
+                    info = uav.info()
+                self.found = Registration(info.namespace, 0, self.address, info.backend, 0.0)
+            except UalError as error:
+                self.refuse(error_text(error))
+                self.is_closed.wait(_RETRY_S)

@@ -1,0 +1,133 @@
+"""Runs the page: looks at the UAVs ten times a second, draws what has changed, and keeps each browser's panel."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+
+import viser
+
+from ual._cli.app import Session
+from ual._cli.view.access import Access
+from ual._cli.view.control_panel import ControlPanel
+from ual._cli.view.desk import Desk
+from ual._cli.view.fence import Fence
+from ual._cli.view.fences import Fences
+from ual._cli.view.fleet import RATE_HZ, Fleet
+from ual._cli.view.journal import Journal
+from ual._cli.view.models import MODELS
+from ual._cli.view.page import Page
+from ual._cli.view.picture import Moment, Picture
+from ual._cli.view.scene import Scene
+from ual._cli.view.server import serving
+from ual._cli.view.shown import MODEL_NAMES
+from ual._cli.view.ways import Ways
+from ual.geometry import Vector3
+
+_PERIOD_S = 1.0 / RATE_HZ
+_PANEL_EVERY = 3
+"""The panels are written with each third picture: nobody reads faster."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which UAVs are shown besides those of this computer, and what is known of them.
+
+    `models` has the model of each UAV that has one of its own, and under the empty name that of all others.
+    """
+
+    addresses: Sequence[str] = ()
+    models: Mapping[str, str] = field(default_factory=dict)
+    fences: Sequence[Fence] = ()
+
+
+def show(session: Session, choice: Choice, where: Access, *, control: bool) -> None:
+    """Serves the page until Ctrl-C."""
+    journal = Journal()
+    fleet = Fleet(session, choice.addresses, journal)
+    with serving(where) as server, fleet.running():
+        viewer = Viewer(server, fleet, journal, choice, control=control)
+        url = where.url(server.get_port())
+        session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
+        viewer.run()
+
+
+class Viewer:
+    """All pages of one server.
+
+    Args:
+        server: viser's.
+        fleet: The UAVs.
+        journal: The log.
+        choice: The models and fences.
+        control: Whether the pages may fly.
+
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, fleet: Fleet, journal: Journal, choice: Choice, *, control: bool
+    ) -> None:
+        self._server = server
+        self._fleet = fleet
+        self._journal = journal
+        self._is_control = control
+        self._picture = Picture(fleet.board, journal)
+        self._ways = Ways()
+        self._choice = choice
+        self._fences = Fences(server.scene, choice.fences, fleet)
+        self._scene = Scene(server.scene, self._model_of, self._goal_of)
+        self._lock = threading.Lock()
+        self._pages: dict[int, Page] = {}
+        server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        server.gui.set_panel_label("UAL" + (" - CONTROL" if control else ""))
+        server.initial_camera.position = (-3.0, -9.0, 6.0)
+        server.initial_camera.look_at = (1.5, 0.0, 1.0)
+        server.on_client_connect(self._open)
+        server.on_client_disconnect(self._close)
+
+    def run(self) -> None:
+        """Draws until Ctrl-C."""
+        due_s = time.monotonic()
+        for number in count():
+            self.draw(with_panels=number % _PANEL_EVERY == 0)
+            due_s = max(due_s + _PERIOD_S, time.monotonic())
+            time.sleep(max(0.0, due_s - time.monotonic()))
+
+    def draw(self, *, with_panels: bool) -> None:
+        """Draws one picture."""
+        moment = self._picture.look(time.monotonic(), time.time())
+        self._scene.update(moment)
+        self._fences.update(moment)
+        if with_panels:
+            self._update_pages(moment)
+
+    def _update_pages(self, moment: Moment) -> None:
+        with self._lock:
+            pages = list(self._pages.values())
+        for page in pages:
+            page.update(moment)
+        self._fleet.wants_frames = self._fences.need_frames or any(page.wants_frames for page in pages)
+
+    def _open(self, client: viser.ClientHandle) -> None:
+        desk = Desk(self._fleet, self._journal, self._ways) if self._is_control else None
+        control = None if desk is None else ControlPanel(desk, self._fleet)
+        page = Page(client, self._fleet, self._journal, control)
+        with self._lock:
+            self._pages[client.client_id] = page
+
+    def _close(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._pages.pop(client.client_id, None)
+
+    def _model_of(self, ns: str) -> str:
+        named = self._choice.models.get(ns) or self._choice.models.get("")
+        member = self._fleet.members().get(ns)
+        backend = "" if member is None else member.info.backend
+        return named or (backend if backend in MODELS else MODEL_NAMES[0])
+
+    def _goal_of(self, ns: str) -> Vector3 | None:
+        seen = self._fleet.board.seen().get(ns)
+        return self._ways.goal(ns, None if seen is None else seen.telemetry)

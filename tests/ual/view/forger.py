@@ -1,0 +1,84 @@
+"""A browser that lies: it speaks viser's protocol over a plain WebSocket, and sends whatever it is told to."""
+
+from __future__ import annotations
+
+import ssl
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import zstandard
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from tests.conftest import LIMIT_S
+
+_HEAD = 16
+CAMERA: dict[str, Any] = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (0.0, 0.0, 5.0),
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 100.0,
+    "image_height": 100,
+    "image_width": 100,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+
+
+class Forger:
+    """What the server sent, by the ids of the elements of its panel."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+        self.elements: dict[str, dict[str, Any]] = {}
+        self.enabled_clicks: list[Any] = []
+        self.send(**CAMERA)  # only then the server takes it for a page
+
+    def send(self, **message: object) -> None:
+        self._connection.send(msgspec.msgpack.encode(message))
+
+    def read_until(self, label: str) -> str:
+        """Reads until an element of this label is there, and returns its id."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not (found := [key for key, each in self.elements.items() if each.get("label") == label]):
+            self.read(deadline_s - time.monotonic())
+        return found[0]
+
+    def read_until_text(self, text: str) -> None:
+        """Reads until an element has a text with these words."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not any(text in str(value) for each in self.elements.values() for value in each.values()):
+            self.read(deadline_s - time.monotonic())
+
+    def read(self, timeout_s: float) -> None:
+        """Reads one bundle of messages."""
+        data = self._connection.recv(timeout_s)
+        assert isinstance(data, bytes)
+        size = int.from_bytes(data[8:_HEAD], "little")
+        bundle = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[_HEAD : _HEAD + size]))
+        for message in bundle["messages"]:
+            self._take(message)
+
+    def _take(self, message: dict[str, Any]) -> None:
+        if message["type"] == "ScenePointerEnableMessage":
+            self.enabled_clicks += message["modifiers"]
+        elif message["type"] == "GuiUpdateMessage" and message["uuid"] in self.elements:
+            self.elements[message["uuid"]].update(message["updates"])
+        elif message["type"].startswith("Gui") and "props" in message:
+            self.elements[message["uuid"]] = {**message["props"], "type": message["type"]}
+
+
+@contextmanager
+def forger(url: str, headers: Mapping[str, str] | None = None, tls: ssl.SSLContext | None = None) -> Iterator[Forger]:
+    """A connection to the page at an address."""
+    import viser
+
+    address = url.replace("http", "ws", 1)
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    with connect(address, subprotocols=[protocol], ssl=tls, additional_headers=headers, max_size=None) as connection:
+        yield Forger(connection)

@@ -1,0 +1,175 @@
+"""The page of `ual view` as a liar sees it: what it offers, and what it refuses, whatever is sent. Needs no browser."""
+
+from __future__ import annotations
+
+import ssl
+import subprocess
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from tests.conftest import DaemonProcess, StartDaemon
+from tests.ual.view.conftest import StartView
+from ual import State, Uav
+from ual.simulation import LinkLost
+
+pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+
+from tests.ual.view.forger import Forger, forger
+
+CLICK: dict[str, Any] = {
+    "type": "ScenePointerMessage",
+    "event_type": "click",
+    "ray_origin": (0.0, 0.0, 5.0),
+    "ray_direction": (0.1, 0.1, -1.0),
+    "screen_pos": ((0.5, 0.5),),
+    "modifier": None,
+}
+
+
+def forge_everything(page: Forger) -> None:
+    """Sends every message that viser takes from a browser, for each element of the panel."""
+    page.send(**CLICK)
+    page.send(type="ShareUrlRequest")
+    for uuid, element in page.elements.items():
+        kind = element["type"]
+        if kind in ("GuiButtonMessage", "GuiCheckboxMessage"):
+            page.send(type="GuiUpdateMessage", uuid=uuid, updates={"value": True})
+        page.send(type="GuiButtonHoldMessage", uuid=uuid, frequency=10.0)
+        page.send(type="GuiFormSubmitMessage", uuid=uuid)
+        page.send(type="CommandTriggerMessage", uuid=uuid)
+
+
+def status(request: urllib.request.Request, context: ssl.SSLContext | None = None) -> int:
+    try:
+        with urllib.request.urlopen(request, context=context) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code
+
+
+def commands_in(daemon: DaemonProcess) -> list[dict[str, Any]]:
+    return [each for each in daemon.events if each["event"] in ("command", "refused")]
+
+
+def test_a_page_without_control_cannot_fly(daemon: DaemonProcess, start_view: StartView) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view()) as page:
+        page.read_until("Log")
+        page.read_until_text("LANDED\\_ARMED")
+        labels = {each.get("label") for each in page.elements.values()}
+        assert labels - {None, "UAV", "Show", "Frames", "Look at it", "Log"} == set()
+        assert page.enabled_clicks == []
+        forge_everything(page)
+        # It answers in order: so it has done with all of that once it has answered to what is sent last.
+        page.send(type="GuiUpdateMessage", uuid=page.read_until("UAV"), updates={"value": "all UAVs"})
+        page.read_until_text(f"- {daemon.ns}".replace("_", "\\_"))
+    assert commands_in(daemon) == []
+    with Uav(daemon.ns) as uav:
+        assert uav.state() is State.LANDED_ARMED
+
+
+def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, start_view: StartView) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view("--control")) as page:
+        button = page.read_until(f"Take off {daemon.ns}")
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        confirm = page.read_until(f"Confirm: {daemon.ns}: take off to 3 m")
+        assert commands_in(daemon) == []  # a dry run begins nothing
+        page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
+        daemon.wait_for("command", command="take_off")
+
+
+@pytest.mark.parametrize("height_m", ["high", None, [], 1e300, -5.0, {"a": 1}])
+def test_values_that_no_page_sends_fly_nothing_and_end_nothing(
+    height_m: object, daemon: DaemonProcess, start_view: StartView
+) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view("--control")) as page:
+        button = page.read_until(f"Take off {daemon.ns}")
+        height = page.read_until("Take-off height (m)")
+        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": height_m})
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": 2.0})
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        page.read_until(f"Confirm: {daemon.ns}: take off to 2 m")
+    assert [each for each in commands_in(daemon) if each["event"] == "command"] == []
+
+
+def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
+    daemon: DaemonProcess, start_view: StartView
+) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        page.read_until_text("LANDED\\_ARMED")
+        uav.simulation.begin_fault(LinkLost())
+        page.read_until_text("no new pose for")
+        uav.simulation.end_fault()
+        page.read_until_text("### uav\\_1: LANDED\\_ARMED")
+
+
+def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:
+    url = start_view("--control")
+    for headers in ({"Origin": "https://evil.example"}, {"Origin": "null"}):
+        with pytest.raises(InvalidStatus) as refused, forger(url, headers):
+            pass
+        assert refused.value.response.status_code == 403
+    with forger(url, {"Origin": url.rstrip("/")}) as page:
+        page.read_until("Log")
+
+
+def test_the_page_is_shown_by_no_other_and_loads_nothing(start_view: StartView) -> None:
+    with urllib.request.urlopen(start_view()) as answer:
+        policy = answer.headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in policy
+        assert "default-src 'self'" in policy
+        assert answer.headers["X-Frame-Options"] == "DENY"
+
+
+def test_a_name_that_leads_here_is_not_this_computer(start_view: StartView) -> None:
+    assert status(urllib.request.Request(start_view(), headers={"Host": "evil.example"})) == 403
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> tuple[Path, Path]:
+    files = {"-keyout": tmp_path / "key.pem", "-out": tmp_path / "certificate.pem"}
+    options = ["-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=127.0.0.1"]
+    options += ["-addext", "subjectAltName=IP:127.0.0.1"]
+    paths = [str(each) for pair in files.items() for each in pair]
+    subprocess.run(["openssl", "req", *options, *paths], check=True, capture_output=True)
+    return files["-out"], files["-keyout"]
+
+
+def test_beyond_loopback_it_takes_tls_and_a_token(certificate: tuple[Path, Path], start_view: StartView) -> None:
+    where = ("--host", "0.0.0.0", "--tls-certificate", str(certificate[0]), "--tls-key", str(certificate[1]))
+    printed = start_view(*where, "--control")
+    assert printed.startswith("https://0.0.0.0:")
+    url = printed.replace("0.0.0.0", "127.0.0.1")
+    bare, _, token = url.partition("?token=")
+    assert len(token) >= 32
+    context = ssl.create_default_context(cafile=str(certificate[0]))
+
+    with urllib.request.urlopen(url, context=context) as answer:
+        assert answer.status == 200
+        assert f"ual_view_token={token}" in answer.headers["Set-Cookie"]
+    for wrong in (bare, f"{bare}?token=x"):
+        assert status(urllib.request.Request(wrong), context) == 403
+        with pytest.raises(InvalidStatus), forger(wrong, tls=context):
+            pass
+    with forger(bare, {"Cookie": f"ual_view_token={token}"}, context) as page:
+        page.read_until("Log")
+
+
+def test_uavs_of_this_computer_and_of_an_address(start_daemon: StartDaemon, start_view: StartView) -> None:
+    here, there = start_daemon(ns="uav_1"), start_daemon(ns="uav_2")
+    for each in (here, there):
+        each.wait_for("listening")
+    with forger(start_view("--ns", "uav_1", "--address", there.address)) as page:
+        choice = page.read_until("UAV")
+        while page.elements[choice]["options"] != ["all UAVs", "uav_1", "uav_2"]:
+            page.read(60.0)
