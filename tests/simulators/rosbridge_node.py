@@ -13,6 +13,7 @@ import json
 import sys
 import threading
 import time
+from contextlib import closing
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -88,7 +89,7 @@ class RosbridgeNode:
 
 def main(port: int, front: str) -> None:
     """Connects, and serves until the bridge goes."""
-    with connect(f"ws://127.0.0.1:{port}", compression=None) as connection:
+    with closing(connect(f"ws://127.0.0.1:{port}", compression=None)) as connection:
         node = RosbridgeNode(connection, FRONTS[front](Aircraft()))
         node.advertise()
         threading.Thread(target=node.receive, daemon=True).start()

@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -157,7 +157,7 @@ def browser(profile: Path) -> Iterator[Page]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        with connect(_page_address(profile, process), max_size=None, compression=None) as connection:
+        with closing(connect(_page_address(profile, process), max_size=None, compression=None)) as connection:
             yield Page(connection, process.pid)
     finally:
         process.terminate()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ssl
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import msgspec
@@ -80,5 +80,6 @@ def forger(url: str, headers: Mapping[str, str] | None = None, tls: ssl.SSLConte
 
     address = url.replace("http", "ws", 1)
     protocol = Subprotocol(f"viser-v{viser.__version__}")
-    with connect(address, subprotocols=[protocol], ssl=tls, additional_headers=headers, max_size=None) as connection:
+    opened = connect(address, subprotocols=[protocol], ssl=tls, additional_headers=headers, max_size=None)
+    with closing(opened) as connection:
         yield Forger(connection)

@@ -71,12 +71,13 @@ def _guarded(access: Access) -> Iterator[None]:
         options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE}
         return real(*args, process_request=_checked(access.guard, process_request), **options)
 
-    websockets_server.serve = serve  # type: ignore[assignment]
+    names = vars(websockets_server)
+    names["serve"] = serve
     try:
         with _quiet():
             yield
     finally:
-        websockets_server.serve = real
+        names["serve"] = real
 
 
 def _quiet() -> redirect_stdout[io.StringIO]:
