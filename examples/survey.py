@@ -42,7 +42,7 @@ class Surveyor:
         self.name = name
         self._uav = uav
         self._zone = zone
-        self._height_m = LOWEST_M + LAYER_M * index
+        self.height_m = LOWEST_M + LAYER_M * index
         self._south_m, self._north_m = FIELD_M[1] * index / count, FIELD_M[1] * (index + 1) / count
         # Those who wait stand apart from each other, on the side of the field.
         angle = math.pi * (index + 1) / (count + 1)
@@ -53,7 +53,6 @@ class Surveyor:
 
     async def survey(self, found: list[tuple[float, float]]) -> None:
         """Flies the lanes, then fetches what lies in the strip."""
-        await self._uav.take_off(self._height_m)
         await self._uav.follow_path(self._lanes())
         mine = [(x, y) for x, y in found if self._south_m <= y < self._north_m]
         print(f"{self.name} has seen its strip: {len(mine)} things")
@@ -68,7 +67,7 @@ class Surveyor:
         for lane in range(LANES):
             y = self._south_m + (self._north_m - self._south_m) * (lane + 0.5) / LANES
             xs = (0.0, FIELD_M[0]) if lane % 2 == 0 else (FIELD_M[0], 0.0)
-            corners += [ual.PoseStamped(ual.Pose.at(x, y, self._height_m), "map") for x in xs]
+            corners += [ual.PoseStamped(ual.Pose.at(x, y, self.height_m), "map") for x in xs]
         return corners
 
     async def _drop(self) -> None:
@@ -91,19 +90,20 @@ class Surveyor:
         await self._go(x, y)
 
     async def _go(self, x: float, y: float, height_m: float | None = None) -> None:
-        z = self._height_m if height_m is None else height_m
+        z = self.height_m if height_m is None else height_m
         await self._uav.go_to_waypoint(ual.PoseStamped(ual.Pose.at(x, y, z), "map"))
 
 
 async def survey(names: list[str], found: list[tuple[float, float]], *, is_arming: bool, tracks: Tracks) -> None:
     zone = asyncio.Lock()
     async with ual.aio.Team(names) as team:
-        surveyors = [Surveyor(name, team[name], i, len(names), zone) for i, name in enumerate(names)]
+        surveyors = {name: Surveyor(name, team[name], i, len(names), zone) for i, name in enumerate(names)}
         try:
             if is_arming:
                 await team.arm()
+            await team.each(lambda name, uav: uav.take_off(surveyors[name].height_m))
             async with tracks.kept(team_of(team)):
-                await together(*(surveyor.survey(found) for surveyor in surveyors))
+                await together(*(surveyor.survey(found) for surveyor in surveyors.values()))
         finally:
             # All that fly land where they are: in their strips, or where they wait.
             await team.ask(land_if_flying)

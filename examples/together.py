@@ -27,5 +27,7 @@ def team_of(team: ual.aio.Team) -> Mapping[str, ual.aio.Uav]:
 
 async def land_if_flying(_name: str, uav: ual.aio.Uav) -> None:
     """Lands a UAV that is ours to land: neither one on the ground nor one that its pilot flies."""
+    if await uav.state() is ual.State.TAKING_OFF:  # only the safety pilot ends a take-off
+        await uav.wait_for(*set(ual.State) - {ual.State.TAKING_OFF})
     if await uav.state() is ual.State.FLYING_AUTO:
         await uav.land()

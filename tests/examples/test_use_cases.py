@@ -184,6 +184,18 @@ def test_never_two_are_in_the_drop_zone(start_daemon: StartDaemon, runtime_dir: 
     assert plot.stat().st_size > 1000
 
 
+def test_where_one_cannot_take_off_the_other_one_lands(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    start_armed(start_daemon)
+    start_daemon(ns="uav_2").wait_for("state", new="LANDED_DISARMED")
+    program = Program(runtime_dir, "survey", "uav_1", "uav_2")
+    out, _ = program.process.communicate(timeout=LIMIT_S)
+    assert program.process.returncode == 1
+    assert "ual.errors.TeamError: uav_2: " in out.splitlines()[-1]
+    with ual.Uav("uav_1") as uav:
+        assert uav.state() in (ual.State.LANDED_ARMED, ual.State.LANDED_DISARMED)
+        assert uav.pose().pose.position.z < 0.1
+
+
 # --- A team that loses a member ---------------------------------------------------------------------------------------
 
 
