@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import select
 import signal
@@ -11,13 +10,16 @@ import sys
 import termios
 import time
 from collections.abc import Callable
-from functools import partial
 
 from typing_extensions import Self
 
 from tests.conftest import LIMIT_S, open_terminal
 
-UAL = (sys.executable, "-c", "from ual._cli import main; main()")
+_MAIN = "from ual._cli import main; main()"
+UAL = (sys.executable, "-c", _MAIN)
+# The program itself does what `preexec_fn` would: that forks, and gRPC, which has threads here, may break a fork.
+_OF_SESSION = (sys.executable, "-c", f"import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); {_MAIN}")
+_OF_GROUP = (sys.executable, "-c", f"import os; os.setpgid(0, 0); {_MAIN}")
 
 
 class Terminal:
@@ -37,15 +39,13 @@ class Terminal:
     ) -> None:
         self._ours, its = open_terminal()
         environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
-        own = partial(fcntl.ioctl, 0, termios.TIOCSCTTY, 0) if is_controlling else partial(os.setpgid, 0, 0)
         self.process = subprocess.Popen(
-            [*UAL, *words],
+            [*(_OF_SESSION if is_controlling else _OF_GROUP), *words],
             stdin=its,
             stdout=its,
             stderr=its,
             env=environment,
             start_new_session=is_controlling,
-            preexec_fn=own,  # noqa: PLW1509 (one system call; `process_group` came with Python 3.11)
         )
         os.close(its)
         self.text = ""

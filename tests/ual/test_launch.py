@@ -131,6 +131,8 @@ StartTeam = Callable[..., Launched]
 def start_team(tmp_path: Path, runtime_dir: Path) -> Iterator[StartTeam]:
     """Runs a file: ``start_team(text, count=2, speed=10, terminal=..., NO_COLOR="1")``."""
     started: list[Launched] = []
+    # A suite that is run by `nohup` ignores it; our programs would inherit that.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
     def start(
         text: str, count: int = 1, speed: float = 10.0, terminal: tuple[int, int] | None = None, **variables: str

@@ -119,6 +119,8 @@ def test_a_daemon_that_was_not_commanded_ends_cleanly_in_another_flight(start_da
             take_off(uav, vehicle)
             daemon.signal(signal.SIGKILL)
             daemon.wait()
+        autopilot = vehicle.autopilot
+        wait_for(lambda: autopilot.elapsed_s - autopilot.setpoints_s[-1] > 1.0, "the last setpoint that was on its way")
         began_s, count = vehicle.autopilot.elapsed_s, len(vehicle.autopilot.setpoints_s)
         daemon = start_daemon("--url", vehicle.url, backend="mavlink")
         daemon.wait_for("state", new="FLYING_AUTO")
