@@ -9,15 +9,13 @@ Lin, Manocha, "Reciprocal velocity obstacles for real-time multi-agent navigatio
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import ual
-from examples.together import land_if_flying, team_of, together
+from examples.together import landing_team, next_in_flight, parser, team_of, together
 from examples.tracks import Tracks
 
 HEIGHT_M = 2.0
@@ -84,8 +82,9 @@ async def fly(
     to_map = await uav.transform("map", f"{(await uav.info()).namespace}/odom")
     clock = asyncio.get_running_loop().time
     async with uav.subscribe(rate_hz=20.0) as samples:
-        async for sample in samples:
-            if sample.state is not ual.State.FLYING_AUTO or sample.pose is None or sample.velocity is None:
+        while True:
+            sample = await next_in_flight(name, samples)
+            if sample.pose is None or sample.velocity is None:
                 raise ual.WrongStateError(f"{name}: {sample.state.name}: {sample.state_reason}")
             position = to_map.apply(sample.pose.position)
             seen[name] = me = Mover(position, to_map.rotation.rotate(sample.velocity.linear), clock())
@@ -100,31 +99,18 @@ async def fly(
 
 
 async def change_places(names: list[str], *, is_arming: bool, tracks: Tracks) -> None:
-    async with ual.aio.Team(names) as team:
-        try:
-            if is_arming:
-                await team.arm()
-            await team.take_off(HEIGHT_M)
-            places = {
-                name: (await team[name].transform("map", f"{info.namespace}/base_link")).translation
-                for name, info in (await team.info()).items()
-            }
-            goals = dict(zip(names, [places[name] for name in reversed(names)], strict=True))
-            seen: dict[str, Mover] = {}
-            there: set[str] = set()
-            async with tracks.kept(team_of(team)):
-                flights = [fly(name, team[name], goals, seen, there) for name in names]
-                await together(*flights)
-        finally:
-            await team.ask(land_if_flying)
+    async with landing_team(names, is_arming=is_arming) as team:
+        await team.take_off(HEIGHT_M)
+        places = {name: place.translation for name, place in (await team.transform()).items()}
+        goals = dict(zip(names, [places[name] for name in reversed(names)], strict=True))
+        seen: dict[str, Mover] = {}
+        there: set[str] = set()
+        async with tracks.kept(team_of(team)):
+            await together(*(fly(name, team[name], goals, seen, there) for name in names))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", metavar="NAME")
-    parser.add_argument("--arm", action="store_true", help="arm them, where their daemons may")
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    arguments = parser(__doc__).parse_args()
     tracks = Tracks()
     asyncio.run(change_places(arguments.names, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:

@@ -9,16 +9,14 @@ exists only as a number, so nothing stops the UAV when it goes on; replace `Wall
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import ual
-from examples.together import land_if_flying
+from examples.together import land_if_flying, next_in_flight, parser
 from examples.tracks import Tracks
 
 TIP_M = 0.4
@@ -84,8 +82,9 @@ class Inspector:
         to_face = await self._uav.transform("face", f"{ns}/odom")
         touched_s: float | None = None
         async with self._uav.subscribe(rate_hz=20.0) as samples:
-            async for sample in samples:
-                if sample.state is not ual.State.FLYING_AUTO or sample.pose is None:
+            while True:
+                sample = await next_in_flight(ns, samples)
+                if sample.pose is None:
                     raise ual.WrongStateError(f"{sample.state.name}: {sample.state_reason}")
                 body = to_face.apply_pose(sample.pose)
                 tip = body.position + body.orientation.rotate(ual.Vector3(x=TIP_M))
@@ -100,7 +99,6 @@ class Inspector:
                     return "no contact"
                 speed = 0.0 if is_touching else APPROACH_M_S
                 await self._uav.set_velocity(ual.TwistStamped(ual.Twist(ual.Vector3(x=speed)), "face"))
-        raise ual.DaemonUnreachableError("the telemetry has ended")
 
 
 async def fly(name: str, face: ual.Transform, touch: Touch, *, is_arming: bool, tracks: Tracks) -> int:
@@ -118,13 +116,10 @@ async def fly(name: str, face: ual.Transform, touch: Touch, *, is_arming: bool, 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("--face", nargs=4, type=float, default=(6.0, 0.0, 0.0, 0.0), metavar=("X", "Y", "Z", "YAW"))
-    parser.add_argument("--deaf", type=int, default=0, help="how many approaches the simulated sensor does not feel")
-    parser.add_argument("--arm", action="store_true", help="arm it, where its daemon may")
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    options = parser(__doc__, names_count=None)
+    options.add_argument("--face", nargs=4, type=float, default=(6.0, 0.0, 0.0, 0.0), metavar=("X", "Y", "Z", "YAW"))
+    options.add_argument("--deaf", type=int, default=0, help="how many approaches the simulated sensor does not feel")
+    arguments = options.parse_args()
     x, y, z, yaw_deg = arguments.face
     face = ual.Transform(ual.Vector3(x, y, z), ual.Quaternion.from_yaw(math.radians(yaw_deg)), "map", "face")
     tracks = Tracks()

@@ -9,14 +9,12 @@ fixed to it. The two fly at two heights. In the end each returns to where it too
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import ual
-from examples.together import land_if_flying, team_of, together
+from examples.together import landing_team, next_in_flight, parser, team_of, together
 from examples.tracks import Tracks
 
 SPEED_M_S, CURVE_M = 0.5, 15.0
@@ -55,6 +53,7 @@ class Car:
     """A car on a circle, and its frame in the trees of those who film it."""
 
     def __init__(self) -> None:
+        self.is_parked = False
         self._clock = asyncio.get_running_loop().time
         self._began_s = self._clock()
 
@@ -65,8 +64,8 @@ class Car:
         return ual.Transform(ual.Vector3(x, y), ual.Quaternion.from_yaw(angle), "map", "car")
 
     async def drive(self, team: ual.aio.Team) -> None:
-        """Tells all where it is, until it is cancelled."""
-        while True:
+        """Tells all where it is, until it is parked."""
+        while not self.is_parked:
             await team.add_frame(self.place())
             await asyncio.sleep(1.0 / RATE_HZ)
 
@@ -76,9 +75,8 @@ async def film(uav: ual.aio.Uav, shot: Shot, height_m: float, duration_s: float)
     clock = asyncio.get_running_loop().time
     began_s = clock()
     async with uav.subscribe(rate_hz=RATE_HZ) as samples:
-        async for sample in samples:
-            if sample.state is not ual.State.FLYING_AUTO:
-                raise ual.WrongStateError(f"{sample.state.name}: {sample.state_reason}")
+        while True:
+            await next_in_flight(uav.ns, samples)
             share = (clock() - began_s) / duration_s
             if share >= 1.0:
                 return
@@ -87,33 +85,30 @@ async def film(uav: ual.aio.Uav, shot: Shot, height_m: float, duration_s: float)
             await uav.set_pose(ual.PoseStamped(pose, "car"))
 
 
+async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car) -> None:
+    """Takes off, flies all shots, and returns to where they stood."""
+    heights = dict(zip(names, HEIGHTS_M, strict=True))
+    await team.each(lambda name, uav: uav.take_off(heights[name]))
+    for title, shots in SHOTS.items():
+        print(title, flush=True)
+        flights = zip(names, shots, strict=True)
+        await together(*(film(team[name], shot, heights[name], duration_s) for name, shot in flights))
+    await team.each(lambda name, uav: uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, heights[name])))
+    car.is_parked = True
+
+
 async def film_all(names: list[str], duration_s: float, *, is_arming: bool, tracks: Tracks) -> None:
-    async with ual.aio.Team(names) as team:
+    async with landing_team(names, is_arming=is_arming) as team:
         car = Car()
-        driving = asyncio.create_task(car.drive(team))
-        try:
-            if is_arming:
-                await team.arm()
-            heights = dict(zip(names, HEIGHTS_M, strict=True))
-            await team.each(lambda name, uav: uav.take_off(heights[name]))
-            async with tracks.kept(team_of(team)):
-                for title, shots in SHOTS.items():
-                    print(title, flush=True)
-                    flights = zip(names, shots, strict=True)
-                    await together(*(film(team[n], shot, heights[n], duration_s) for n, shot in flights))
-                await team.each(lambda name, uav: uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, heights[name])))
-        finally:
-            driving.cancel()
-            await team.ask(land_if_flying)
+        async with tracks.kept(team_of(team)):
+            # Together: nobody goes on filming a car of which nothing is heard any more.
+            await together(car.drive(team), shoot(team, names, duration_s, car))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs=2, metavar="NAME")
-    parser.add_argument("--shot-s", type=float, default=12.0, help="how long a shot takes")
-    parser.add_argument("--arm", action="store_true", help="arm them, where their daemons may")
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    options = parser(__doc__, names_count=2)
+    options.add_argument("--shot-s", type=float, default=12.0, help="how long a shot takes")
+    arguments = options.parse_args()
     tracks = Tracks()
     asyncio.run(film_all(arguments.names, arguments.shot_s, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:

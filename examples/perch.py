@@ -9,13 +9,11 @@ breaks off: it climbs, and tries again. A real UAV rests on the pipe; this one h
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
-from pathlib import Path
 
 import ual
-from examples.together import land_if_flying
+from examples.together import land_if_flying, next_in_flight, parser
 from examples.tracks import Tracks
 
 ABOVE_M = 1.5
@@ -48,9 +46,8 @@ async def approach(uav: ual.aio.Uav) -> bool:
     ns = (await uav.info()).namespace
     sitting_s: float | None = None
     async with uav.subscribe(rate_hz=20.0) as samples:
-        async for sample in samples:
-            if sample.state is not ual.State.FLYING_AUTO:
-                raise ual.WrongStateError(f"{sample.state.name}: {sample.state_reason}")
+        while True:
+            sample = await next_in_flight(ns, samples)
             here = (await uav.transform("pipe", f"{ns}/base_link")).translation
             if is_to_break_off(here):
                 print(f"broken off: {here.horizontal_norm():.2f} m aside", flush=True)
@@ -60,7 +57,6 @@ async def approach(uav: ual.aio.Uav) -> bool:
             if sitting_s is not None and sample.stamp_s - sitting_s > HOLD_S:
                 return True
             await uav.set_velocity(ual.TwistStamped(ual.Twist(velocity(here)), "pipe"))
-    raise ual.DaemonUnreachableError("the telemetry has ended")
 
 
 async def climb(uav: ual.aio.Uav) -> None:
@@ -99,12 +95,9 @@ async def leave(name: str, uav: ual.aio.Uav) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("--pipe", nargs=3, type=float, default=(4.0, 0.0, 1.0), metavar=("X", "Y", "Z"))
-    parser.add_argument("--arm", action="store_true", help="arm it, where its daemon may")
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    options = parser(__doc__, names_count=None)
+    options.add_argument("--pipe", nargs=3, type=float, default=(4.0, 0.0, 1.0), metavar=("X", "Y", "Z"))
+    arguments = options.parse_args()
     pipe, tracks = ual.Vector3(*arguments.pipe), Tracks()
     has_perched = asyncio.run(perch(arguments.name, pipe, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:

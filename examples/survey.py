@@ -9,14 +9,12 @@ The zone is free again when telemetry has shown that the UAV has left it. If one
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
 import random
-from pathlib import Path
 
 import ual
-from examples.together import land_if_flying, team_of, together
+from examples.together import landing_team, parser, team_of, together
 from examples.tracks import Tracks
 
 FIELD_M = (12.0, 9.0)
@@ -96,27 +94,19 @@ class Surveyor:
 
 async def survey(names: list[str], found: list[tuple[float, float]], *, is_arming: bool, tracks: Tracks) -> None:
     zone = asyncio.Lock()
-    async with ual.aio.Team(names) as team:
+    # Whatever fails, all that fly land where they are: in their strips, or where they wait.
+    async with landing_team(names, is_arming=is_arming) as team:
         surveyors = {name: Surveyor(name, team[name], i, len(names), zone) for i, name in enumerate(names)}
-        try:
-            if is_arming:
-                await team.arm()
-            await team.each(lambda name, uav: uav.take_off(surveyors[name].height_m))
-            async with tracks.kept(team_of(team)):
-                await together(*(surveyor.survey(found) for surveyor in surveyors.values()))
-        finally:
-            # All that fly land where they are: in their strips, or where they wait.
-            await team.ask(land_if_flying)
+        await team.each(lambda name, uav: uav.take_off(surveyors[name].height_m))
+        async with tracks.kept(team_of(team)):
+            await together(*(surveyor.survey(found) for surveyor in surveyors.values()))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", metavar="NAME")
-    parser.add_argument("--arm", action="store_true", help="arm them, where their daemons may")
-    parser.add_argument("--things", type=int, default=4, help="how many things lie in the field")
-    parser.add_argument("--seed", type=int, default=1, help="where they lie")
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument("--things", type=int, default=4, help="how many things lie in the field")
+    options.add_argument("--seed", type=int, default=1, help="where they lie")
+    arguments = options.parse_args()
     found, tracks = things(arguments.things, arguments.seed), Tracks()
     asyncio.run(survey(arguments.names, found, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:

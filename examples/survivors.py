@@ -9,12 +9,10 @@ not commanded any more: its daemon holds or its pilot flies. Each flies at a hei
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-from pathlib import Path
 
 import ual
-from examples.together import land_if_flying, team_of, together
+from examples.together import land_if_flying, parser, team_of, together
 from examples.tracks import Tracks
 
 LENGTH_M, APART_M = 8.0, 1.5
@@ -50,12 +48,13 @@ class Lanes:
             self._changed.notify_all()
 
 
-async def work(name: str, uav: ual.aio.Uav, height_m: float, lanes: Lanes) -> str:
-    """Flies lanes until none is left. Returns why the UAV was lost; nothing if it was not."""
+async def work(name: str, uav: ual.aio.Uav, height_m: float, lanes: Lanes) -> None:
+    """Flies lanes until none is left, or until the UAV is lost."""
     try:
         await uav.take_off(height_m)
     except ual.UalError as error:
-        return f"{name} is lost at its take-off: {error.message}"
+        print(f"{name} is lost at its take-off: {error.message}", flush=True)
+        return
     is_back = False
     while (lane := await lanes.take()) is not None:
         ends = (LENGTH_M, 0.0) if is_back else (0.0, LENGTH_M)
@@ -66,10 +65,9 @@ async def work(name: str, uav: ual.aio.Uav, height_m: float, lanes: Lanes) -> st
         except ual.UalError as error:
             print(f"{name} is lost in lane {lane}: {error.message}", flush=True)
             await lanes.finish(lane)
-            return f"{name} is lost: {error.message}"
+            return
         await lanes.finish(lane, name)
         is_back = not is_back
-    return ""
 
 
 async def survey(names: list[str], count: int, *, is_arming: bool, tracks: Tracks) -> dict[int, str]:
@@ -98,12 +96,9 @@ async def survey(names: list[str], count: int, *, is_arming: bool, tracks: Track
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", metavar="NAME")
-    parser.add_argument("--arm", action="store_true", help="arm them, where their daemons may")
-    parser.add_argument("--lanes", type=int, default=8)
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    arguments = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument("--lanes", type=int, default=8, help="how many lanes the field has")
+    arguments = options.parse_args()
     tracks = Tracks()
     flown = asyncio.run(survey(arguments.names, arguments.lanes, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:

@@ -164,6 +164,19 @@ def _places(names: Sequence[str]) -> list[ual.Vector3]:
         return [place.translation for place in team.transform().values()]
 
 
+def test_where_one_falls_silent_the_other_lands(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+    daemons = [start_armed(start_daemon, ns) for ns in ("uav_1", "uav_2")]
+    program = Program(runtime_dir, "avoidance", "uav_1", "uav_2")
+    with ual.Uav("uav_2") as uav:
+        uav.wait_for(ual.State.FLYING_AUTO)
+        wait_until(lambda: uav.velocity().twist.linear.norm() > 0.1)
+        with daemons[0].frozen():
+            out, _ = program.process.communicate(timeout=LIMIT_S)
+        assert program.process.returncode == 1
+        assert "uav_1: DAEMON_UNREACHABLE: " in out.splitlines()[-1]
+        assert uav.state() in (ual.State.LANDED_ARMED, ual.State.LANDED_DISARMED)
+
+
 # --- A survey with one drop zone --------------------------------------------------------------------------------------
 
 
