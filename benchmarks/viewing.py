@@ -107,7 +107,7 @@ def main() -> None:
         page = stack.enter_context(browser(directory / "profile"))
         page.open(url)
         page.wait_for(names[-1], "FLYING_AUTO")
-        time.sleep(options.after)
+        time.sleep(options.after)  # long trails are what costs: how long they are is part of what is measured
         print(f"{options.uavs} UAVs; {priority_text()}")
         measure(page, {"daemon": daemon.pid, "ual view": view.pid, "browser": page.pid}, options.duration)
         if options.picture is not None:

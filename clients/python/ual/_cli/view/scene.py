@@ -181,8 +181,7 @@ class Marks:
         if self._count % _TRAIL_EVERY:
             return
         self._trail.draw(trail)
-        is_known = uav.body is not None and goal is not None and not uav.is_lost
-        self._way.draw([(uav.body.position, goal)] if is_known and uav.body and goal else [])
+        self._way.draw([] if uav.body is None or goal is None or uav.is_lost else [(uav.body.position, goal)])
 
     def remove(self) -> None:
         """Takes them out of the scene."""
