@@ -42,8 +42,20 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
   RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
+  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: says who, and since when
+  LEASE_LOST              FAILED_PRECONDITION   the lease that the call carries has ended: says why
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
+
+CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
+token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it: an
+observer reads, a pilot flies, too, and a commander also arms, disarms, moves home, acts on a simulation, and takes
+the lease from others.
+
+LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
+While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot
+may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
+holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
 Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that nobody can mean (beyond
 10,000 km or 1,000 m/s) are refused with INVALID_ARGUMENT before anything moves. A request may carry the metadata
@@ -2087,3 +2099,154 @@ class WatchTaskResponse(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["task", b"task"]) -> None: ...
 
 Global___WatchTaskResponse: typing_extensions.TypeAlias = WatchTaskResponse
+
+@typing.final
+class Lease(google.protobuf.message.Message):
+    """Who is the only one that flies a UAV."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HOLDER_FIELD_NUMBER: builtins.int
+    IDENTITY_FIELD_NUMBER: builtins.int
+    SINCE_FIELD_NUMBER: builtins.int
+    holder: builtins.str
+    """The program, as it calls itself."""
+    identity: builtins.str
+    """Whose certificate or token it showed; `local` for a program on the daemon's computer without either."""
+    @property
+    def since(self) -> google.protobuf.timestamp_pb2.Timestamp: ...
+    def __init__(
+        self,
+        *,
+        holder: builtins.str = ...,
+        identity: builtins.str = ...,
+        since: google.protobuf.timestamp_pb2.Timestamp | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["since", b"since"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["holder", b"holder", "identity", b"identity", "since", b"since"]) -> None: ...
+
+Global___Lease: typing_extensions.TypeAlias = Lease
+
+@typing.final
+class AcquireLeaseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HOLDER_FIELD_NUMBER: builtins.int
+    TAKE_FIELD_NUMBER: builtins.int
+    holder: builtins.str
+    """How the program is called where others are refused, at most 64 characters. Empty: its address."""
+    take: builtins.bool
+    """Take it from whoever holds it. Only a commander may."""
+    def __init__(
+        self,
+        *,
+        holder: builtins.str = ...,
+        take: builtins.bool = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["holder", b"holder", "take", b"take"]) -> None: ...
+
+Global___AcquireLeaseRequest: typing_extensions.TypeAlias = AcquireLeaseRequest
+
+@typing.final
+class AcquireLeaseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LEASE_ID_FIELD_NUMBER: builtins.int
+    LEASE_FIELD_NUMBER: builtins.int
+    EXPIRES_AFTER_S_FIELD_NUMBER: builtins.int
+    lease_id: builtins.str
+    """The secret that the holder's calls carry as metadata `ual-lease`."""
+    expires_after_s: builtins.float
+    """How long it lasts after it was kept last, in seconds."""
+    @property
+    def lease(self) -> Global___Lease: ...
+    def __init__(
+        self,
+        *,
+        lease_id: builtins.str = ...,
+        lease: Global___Lease | None = ...,
+        expires_after_s: builtins.float = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["lease", b"lease"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["expires_after_s", b"expires_after_s", "lease", b"lease", "lease_id", b"lease_id"]) -> None: ...
+
+Global___AcquireLeaseResponse: typing_extensions.TypeAlias = AcquireLeaseResponse
+
+@typing.final
+class KeepLeaseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LEASE_ID_FIELD_NUMBER: builtins.int
+    lease_id: builtins.str
+    def __init__(
+        self,
+        *,
+        lease_id: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["lease_id", b"lease_id"]) -> None: ...
+
+Global___KeepLeaseRequest: typing_extensions.TypeAlias = KeepLeaseRequest
+
+@typing.final
+class KeepLeaseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___KeepLeaseResponse: typing_extensions.TypeAlias = KeepLeaseResponse
+
+@typing.final
+class ReleaseLeaseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LEASE_ID_FIELD_NUMBER: builtins.int
+    lease_id: builtins.str
+    def __init__(
+        self,
+        *,
+        lease_id: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["lease_id", b"lease_id"]) -> None: ...
+
+Global___ReleaseLeaseRequest: typing_extensions.TypeAlias = ReleaseLeaseRequest
+
+@typing.final
+class ReleaseLeaseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___ReleaseLeaseResponse: typing_extensions.TypeAlias = ReleaseLeaseResponse
+
+@typing.final
+class GetLeaseRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___GetLeaseRequest: typing_extensions.TypeAlias = GetLeaseRequest
+
+@typing.final
+class GetLeaseResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    LEASE_FIELD_NUMBER: builtins.int
+    @property
+    def lease(self) -> Global___Lease:
+        """Not set where nobody holds it."""
+
+    def __init__(
+        self,
+        *,
+        lease: Global___Lease | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["lease", b"lease"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["lease", b"lease"]) -> None: ...
+
+Global___GetLeaseResponse: typing_extensions.TypeAlias = GetLeaseResponse

@@ -160,6 +160,26 @@ class UalServiceStub(object):
                 request_serializer=ual_dot_v1_dot_ual__pb2.ResumeRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.ResumeResponse.FromString,
                 _registered_method=True)
+        self.AcquireLease = channel.unary_unary(
+                '/ual.v1.UalService/AcquireLease',
+                request_serializer=ual_dot_v1_dot_ual__pb2.AcquireLeaseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.AcquireLeaseResponse.FromString,
+                _registered_method=True)
+        self.KeepLease = channel.unary_unary(
+                '/ual.v1.UalService/KeepLease',
+                request_serializer=ual_dot_v1_dot_ual__pb2.KeepLeaseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.KeepLeaseResponse.FromString,
+                _registered_method=True)
+        self.ReleaseLease = channel.unary_unary(
+                '/ual.v1.UalService/ReleaseLease',
+                request_serializer=ual_dot_v1_dot_ual__pb2.ReleaseLeaseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.ReleaseLeaseResponse.FromString,
+                _registered_method=True)
+        self.GetLease = channel.unary_unary(
+                '/ual.v1.UalService/GetLease',
+                request_serializer=ual_dot_v1_dot_ual__pb2.GetLeaseRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.GetLeaseResponse.FromString,
+                _registered_method=True)
         self.GetTask = channel.unary_unary(
                 '/ual.v1.UalService/GetTask',
                 request_serializer=ual_dot_v1_dot_ual__pb2.GetTaskRequest.SerializeToString,
@@ -386,6 +406,35 @@ class UalServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def AcquireLease(self, request, context):
+        """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
+        a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def KeepLease(self, request, context):
+        """Keeps a lease for another 2 s. To be called about every 0.5 s. Errors: LEASE_LOST.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def ReleaseLease(self, request, context):
+        """Ends a lease. Nothing happens where it has ended before.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetLease(self, request, context):
+        """Who holds the lease, if anybody does.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def GetTask(self, request, context):
         """A task by its id, running or ended lately. Errors: INVALID_ARGUMENT (no such task).
         """
@@ -527,6 +576,26 @@ def add_UalServiceServicer_to_server(servicer, server):
                     servicer.Resume,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.ResumeRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.ResumeResponse.SerializeToString,
+            ),
+            'AcquireLease': grpc.unary_unary_rpc_method_handler(
+                    servicer.AcquireLease,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.AcquireLeaseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.AcquireLeaseResponse.SerializeToString,
+            ),
+            'KeepLease': grpc.unary_unary_rpc_method_handler(
+                    servicer.KeepLease,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.KeepLeaseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.KeepLeaseResponse.SerializeToString,
+            ),
+            'ReleaseLease': grpc.unary_unary_rpc_method_handler(
+                    servicer.ReleaseLease,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.ReleaseLeaseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.ReleaseLeaseResponse.SerializeToString,
+            ),
+            'GetLease': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetLease,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.GetLeaseRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.GetLeaseResponse.SerializeToString,
             ),
             'GetTask': grpc.unary_unary_rpc_method_handler(
                     servicer.GetTask,
@@ -1215,6 +1284,114 @@ class UalService(object):
             '/ual.v1.UalService/Resume',
             ual_dot_v1_dot_ual__pb2.ResumeRequest.SerializeToString,
             ual_dot_v1_dot_ual__pb2.ResumeResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def AcquireLease(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/AcquireLease',
+            ual_dot_v1_dot_ual__pb2.AcquireLeaseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.AcquireLeaseResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def KeepLease(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/KeepLease',
+            ual_dot_v1_dot_ual__pb2.KeepLeaseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.KeepLeaseResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def ReleaseLease(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/ReleaseLease',
+            ual_dot_v1_dot_ual__pb2.ReleaseLeaseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.ReleaseLeaseResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def GetLease(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/GetLease',
+            ual_dot_v1_dot_ual__pb2.GetLeaseRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.GetLeaseResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -42,8 +42,20 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
   RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
+  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: says who, and since when
+  LEASE_LOST              FAILED_PRECONDITION   the lease that the call carries has ended: says why
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
+
+CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
+token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it: an
+observer reads, a pilot flies, too, and a commander also arms, disarms, moves home, acts on a simulation, and takes
+the lease from others.
+
+LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
+While it is held, flying calls without that id are refused with LEASE_HELD. Nobody has to: without a lease every pilot
+may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
+holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
 
 Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that nobody can mean (beyond
 10,000 km or 1,000 m/s) are refused with INVALID_ARGUMENT before anything moves. A request may carry the metadata
@@ -472,6 +484,70 @@ _UalServiceResumeType = typing_extensions.TypeVar(
     ],
 )
 
+_UalServiceAcquireLeaseType = typing_extensions.TypeVar(
+    '_UalServiceAcquireLeaseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.AcquireLeaseRequest,
+        ual.v1.ual_pb2.AcquireLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.AcquireLeaseRequest,
+        ual.v1.ual_pb2.AcquireLeaseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.AcquireLeaseRequest,
+        ual.v1.ual_pb2.AcquireLeaseResponse,
+    ],
+)
+
+_UalServiceKeepLeaseType = typing_extensions.TypeVar(
+    '_UalServiceKeepLeaseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.KeepLeaseRequest,
+        ual.v1.ual_pb2.KeepLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.KeepLeaseRequest,
+        ual.v1.ual_pb2.KeepLeaseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.KeepLeaseRequest,
+        ual.v1.ual_pb2.KeepLeaseResponse,
+    ],
+)
+
+_UalServiceReleaseLeaseType = typing_extensions.TypeVar(
+    '_UalServiceReleaseLeaseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReleaseLeaseRequest,
+        ual.v1.ual_pb2.ReleaseLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReleaseLeaseRequest,
+        ual.v1.ual_pb2.ReleaseLeaseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReleaseLeaseRequest,
+        ual.v1.ual_pb2.ReleaseLeaseResponse,
+    ],
+)
+
+_UalServiceGetLeaseType = typing_extensions.TypeVar(
+    '_UalServiceGetLeaseType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetLeaseRequest,
+        ual.v1.ual_pb2.GetLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetLeaseRequest,
+        ual.v1.ual_pb2.GetLeaseResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetLeaseRequest,
+        ual.v1.ual_pb2.GetLeaseResponse,
+    ],
+)
+
 _UalServiceGetTaskType = typing_extensions.TypeVar(
     '_UalServiceGetTaskType',
     grpc.UnaryUnaryMultiCallable[
@@ -504,7 +580,7 @@ _UalServiceWatchTaskType = typing_extensions.TypeVar(
     ],
 )
 
-class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceSetExternalPoseType, _UalServiceStreamExternalPosesType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
+class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceSetExternalPoseType, _UalServiceStreamExternalPosesType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceAcquireLeaseType, _UalServiceKeepLeaseType, _UalServiceReleaseLeaseType, _UalServiceGetLeaseType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
     """Flies one UAV."""
 
     @typing.overload
@@ -608,6 +684,22 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ResumeRequest,
             ual.v1.ual_pb2.ResumeResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.AcquireLeaseRequest,
+            ual.v1.ual_pb2.AcquireLeaseResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.KeepLeaseRequest,
+            ual.v1.ual_pb2.KeepLeaseResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ReleaseLeaseRequest,
+            ual.v1.ual_pb2.ReleaseLeaseResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetLeaseRequest,
+            ual.v1.ual_pb2.GetLeaseResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.GetTaskRequest,
@@ -720,6 +812,22 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ResumeRequest,
             ual.v1.ual_pb2.ResumeResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.AcquireLeaseRequest,
+            ual.v1.ual_pb2.AcquireLeaseResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.KeepLeaseRequest,
+            ual.v1.ual_pb2.KeepLeaseResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.ReleaseLeaseRequest,
+            ual.v1.ual_pb2.ReleaseLeaseResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetLeaseRequest,
+            ual.v1.ual_pb2.GetLeaseResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.GetTaskRequest,
@@ -859,6 +967,20 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     Errors: WRONG_STATE (no such task runs, or it is not paused).
     """
 
+    AcquireLease: _UalServiceAcquireLeaseType
+    """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
+    a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+    """
+
+    KeepLease: _UalServiceKeepLeaseType
+    """Keeps a lease for another 2 s. To be called about every 0.5 s. Errors: LEASE_LOST."""
+
+    ReleaseLease: _UalServiceReleaseLeaseType
+    """Ends a lease. Nothing happens where it has ended before."""
+
+    GetLease: _UalServiceGetLeaseType
+    """Who holds the lease, if anybody does."""
+
     GetTask: _UalServiceGetTaskType
     """A task by its id, running or ended lately. Errors: INVALID_ARGUMENT (no such task)."""
 
@@ -965,6 +1087,22 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.ResumeRequest,
         ual.v1.ual_pb2.ResumeResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.AcquireLeaseRequest,
+        ual.v1.ual_pb2.AcquireLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.KeepLeaseRequest,
+        ual.v1.ual_pb2.KeepLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.ReleaseLeaseRequest,
+        ual.v1.ual_pb2.ReleaseLeaseResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetLeaseRequest,
+        ual.v1.ual_pb2.GetLeaseResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.GetTaskRequest,
@@ -1231,6 +1369,40 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
         Errors: WRONG_STATE (no such task runs, or it is not paused).
         """
+
+    @abc.abstractmethod
+    def AcquireLease(
+        self,
+        request: ual.v1.ual_pb2.AcquireLeaseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.AcquireLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.AcquireLeaseResponse]]:
+        """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
+        a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+        """
+
+    @abc.abstractmethod
+    def KeepLease(
+        self,
+        request: ual.v1.ual_pb2.KeepLeaseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.KeepLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.KeepLeaseResponse]]:
+        """Keeps a lease for another 2 s. To be called about every 0.5 s. Errors: LEASE_LOST."""
+
+    @abc.abstractmethod
+    def ReleaseLease(
+        self,
+        request: ual.v1.ual_pb2.ReleaseLeaseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.ReleaseLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.ReleaseLeaseResponse]]:
+        """Ends a lease. Nothing happens where it has ended before."""
+
+    @abc.abstractmethod
+    def GetLease(
+        self,
+        request: ual.v1.ual_pb2.GetLeaseRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.GetLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetLeaseResponse]]:
+        """Who holds the lease, if anybody does."""
 
     @abc.abstractmethod
     def GetTask(
