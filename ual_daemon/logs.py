@@ -17,6 +17,12 @@ uav: ContextVar[str] = ContextVar("ual_uav", default="")
 """The namespace of the UAV that the event is about, if the process flies several; else empty."""
 
 
+def caller_text() -> str:
+    """Returns the address of whoever gave the present command; empty for a command from this process."""
+    get_caller = caller.get()
+    return "" if get_caller is None else get_caller()
+
+
 def refused(logger: logging.Logger, command: str, error: UalError, repeated: int = 0) -> None:
     """Logs that a command was refused, and how often before without a line."""
     count = {"repeated": repeated} if repeated else {}

@@ -236,3 +236,11 @@ def transform(value: Transform, field: str) -> Transform:
         frame_id(value.child_frame_id, f"{field}.child_frame_id"),
         not_negative(value.stamp_s, f"{field}.header.stamp", at_most=MAX_STAMP_S),
     )
+
+
+def short_text(value: str, field: str, *, at_most: int = 64) -> str:
+    """Accepts one line of printable text."""
+    require_type(value, str, field)
+    if not value.isprintable() or len(value) > at_most:
+        raise refuse(field, f"{_shown(value)} is not one line of at most {at_most} printable characters")
+    return value

@@ -26,6 +26,7 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.jumps import Jump
+from ual_daemon.flight.lease import Lease, carried
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
@@ -68,6 +69,7 @@ class Flight:
         self.geofence = geofence
         self.is_watch_only = watch_only
         self.authority = Authority()
+        self.lease = Lease()
         self.external_silence = ExternalSilence()
         self.drift = DriftCorrection()
         """What is added to a commanded velocity."""
@@ -207,6 +209,8 @@ class Flight:
             return shutting_down(name)
         if self.is_watch_only:
             return only_watching(name)
+        if carried.get() != self.lease.id:
+            return self.lease.refusal(name)
         old = self._manoeuvre
         if old is not None and not self._is_replaceable(old):
             return not_replaceable(old, name)
@@ -239,17 +243,42 @@ class Flight:
         if old is not None:
             self._end(old, replaced(old, by))
 
+    def stop_for_lease(self, why: str) -> None:
+        """Aborts what is under way because the lease begins or ends: the UAV holds its position.
+
+        A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent.
+        """
+        snapshot = self._backend.snapshot()
+        is_flying = self.raw_estimate(snapshot).state is State.FLYING_AUTO
+        stop = self.brake(snapshot) if is_flying else None
+        setpoint = None if stop is None else stop.setpoint(snapshot)
+        with self._lock:
+            self._last_command = LastCommand(
+                self._last_command.number + 1, "lease"
+            )  # what is being planned must not begin
+            old = self._manoeuvre
+            if not self.authority.is_ours or (old is not None and not old.is_replaceable):
+                return
+            self._manoeuvre, self._reference = None, stop
+        if setpoint is not None:
+            self.sender.send(setpoint, snapshot)
+        if old is not None:
+            self._end(old, TaskAbortedError(f"{old.name}: {why}", {"by": "lease"}))
+
     def drop_task(self, task_id: str, by: str) -> None:
         """Ends a task without stopping the UAV, which UAL does not control now. Nothing happens if it does not run.
 
         Raises:
             WrongStateError: Only the safety pilot can abort what it does now.
+            LeaseHeldError: Another program holds the lease.
 
         """
         with self._lock:
             old = self._manoeuvre
             if old is None or not _is_task(old, task_id):
                 return
+            if (refusal := self.lease.refusal(by)) is not None:
+                raise refusal
             if not old.is_replaceable:
                 raise not_replaceable(old, by)
             self._manoeuvre = None

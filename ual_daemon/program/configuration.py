@@ -35,6 +35,10 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     insecure: bool = False
     tls_certificate: str | None = None
     tls_key: str | None = None
+    tls_client_ca: str | None = None
+    tokens: str | None = None
+    roles: str | None = None
+    audit: str | None = None
     allow_arming: bool = False
     auto_arm: bool = False
     watch_only: bool = False

@@ -61,6 +61,20 @@ def read_file(path: Path) -> FileSource:
         data = bounded_file.read(path)
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    node, values = _read_data(data, str(path))
+    return FileSource(values, path, node)
+
+
+def read_text(data: bytes) -> dict[str, Any]:
+    """Returns the values of the content of a YAML file.
+
+    Raises:
+        ConfigurationError: It is not valid; the message begins with ``line:`` and its number.
+    """
+    return _read_data(data, "line")[1]
+
+
+def _read_data(data: bytes, path: str) -> tuple[yaml.Node | None, dict[str, Any]]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -73,7 +87,7 @@ def read_file(path: Path) -> FileSource:
         raise ConfigurationError(f"{path}:{line}: character {error.character:#06x} is not allowed") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = f"{path}:{mark.line + 1}" if mark else str(path)
+        place = f"{path}:{mark.line + 1}" if mark else path
         raise ConfigurationError(f"{place}: {_yaml_message(error)}") from None
     except _BadNodeError as error:
         raise ConfigurationError(f"{path}:{error.line}: {error}") from None
@@ -81,7 +95,7 @@ def read_file(path: Path) -> FileSource:
         values = {}
     if not isinstance(values, dict):
         raise ConfigurationError(f"{path}:1: expected settings as 'key: value' lines, got {values!r:.60}")
-    return FileSource(values, path, node)
+    return node, values
 
 
 def _read(text: str) -> tuple[yaml.Node | None, Any]:

@@ -29,7 +29,9 @@ from ual_daemon.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     import grpc
 
+    from ual_daemon.recording.audit import Audit
     from ual_daemon.recording.recording import Recording
+    from ual_daemon.server.access.policy import Access
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +41,13 @@ _GATHER_S = 0.005
 """How long a fleet gathers updates before it hands them to the event loop together."""
 _ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, not bound to
 _SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+class Callers(NamedTuple):
+    """Who may call: TLS, and how callers show who they are."""
+
+    credentials: grpc.ServerCredentials | None = None
+    access: Access | None = None
 
 
 class Uav(NamedTuple):
@@ -55,15 +64,17 @@ class Daemon:
     def __init__(
         self,
         uavs: Sequence[Uav],
-        credentials: grpc.ServerCredentials | None = None,
+        callers: Callers | None = None,
         *,
         transport: selection.Choice = "auto",
         is_auto_arming: bool = False,
         recording: Recording | None = None,
+        audit: Audit | None = None,
     ) -> None:
         self._recording = recording
+        self._audit = audit
         self._uavs = uavs
-        self._credentials = credentials
+        self._callers = callers or Callers()
         self._transport = transport
         self._is_auto_arming = is_auto_arming
 
@@ -86,9 +97,9 @@ class Daemon:
                 uav,
                 transport,
                 loop_calls,
-                self._credentials,
+                self._callers,
                 is_auto_arming=self._is_auto_arming,
-                on_call=None if self._recording is None else self._recording.observer(uav.vehicle.ns),
+                observers=self._observers(uav.vehicle),
             )
             for uav in self._uavs
         ]
@@ -118,6 +129,11 @@ class Daemon:
             logs.event(_log, logging.INFO, "ended")
         return are_safe
 
+    def _observers(self, vehicle: Vehicle) -> list[Observer]:
+        """Returns what observes the calls for a UAV."""
+        observers = [] if self._recording is None else [self._recording.observer(vehicle.ns)]
+        return observers if self._audit is None else [*observers, self._audit.observer(vehicle)]
+
 
 class _Served:
     """One UAV with its server."""
@@ -127,17 +143,17 @@ class _Served:
         uav: Uav,
         transport: Transport,
         loop_calls: LoopCalls,
-        credentials: grpc.ServerCredentials | None,
+        callers: Callers,
         *,
         is_auto_arming: bool,
-        on_call: Observer | None,
+        observers: Sequence[Observer],
     ) -> None:
         self._vehicle, self._namespace, self._listen = uav
-        self._credentials = credentials
+        self._credentials = callers.credentials
         self._transport_name = transport.name
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
-        self.server = Server(self._vehicle, transport, loop_calls, on_call)
+        self.server = Server(self._vehicle, transport, loop_calls, observers, callers.access)
 
     async def start(self) -> None:
         """Starts the server and registers its address for clients."""

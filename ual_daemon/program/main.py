@@ -8,6 +8,7 @@ Heavy modules are imported late, so that the port is open soon.
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import click
 from click.core import ParameterSource
 
-from ual_daemon import __version__
+from ual_daemon import __version__, logs
 from ual_daemon.program import lazy, log_output
 from ual_daemon.program.configuration import (
     Configuration,
@@ -32,12 +33,14 @@ from ual_daemon.program.configuration import (
 from ual_daemon.settings import ConfigError, VehicleSettings
 
 if TYPE_CHECKING:
-    import grpc
-
     from ual_daemon.backends.base import Backend
+    from ual_daemon.program.daemon import Callers
+    from ual_daemon.recording.audit import Audit
     from ual_daemon.recording.recording import Recording
     from ual_daemon.server.addresses import Address
     from ual_daemon.vehicle.vehicle import Vehicle
+
+_log = logging.getLogger(__name__)
 
 _CANNOT_START = 1
 _WRONG_USAGE = 2
@@ -99,6 +102,14 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
 @click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
+@click.option(
+    "--tls-client-ca",
+    metavar="FILE",
+    help="Callers by TLS show a certificate of this authority, PEM; --roles says what each may do.",
+)
+@click.option("--tokens", metavar="FILE", help="Callers may show a token of this file (`ual token new`).")
+@click.option("--roles", metavar="FILE", help="What each certificate and token may do, YAML.")
+@click.option("--audit", metavar="FILE", help="Append a line to this file for each call that changes something.")
 @click.option(
     "--transport",
     type=click.Choice(["auto", "core", "aio"]),
@@ -177,6 +188,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
 
     heap.limit()  # before there are threads
     from ual_daemon.frames.home_file import HomeFile
+    from ual_daemon.program import access_files
     from ual_daemon.server import tls
     from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -192,7 +204,8 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
             )
             for each in uavs
         ]  # checks the frames and the fence
-        credentials = tls.credentials(settings.tls_certificate, settings.tls_key)
+        credentials = tls.credentials(settings.tls_certificate, settings.tls_key, settings.tls_client_ca)
+        who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
         _refuse_arming_while_watching(settings)
         if settings.auto_arm and uavs[0].backend.safety_pilot() is None:
@@ -206,7 +219,10 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
         click.echo(configuration.as_yaml(), nl=False)
         return
     log_output.setup(settings.log_level, settings.log_format)
-    _serve(configuration, uavs, vehicles, credentials)
+    _warn_of_open_tokens(settings, uavs[0].listen, has_tls=credentials is not None)
+    from ual_daemon.program.daemon import Callers
+
+    _serve(configuration, uavs, vehicles, Callers(credentials, who_may))
 
 
 def _choose_poller(configuration: Configuration) -> None:
@@ -266,13 +282,14 @@ def _serve(
     configuration: Configuration,
     planned: Sequence[_Planned],
     vehicles: Sequence[Vehicle],
-    credentials: grpc.ServerCredentials | None,
+    callers: Callers,
 ) -> None:
     import asyncio
     from contextlib import ExitStack
 
     from ual_daemon.program.daemon import Daemon, Uav
     from ual_daemon.program.namespace import Namespace, NamespaceError
+    from ual_daemon.recording.audit import AuditError
     from ual_daemon.server.addresses import ListenError
 
     settings = configuration.daemon
@@ -286,16 +303,20 @@ def _serve(
             if recording is not None:
                 recording.start()
                 held.callback(recording.close)
+            audit = _audit(settings)
+            if audit is not None:
+                held.callback(audit.close)
             daemon = Daemon(
                 uavs,
-                credentials,
+                callers,
                 transport=settings.transport,
                 is_auto_arming=settings.auto_arm,
                 recording=recording,
+                audit=audit,
             )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
-    except (ListenError, NamespaceError, RecordingError) as error:
+    except (ListenError, NamespaceError, RecordingError, AuditError) as error:
         _fail(str(error), _CANNOT_START)
     if not are_safe:
         sys.exit(_LEFT_IN_MOTION)
@@ -324,6 +345,21 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recordi
         return Recording(Path(settings.record), vehicles, log_output.line_of, turnover, is_raw=settings.record_raw)
     except OSError as error:
         raise RecordingError(f"cannot record into {settings.record}: {error.strerror or error}") from None
+
+
+def _audit(settings: DaemonSettings) -> Audit | None:
+    """Returns the audit, if one is wanted."""
+    if settings.audit is None:
+        return None
+    from ual_daemon.recording.audit import Audit
+
+    return Audit(Path(settings.audit))
+
+
+def _warn_of_open_tokens(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:
+    """Warns where tokens cross a network that anybody can read."""
+    if settings.tokens is not None and not has_tls and not all(address.is_local for address in listen):
+        logs.event(_log, logging.WARNING, "tokens_without_tls", why="whoever reads the network can use them")
 
 
 def _refuse_arming_while_watching(settings: DaemonSettings) -> None:

@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from typing_extensions import override
+
 from ual._recording.log import RecordingHandler
 from ual._recording.recorder import Recorder, Turnover
 from ual._recording.telemetry import TelemetryTopics
@@ -24,7 +26,7 @@ _FRAMES_S = 1.0
 """How often the frames are recorded that do not move by themselves."""
 
 
-class UavRecording:
+class UavRecording(Observer):
     """Records one UAV."""
 
     def __init__(self, vehicle: Vehicle, recorder: Recorder, *, is_raw: bool) -> None:
@@ -62,10 +64,14 @@ class UavRecording:
     def _on_packet(self, packet: Packet) -> None:
         self._recorder.put(self._packets.write, self._clock.utc_ns(packet.time_s), packet, len(packet.data))
 
-    def on_call(self, call: CallRecord) -> None:
-        """Records what was observed of a call. From any thread."""
-        size_bytes = len(call.request or b"") + len(call.response or b"")
-        self._recorder.put(self._calls.write, call.at_ns + self._clock.offset_ns, call, size_bytes)
+    @override
+    def on_request(self, method: str) -> None:
+        return None
+
+    @override
+    def on_call(self, record: CallRecord, before: object) -> None:
+        size_bytes = len(record.request or b"") + len(record.response or b"")
+        self._recorder.put(self._calls.write, record.at_ns + self._clock.offset_ns, record, size_bytes)
 
     def _repeat(self) -> None:
         """Has recorded again in the next file what is recorded rarely."""
@@ -107,7 +113,7 @@ class Recording:
 
     def observer(self, ns: str) -> Observer:
         """Returns what observes the calls for a UAV."""
-        return self._uavs[ns].on_call
+        return self._uavs[ns]
 
     def close(self) -> None:
         """Writes what is left, and ends the file."""

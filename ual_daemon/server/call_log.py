@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import grpc
 from typing_extensions import override
@@ -27,12 +28,13 @@ class CallRecord:
 
     `request` is its first message, `response` the one with which it ended, both packed; the counts say how many there
     were. `code` and `details` are gRPC's status, and `metadata` what was sent with it (the error's details). Times are
-    the computer's monotonic clock, in nanoseconds.
+    the computer's monotonic clock, in nanoseconds. `identity` is the name of the caller's token or certificate.
     """
 
     number: int
     method: str
     caller: str
+    identity: str
     agent: str
     began_ns: int
     at_ns: int
@@ -46,28 +48,40 @@ class CallRecord:
     metadata: Metadata = ()
 
 
-Observer = Callable[[CallRecord], None]
+class Observer(Protocol):
+    """What observes the calls for a UAV. It is called on the threads that serve, and must not block."""
+
+    @abstractmethod
+    def on_request(self, method: str) -> object:
+        """Called before the first request of a call is handled. What it returns is handed back with each record."""
+
+    @abstractmethod
+    def on_call(self, record: CallRecord, before: object) -> None:
+        """Called when a call goes on, and when it has ended. `before` is None for one that had no request."""
+
+
 _numbers = itertools.count(1)
 
 
-def observed(take: Callable[[Call], None], observe: Observer) -> Callable[[Call], None]:
+def observed(take: Callable[[Call], None], observers: Sequence[Observer]) -> Callable[[Call], None]:
     """Returns what takes calls in the place of `take`, and has each of them observed.
 
     A call that does not end at once is observed twice: when it has begun, and when it has ended.
     """
-    return lambda call: take(ObservedCall(call, observe))
+    return lambda call: take(ObservedCall(call, observers))
 
 
 class ObservedCall(Call):
     """A call that is observed. Everything is done by the call itself."""
 
-    def __init__(self, call: Call, observe: Observer) -> None:
+    def __init__(self, call: Call, observers: Sequence[Observer]) -> None:
         self.method = call.method
         self.metadata = call.metadata
         self.is_finished = False
         self.is_cancelled = False
         self._call = call
-        self._observe = observe
+        self._observers = observers
+        self._before: list[object] = [None] * len(observers)
         self._number = next(_numbers)
         self._began_ns = time.monotonic_ns()
         self._caller = call.peer()
@@ -79,6 +93,10 @@ class ObservedCall(Call):
     @override
     def peer(self) -> str:
         return self._caller
+
+    @override
+    def certificate_name(self) -> str | None:
+        return self._call.certificate_name()
 
     @override
     def watch(self, on_cancel: Callable[[], object]) -> None:
@@ -117,12 +135,17 @@ class ObservedCall(Call):
     def _on_message(self, then: Callable[[bytes | None], object], message: bytes | None) -> None:
         if message is not None:
             self._requests_count += 1
-            if self._requests_count == 1:
-                self._request = message
         is_first = self._requests_count == 1 and message is not None
+        if is_first:
+            self._request = message
+            self._before = [observer.on_request(self.method) for observer in self._observers]
         then(message)
         if is_first and not self._has_ended:
             self._observe(self._record(has_ended=False))
+
+    def _observe(self, record: CallRecord) -> None:
+        for observer, before in zip(self._observers, self._before, strict=True):
+            observer.on_call(record, before)
 
     def _end(self, response: bytes | None, code: str, details: str, metadata: Metadata) -> None:
         if self._has_ended:
@@ -146,6 +169,7 @@ class ObservedCall(Call):
             self._number,
             self.method,
             self._caller,
+            self.identity,
             agent,
             self._began_ns,
             time.monotonic_ns(),

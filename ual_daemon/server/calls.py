@@ -7,18 +7,26 @@ import logging
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import grpc
 
-from ual.errors import InvalidArgumentError, ResourceExhaustedError
+from ual import _rpc_errors
+from ual.errors import InvalidArgumentError, ResourceExhaustedError, UalError, UnauthenticatedError
 from ual_daemon import logs
+from ual_daemon.flight import lease
+from ual_daemon.server.access import caller
+from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
+from ual_daemon.server.access.needed import needed_role
+from ual_daemon.server.access.policy import Access
 from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
 from ual_daemon.server.transport.base import Call
 
 NAMESPACE_KEY = "ual-ns"
+LEASE_KEY = "ual-lease"
 MOST_OF_ONE_METHOD = 100
-"""Calls and streams of one method that are under way for one UAV. For each method by itself: a hundred readers of the
-telemetry must not keep out who lands the UAV."""
+"""Calls and streams of one method that are under way for one UAV and one caller (by the name of its token or
+certificate). For each method by itself: a hundred readers of the telemetry must not keep out who lands the UAV."""
 
 MOST_WITHOUT_REQUEST = 100
 """Calls for one UAV whose request has not come yet. Beyond that the oldest is ended, not the newest refused: who sends
@@ -45,17 +53,19 @@ class Calls:
         shutdown_refuses: tuple[str, ...],
         log_name: str = "",
         shutdown_keeps: frozenset[str] = frozenset(),
+        access: Access | None = None,
     ) -> None:
         self._ns = ns
         self._log_name = log_name
         self._has_ended_waiting = False
         self._shutdown_refuses = shutdown_refuses
         self._shutdown_keeps = shutdown_keeps
+        self._access = access or Access()
         self._loop = asyncio.get_running_loop()
         self._methods: dict[str, Method] = {}
         self._lock = threading.Lock()
         self._answers: set[Answer] = set()
-        self._running: Counter[str] = Counter()
+        self._running: Counter[tuple[str, str]] = Counter()
         self._without_request: dict[Answer, float] = {}
         self._refused_without_request: tuple[str, ResourceExhaustedError] | None = None
         self._refused_count = 0
@@ -74,11 +84,25 @@ class Calls:
 
     def take(self, call: Call) -> None:
         """Begins to answer a call, on the transport's thread."""
+        try:
+            who = self._access.identify(call)
+            call.identity = who.name
+            who.require(needed_role(call.method), call.method.rpartition("/")[2])
+        except UalError as error:  # before it is said whether there is such a method
+            self._refuse(call, error)
+            return
         method = self._methods.get(call.method)
         if method is None:
             call.finish(code=grpc.StatusCode.UNIMPLEMENTED, details=f"there is no method {call.method:.100}")
         else:
-            method.kind(self, method, call).begin()
+            method.kind(self, method, call, who).begin()
+
+    def _refuse(self, call: Call, error: UalError) -> None:
+        self.set_context(call, None)
+        logs.refused(_log, call.method, error)
+        self.set_context(None, None)
+        status = _rpc_errors.to_grpc_status(error)
+        call.finish(None, status.code, status.details, status.trailing_metadata)
 
     @property
     def running_count(self) -> int:
@@ -107,8 +131,11 @@ class Calls:
             answer.end()
 
     def _end_late(self) -> None:
-        """Ends the calls whose request is late, and logs how many have ended without one."""
+        """Ends the calls whose request is late, and logs how many have ended without one. Ends the streams of callers
+        who are not known any more.
+        """
         self._loop.call_later(REQUEST_S, self._end_late)
+        self._end_unknown()
         over_s = self._loop.time() - REQUEST_S
         with self._lock:
             late = [answer for answer, since_s in self._without_request.items() if since_s <= over_s]
@@ -118,6 +145,15 @@ class Calls:
         count, self._refused_count = self._refused_count, 0
         if refused is not None:  # one line for all: a flood of them must not cost a line each
             logs.refused(_log, *refused, repeated=count - 1)
+
+    def _end_unknown(self) -> None:
+        with self._lock:
+            running = [answer for answer in self._answers if answer.caller.is_named]
+        for answer in running:
+            try:
+                answer.identify_again(self._access)
+            except UnauthenticatedError as error:
+                answer.fail(error)
 
     def _end_without_request(self, answer: Answer, why: str) -> None:
         self.has_request(answer)
@@ -136,10 +172,10 @@ class Calls:
 
         """
         if answer.is_stream:
-            self.require_room(answer.method_name)
+            self.require_room(answer.method_name, answer.caller)
         with self._lock:
             self._answers.add(answer)
-            self._running[answer.method_name] += 1
+            self._running[answer.method_name, answer.caller.name] += 1
         if self._has_ended_waiting and not answer.is_stream:  # it began before, but was not known yet
             answer.end()
 
@@ -148,7 +184,10 @@ class Calls:
         with self._lock:
             if answer in self._answers:
                 self._answers.discard(answer)
-                self._running[answer.method_name] -= 1
+                key = answer.method_name, answer.caller.name
+                self._running[key] -= 1
+                if not self._running[key]:
+                    del self._running[key]
 
     def await_request(self, answer: Answer) -> None:
         """Adds an answer whose request has to come yet. If there are too many, the oldest of them ends."""
@@ -156,25 +195,32 @@ class Calls:
         with self._lock:
             self._without_request[answer] = self._loop.time()
             if len(self._without_request) > MOST_WITHOUT_REQUEST:
-                oldest = next(iter(self._without_request))
+                oldest = self._oldest_without_request(answer.caller)
         if oldest is not None:
             self._end_without_request(oldest, f"{MOST_WITHOUT_REQUEST} later calls wait for their request, too")
+
+    def _oldest_without_request(self, who: Caller) -> Answer | None:
+        """Returns the oldest call of a caller whose request has not come, if too many are this caller's."""
+        of_caller = [answer for answer in self._without_request if answer.caller.name == who.name]
+        return of_caller[0] if len(of_caller) > MOST_WITHOUT_REQUEST else None
 
     def has_request(self, answer: Answer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
         self._without_request.pop(answer, None)
 
-    def require_room(self, method: str) -> None:
-        """Refuses a call of a method of which too many are under way.
+    def require_room(self, method: str, who: Caller) -> None:
+        """Refuses a call of a method of which too many of the same caller are under way.
 
         Raises:
             ResourceExhaustedError: They are.
 
         """
-        if self._running[method] < MOST_OF_ONE_METHOD:
+        if self._running.get((method, who.name), 0) < MOST_OF_ONE_METHOD:
             return
+        of_caller = f" of {who.name}" if who.is_named else ""
         error = ResourceExhaustedError(
-            f"{MOST_OF_ONE_METHOD} calls of {method} are under way for {self._ns}, which is the limit: end one of them",
+            f"{MOST_OF_ONE_METHOD} calls of {method}{of_caller} are under way for {self._ns}, which is the limit: end "
+            "one of them",
             {"limit": str(MOST_OF_ONE_METHOD)},
         )
         logs.refused(_log, method, error)
@@ -207,9 +253,11 @@ class Calls:
             self._has_ended_waiting or method not in self._shutdown_keeps
         )
 
-    def set_log_context(self, call: Call | None) -> None:
-        """Names this UAV, and the caller, in what this thread or task logs from now on."""
-        logs.caller.set(None if call is None else call.peer)
+    def set_context(self, call: Call | None, who: Caller | None) -> None:
+        """Says for what this thread or task does from now on who calls, with which lease, and for which UAV."""
+        logs.caller.set(None if call is None else partial(_described, call))
+        caller.current.set(who or OF_THIS_COMPUTER)
+        lease.carried.set(lease.NOBODY if call is None else _lease_of(call))
         if self._log_name:
             logs.uav.set(self._log_name)
 
@@ -220,3 +268,16 @@ class Calls:
         except RuntimeError:
             return False
         return True
+
+
+def _lease_of(call: Call) -> str:
+    for key, value in call.metadata:
+        if key == LEASE_KEY:
+            return str(value)
+    return lease.NOBODY
+
+
+def _described(call: Call) -> str:
+    """Returns the address of a caller, and its name, if it has shown who it is."""
+    named = call.identity not in ("", caller.LOCAL, caller.NOBODY)
+    return f"{call.identity}@{call.peer()}" if named else call.peer()

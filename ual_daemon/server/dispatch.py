@@ -24,6 +24,8 @@ from typing_extensions import override
 from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
+from ual_daemon.server.access.caller import Caller
+from ual_daemon.server.access.policy import Access
 from ual_daemon.server.transport.base import Call
 
 if TYPE_CHECKING:
@@ -72,7 +74,8 @@ class Method:
 class Answer:
     """One call that is being answered."""
 
-    def __init__(self, calls: Calls, method: Method, call: Call) -> None:
+    def __init__(self, calls: Calls, method: Method, call: Call, caller: Caller) -> None:
+        self.caller = caller
         self.is_stream = method.has_request_stream or method.has_response_stream
         self.method_name = call.method
         self._calls = calls
@@ -86,19 +89,28 @@ class Answer:
             self._call.begin()
         self._do(self._begin)
 
+    def identify_again(self, access: Access) -> None:
+        """Asks who calls: tokens and certificates may have been revoked since.
+
+        Raises:
+            UnauthenticatedError: The caller is not known any more.
+
+        """
+        access.identify(self._call)
+
     def end(self) -> None:
         """Ends it because the daemon shuts down."""
         self.fail(self._shutdown())
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
-        self._calls.set_log_context(self._call)
+        self._calls.set_context(self._call, self.caller)
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
             self.fail(error)
         finally:
-            self._calls.set_log_context(None)  # the thread must not keep the call alive
+            self._calls.set_context(None, None)  # the thread must not keep the call alive
 
     def _begin(self) -> None:
         self._calls.require_accepted(self._call)
@@ -175,7 +187,7 @@ class _LoopAnswer(Answer):
             self._cancel()
 
     async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.set_log_context(self._call)
+        self._calls.set_context(self._call, self.caller)
         self._has_begun = True
         if self._is_to_cancel:
             self._cancel()
@@ -205,7 +217,7 @@ class _UnaryAnswer(_LoopAnswer):
 
     @override
     def _answer(self, request: object) -> None:
-        self._calls.require_room(self._call.method)  # before anything begins
+        self._calls.require_room(self._call.method, self.caller)  # before anything begins
         response = self._method.serve(request, None)
         if inspect.iscoroutine(response):
             self._watch()

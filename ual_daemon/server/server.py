@@ -14,6 +14,7 @@ from ual.interface import Simulation
 from ual.types import State
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server import health
+from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import Calls
@@ -71,9 +72,10 @@ class Server:
         vehicle: Vehicle,
         transport: Transport,
         loop_calls: LoopCalls | None = None,
-        on_call: Observer | None = None,
+        observers: Sequence[Observer] = (),
+        access: Access | None = None,
     ) -> None:
-        """`on_call` observes each call; see `call_log`."""
+        """`observers` observe each call; see `call_log`. `access` says who calls; None: whoever is on this computer."""
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
@@ -83,10 +85,11 @@ class Server:
             log_name=vehicle.log_name,
             shutdown_refuses=(f"/{_UAL_SERVICE}/",),
             shutdown_keeps=NEEDED_TO_LAND | {health.WATCH},  # who watches hears of the shutdown
+            access=access,
         )
         self._health = health.HealthServicer(services)
         self.updates = Updates(vehicle, self._on_state, loop_calls, is_sent_on_loop=transport.is_on_loop)
-        self._server = transport.server(_OPTIONS, calls.take if on_call is None else observed(calls.take, on_call))
+        self._server = transport.server(_OPTIONS, observed(calls.take, observers) if observers else calls.take)
         registry = cast("grpc.aio.Server", calls)
         ual_pb2_grpc.add_UalServiceServicer_to_server(UalServicer(vehicle, self.updates), registry)
         if simulation is not None:

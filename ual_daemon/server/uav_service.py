@@ -13,13 +13,16 @@ from typing import TypeAlias, TypeVar
 from typing_extensions import override
 
 from ual import _convert
+from ual._access.roles import Role
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.flight import LastCommand
+from ual_daemon.flight.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.server.access import caller
 from ual_daemon.server.planning import Planning
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.updates import Updates
@@ -233,6 +236,33 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def Resume(self, request: pb.ResumeRequest, context: object) -> pb.ResumeResponse:
         self._commands.resume(request.task_id)
         return pb.ResumeResponse()
+
+    @override
+    def AcquireLease(self, request: pb.AcquireLeaseRequest, context: object) -> pb.AcquireLeaseResponse:
+        who = caller.current.get()
+        if request.take:
+            who.require(Role.COMMANDER, "taking the lease")
+        holder = request.holder or logs.caller_text() or who.name
+        lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take)
+        return pb.AcquireLeaseResponse(
+            lease_id=lease_id,
+            lease=_convert.lease_to_proto(self._vehicle.lease()),
+            expires_after_s=EXPIRES_AFTER_S,
+        )
+
+    @override
+    def KeepLease(self, request: pb.KeepLeaseRequest, context: object) -> pb.KeepLeaseResponse:
+        self._vehicle.keep_lease(request.lease_id)
+        return pb.KeepLeaseResponse()
+
+    @override
+    def ReleaseLease(self, request: pb.ReleaseLeaseRequest, context: object) -> pb.ReleaseLeaseResponse:
+        self._vehicle.release_lease(request.lease_id)
+        return pb.ReleaseLeaseResponse()
+
+    @override
+    def GetLease(self, request: pb.GetLeaseRequest, context: object) -> pb.GetLeaseResponse:
+        return pb.GetLeaseResponse(lease=_convert.lease_to_proto(self._vehicle.lease()))
 
     @override
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:

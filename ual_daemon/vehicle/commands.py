@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-from ual.errors import PermissionDeniedError, UalError, WrongStateError
+from ual.errors import LeaseHeldError, LeaseLostError, PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Transform, TwistStamped, Vector3
 from ual.types import (
     Capability,
@@ -300,11 +300,11 @@ class Commands:
     def abandon(self, task: VehicleTask) -> bool:
         """Cancels a task whose caller waits no more.
 
-        Returns False if it goes on, because only the safety pilot can abort what it does.
+        Returns False if it goes on, because only the safety pilot can abort what it does, or whose the lease is now.
         """
         try:
             self.cancel(task)
-        except WrongStateError:
+        except (WrongStateError, LeaseHeldError, LeaseLostError):
             return False
         return True
 

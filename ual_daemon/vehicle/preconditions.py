@@ -13,6 +13,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.lease import carried
 from ual_daemon.flight.refusals import not_flown, only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 
@@ -172,6 +173,8 @@ class Preconditions:
             WrongStateError: The state is another one, or UAL is shutting down.
             LinkLostError: The autopilot is not heard.
             PermissionDeniedError: This daemon only watches.
+            LeaseHeldError: Another program holds the lease.
+            LeaseLostError: The lease that the command carries has ended.
             NotSupportedError: Its backend flies nothing.
 
         """
@@ -181,6 +184,8 @@ class Preconditions:
             raise shutting_down(command)
         if self._flight.is_watch_only:
             raise only_watching(command)
+        if carried.get() != self._flight.lease.id and (refusal := self._flight.lease.refusal(command)):
+            raise refusal
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)
         if found.state in allowed:

@@ -11,14 +11,15 @@ from typing import NamedTuple
 from ual.errors import NotSupportedError
 from ual.geometry import Transform
 from ual.interface import Simulation
-from ual.types import Frame, Info, State, Telemetry
-from ual_daemon import __version__, logs
+from ual.types import Frame, Info, LeaseInfo, State, Telemetry
+from ual_daemon import __version__, logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import geofence_of
 from ual_daemon.flight.heading_jumps import HeadingJumpDetector
 from ual_daemon.flight.jumps import JumpDetector
+from ual_daemon.flight.lease import EXPIRES_AFTER_S, NOBODY
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.home_file import HomeFile
@@ -96,6 +97,51 @@ class Vehicle:
         """Ends everything at once, and aborts what still runs. For a UAV in the air, use `prepare_shutdown` before."""
         self.backend.close()
         self._flight.close()
+
+    # --- The lease ----------------------------------------------------------------------------------------------------
+
+    def lease(self) -> LeaseInfo | None:
+        """Returns who holds the lease; None where nobody does."""
+        return self._flight.lease.info
+
+    def acquire_lease(self, holder: str, identity: str, *, take: bool = False, lasts_s: float = EXPIRES_AFTER_S) -> str:
+        """Begins a lease, and returns its identifier, which each command of its holder carries (`flight.lease`).
+
+        What is under way is aborted, and the UAV holds its position.
+
+        Raises:
+            LeaseHeldError: Another program holds one, and it is not to be taken.
+            LeaseLostError: The caller carries one that has ended.
+
+        """
+        lease = self._flight.lease
+        before = lease.id
+        lease_id = lease.acquire(validation.short_text(holder, "holder"), identity, take=take, lasts_s=lasts_s)
+        if lease_id != before:
+            logs.event(_log, logging.INFO, "lease_begins", holder=holder, identity=identity, taken=before != NOBODY)
+            self._flight.stop_for_lease(f"{holder} has acquired the lease")
+        return lease_id
+
+    def keep_lease(self, lease_id: str) -> None:
+        """Keeps a lease for another `EXPIRES_AFTER_S`.
+
+        Raises:
+            LeaseLostError: It has ended.
+
+        """
+        self._flight.lease.keep(lease_id)
+
+    def release_lease(self, lease_id: str) -> None:
+        """Ends a lease: what is under way is aborted, and the UAV holds. Nothing happens if it has ended before."""
+        if self._flight.lease.release(lease_id):
+            logs.event(_log, logging.INFO, "lease_ends", why="released")
+            self._flight.stop_for_lease("its program has released the lease")
+
+    def _expire_lease(self) -> None:
+        info = self._flight.lease.expire()
+        if info is not None:
+            logs.event(_log, logging.WARNING, "lease_ends", holder=info.holder, why="it was not kept: the UAV holds")
+            self._flight.stop_for_lease(f"the lease of {info.holder} was not kept")
 
     def prepare_shutdown(self) -> Future[None]:
         """Hands the UAV over to its autopilot, and refuses new commands from now on.
@@ -218,7 +264,9 @@ class Vehicle:
 
     def _is_update_needed(self) -> bool:
         """See `Backend.is_update_needed`."""
-        return self._flight.is_busy or any(each.is_due() for each in self._subscribers)
+        return (
+            self._flight.is_busy or self._flight.lease.id != NOBODY or any(each.is_due() for each in self._subscribers)
+        )
 
     def _on_update(self, snapshot: Snapshot) -> None:
         """Makes one update, on the backend's update thread. An error must not end the thread that flies the UAV."""
@@ -232,6 +280,7 @@ class Vehicle:
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
         self._resolver.update(snapshot)
+        self._expire_lease()
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)

@@ -60,6 +60,7 @@ from ual.types import (
     Health,
     Info,
     LandRequest,
+    LeaseInfo,
     Limits,
     Odometry,
     PathHeading,
@@ -891,3 +892,17 @@ def _enum(kind: type[_E], value: int, field: str) -> _E:
     except ValueError:
         known = ", ".join(f"{each.value} ({each.name})" for each in kind)
         raise InvalidArgumentError(f"{field}: {value} is none of {known}", {"field": field}) from None
+
+
+def lease_to_proto(lease: LeaseInfo | None) -> pb.Lease | None:
+    if lease is None:
+        return None
+    message = pb.Lease(holder=lease.holder, identity=lease.identity)
+    stamp_to_proto(lease.since_s, message.since)
+    return message
+
+
+def lease_from_proto(response: pb.GetLeaseResponse) -> LeaseInfo | None:
+    if not response.HasField("lease"):
+        return None
+    return LeaseInfo(response.lease.holder, response.lease.identity, stamp_from_proto(response.lease.since))

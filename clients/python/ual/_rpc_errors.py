@@ -21,6 +21,8 @@ from ual.errors import (
     FrameLostError,
     GeofenceError,
     InvalidArgumentError,
+    LeaseHeldError,
+    LeaseLostError,
     LinkLostError,
     NotSupportedError,
     PermissionDeniedError,
@@ -70,6 +72,8 @@ _CODES: Mapping[str, grpc.StatusCode] = {
     UalTimeoutError.reason: grpc.StatusCode.DEADLINE_EXCEEDED,
     NotSupportedError.reason: grpc.StatusCode.UNIMPLEMENTED,
     ResourceExhaustedError.reason: grpc.StatusCode.RESOURCE_EXHAUSTED,
+    LeaseHeldError.reason: grpc.StatusCode.FAILED_PRECONDITION,
+    LeaseLostError.reason: grpc.StatusCode.FAILED_PRECONDITION,
     UnauthenticatedError.reason: grpc.StatusCode.UNAUTHENTICATED,
     PermissionDeniedError.reason: grpc.StatusCode.PERMISSION_DENIED,
 }

@@ -99,6 +99,18 @@ class ResourceExhaustedError(UalError):
     reason = "RESOURCE_EXHAUSTED"
 
 
+class LeaseHeldError(UalError):
+    """Another program holds the lease of the UAV; metadata ``holder``, ``identity`` and ``since`` (UTC, ISO 8601)."""
+
+    reason = "LEASE_HELD"
+
+
+class LeaseLostError(UalError):
+    """The lease with which this was called has ended; metadata ``by`` says how: expired, released, or who took it."""
+
+    reason = "LEASE_LOST"
+
+
 class UnauthenticatedError(UalError):
     """The credentials are missing or wrong."""
 
@@ -146,6 +158,8 @@ _BY_REASON: Mapping[str, type[UalError]] = {
         UalTimeoutError,
         NotSupportedError,
         ResourceExhaustedError,
+        LeaseHeldError,
+        LeaseLostError,
         UnauthenticatedError,
         PermissionDeniedError,
         DaemonUnreachableError,

@@ -368,3 +368,16 @@ class Info:
     is_arming_allowed: bool = False
     url: str = ""
     has_safety_pilot: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseInfo:
+    """Who is the only one that flies a UAV, and since when (UTC, seconds since the epoch).
+
+    `identity` is the name of the certificate or token that was shown, and ``local`` for a program on the daemon's
+    computer without either.
+    """
+
+    holder: str
+    identity: str
+    since_s: float

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import grpc
 from typing_extensions import override
 
-from ual_daemon.server.call_log import CallRecord, observed
+from ual_daemon.server.call_log import CallRecord, Observer, observed
 from ual_daemon.server.transport.base import Call, Metadata
 
 
@@ -25,6 +25,10 @@ class ScriptedCall(Call):
     @override
     def peer(self) -> str:
         return "ipv4:127.0.0.1:5"
+
+    @override
+    def certificate_name(self) -> str | None:
+        return None
 
     @override
     def watch(self, on_cancel: Callable[[], object]) -> None:
@@ -53,13 +57,29 @@ class ScriptedCall(Call):
         self.is_finished = True
 
 
+class Notes(Observer):
+    """Keeps what is observed."""
+
+    def __init__(self) -> None:
+        self.records: list[CallRecord] = []
+        self.before: list[object] = []
+
+    @override
+    def on_request(self, method: str) -> object:
+        return f"before {method}"
+
+    @override
+    def on_call(self, record: CallRecord, before: object) -> None:
+        self.records.append(record)
+        self.before.append(before)
+
+
 def begun() -> tuple[ScriptedCall, Call, list[CallRecord]]:
     """A call, the same as the server sees it, and what is observed of it."""
-    records: list[CallRecord] = []
     taken: list[Call] = []
-    call = ScriptedCall()
-    observed(taken.append, records.append)(call)
-    return call, taken[0], records
+    call, notes = ScriptedCall(), Notes()
+    observed(taken.append, [notes])(call)
+    return call, taken[0], notes.records
 
 
 def test_a_call_that_is_answered_at_once_is_observed_once() -> None:
@@ -106,3 +126,13 @@ def test_the_messages_of_streams_are_counted() -> None:
     ended = records[-1]
     assert (ended.request, ended.requests_count, ended.response, ended.responses_count) == (b"first", 2, b"last", 4)
     assert [record.has_ended for record in records] == [False, True]
+
+
+def test_what_was_before_the_request_is_handed_back_with_each_record() -> None:
+    taken: list[Call] = []
+    call, notes = ScriptedCall(), Notes()
+    observed(taken.append, [notes])(call)
+    taken[0].receive(lambda _: taken[0].watch(lambda: None))
+    call.say(b"request")
+    taken[0].finish(b"answer")
+    assert notes.before == [f"before {call.method}"] * 2

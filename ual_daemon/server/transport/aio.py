@@ -15,7 +15,14 @@ from typing import Any, NamedTuple, TypeAlias
 import grpc
 from typing_extensions import override
 
-from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.base import (
+    Call,
+    Metadata,
+    Options,
+    Transport,
+    TransportServer,
+    name_of_certificate,
+)
 from ual_daemon.server.transport.listening import defer_accept
 
 _Context: TypeAlias = "grpc.aio.ServicerContext[bytes, bytes]"
@@ -186,6 +193,7 @@ class AioCall(Call):
         self.is_cancelled = False
         self._context = context
         self._peer = context.peer()
+        self._certificate_name = name_of_certificate(context.auth_context())
         self._loop = asyncio.get_running_loop()
         self._thread_id = threading.get_ident()
         self._lock = threading.Lock()
@@ -217,6 +225,10 @@ class AioCall(Call):
     @override
     def peer(self) -> str:
         return self._peer
+
+    @override
+    def certificate_name(self) -> str | None:
+        return self._certificate_name
 
     @override
     def watch(self, on_cancel: Callable[[], object]) -> None:

@@ -7,7 +7,7 @@ not block.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol, TypeAlias
 
 import grpc
@@ -26,6 +26,8 @@ class Call(Protocol):
     """``/package.Service/Method``."""
     metadata: Metadata
     """What the caller sent before its messages."""
+    identity: str = ""
+    """Who calls, once that is known: see `ual_daemon.server.access`."""
     is_finished: bool
     """Whether `finish` was called."""
     is_cancelled: bool
@@ -34,6 +36,10 @@ class Call(Protocol):
     @abstractmethod
     def peer(self) -> str:
         """Returns the caller's address as gRPC writes it. Call it once before the call ends; later it is remembered."""
+
+    @abstractmethod
+    def certificate_name(self) -> str | None:
+        """Returns the name in the TLS certificate that the caller has shown; None where it has shown none."""
 
     @abstractmethod
     def watch(self, on_cancel: Callable[[], object]) -> None:
@@ -63,6 +69,14 @@ class Call(Protocol):
         metadata: Metadata = (),
     ) -> None:
         """Ends the call, with a last message or with an error. Only the first call of it has an effect."""
+
+
+def name_of_certificate(context: Mapping[str, Iterable[bytes]]) -> str | None:
+    """Returns the name in the certificate of gRPC's authentication context: its common name, else its first other."""
+    for key in ("x509_common_name", "x509_subject_alternative_name"):
+        for name in context.get(key, ()):
+            return name.decode(errors="replace")
+    return None
 
 
 class TransportServer(Protocol):

@@ -18,7 +18,14 @@ import grpc
 import grpc._cython.cygrpc as cygrpc
 from typing_extensions import override
 
-from ual_daemon.server.transport.base import Call, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.base import (
+    Call,
+    Metadata,
+    Options,
+    Transport,
+    TransportServer,
+    name_of_certificate,
+)
 from ual_daemon.server.transport.listening import defer_accept
 from ual_daemon.server.waiting import completion
 
@@ -204,6 +211,10 @@ class CoreCall(Call):
         if not self._peer:
             self._peer = self._call.peer().decode(errors="replace")
         return self._peer
+
+    @override
+    def certificate_name(self) -> str | None:
+        return name_of_certificate({key.decode(): values for key, values in cygrpc.auth_context(self._call).items()})
 
     @override
     def watch(self, on_cancel: Callable[[], object]) -> None:

@@ -1,0 +1,1 @@
+"""Who may do what: roles, tokens and certificates. The daemon and the ``ual`` command use the same files."""

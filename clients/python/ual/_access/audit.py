@@ -1,0 +1,85 @@
+"""The chain of an audit: each line carries a hash of itself and of the hash of the line before.
+
+A line that is changed, removed, added or swapped breaks the chain there. Whoever can write the file could compute all
+hashes anew, and lines cut off at the end leave a shorter chain that is whole: for both, compare the last hash with one
+that was kept elsewhere (the daemon logs it).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+START = "0" * 64
+"""What the first line is chained to."""
+OPENED = "opened"
+"""The event of the line with which a daemon begins to write."""
+TORN = "torn_sha256"
+"""The field of such a line that has the hash of the incomplete line before it, which a killed daemon has left."""
+_LINE = re.compile(rb'(\{.*),"hash":"([0-9a-f]{64})"\}')
+
+
+class BrokenChainError(Exception):
+    """A line is not what was written there; the message says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """A whole chain: how many lines, how many of them incomplete (a daemon was killed), and the last hash."""
+
+    lines_count: int
+    torn_count: int
+    head: str
+
+
+def line(entry: dict[str, Any], previous: str) -> tuple[bytes, str]:
+    """Returns an entry as a line, without its end, and its hash. `previous` is the hash of the line before."""
+    body = json.dumps(entry, allow_nan=False, separators=(",", ":")).encode()
+    digest = _digest(body, previous)
+    return body[:-1] + f',"hash":"{digest}"}}'.encode(), digest
+
+
+def hash_of(text: bytes) -> str | None:
+    """Returns the hash that a line carries; None if it is no whole line."""
+    found = _LINE.fullmatch(text)
+    return None if found is None else found[2].decode()
+
+
+def verify(lines: Iterable[bytes]) -> Verified:
+    """Checks the lines of an audit.
+
+    Raises:
+        BrokenChainError: One of them was changed, or others were before it.
+
+    """
+    previous, count, torn_count = START, 0, 0
+    torn: bytes | None = None
+    for number, text in enumerate((each.rstrip(b"\n") for each in lines), start=1):
+        count = number
+        found = _LINE.fullmatch(text)
+        if found is None:
+            if torn is not None:
+                raise BrokenChainError(f"line {number - 1} is no line of an audit")
+            torn, torn_count = text, torn_count + 1
+            continue
+        body, digest = found[1] + b"}", found[2].decode()
+        if torn is not None and _torn_hash(body) != hashlib.sha256(torn).hexdigest():
+            raise BrokenChainError(f"line {number - 1} is no line of an audit")
+        if digest != _digest(body, previous):
+            raise BrokenChainError(f"line {number} was changed, or lines before it were removed, added or swapped")
+        previous, torn = digest, None
+    return Verified(count, torn_count, previous)
+
+
+def _torn_hash(body: bytes) -> str | None:
+    entry = json.loads(body)
+    found = entry.get(TORN) if entry.get("event") == OPENED else None
+    return found if isinstance(found, str) else None
+
+
+def _digest(body: bytes, previous: str) -> str:
+    return hashlib.sha256(previous.encode() + body).hexdigest()

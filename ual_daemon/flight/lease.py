@@ -1,0 +1,153 @@
+"""The lease: one program at a time that flies, where somebody asks for it.
+
+A command carries the identifier of a lease, or none, in the context of its thread or task. It may begin if that is the
+identifier of the lease that is held, or if neither is there: one comparison, which costs a stream of setpoints nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextvars import ContextVar
+from dataclasses import dataclass
+from datetime import datetime, timezone
+
+from ual.errors import LeaseHeldError, LeaseLostError, UalError
+from ual.types import LeaseInfo
+
+EXPIRES_AFTER_S = 2.0
+"""How long a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
+NOBODY = ""
+_MOST_REMEMBERED = 100
+
+carried: ContextVar[str] = ContextVar("ual_lease", default=NOBODY)
+"""The identifier of the lease with which the present command was given."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    id: str
+    info: LeaseInfo
+    lasts_s: float
+
+
+class Lease:
+    """Who is the only one that flies one UAV. Any thread may call.
+
+    Durations are of the computer's monotonic clock, also in a simulation: a program lives in real time.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.id = NOBODY
+        """The identifier of the lease that is held; compared with `carried`."""
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._held: _Held | None = None
+        self._expires_s = math.inf
+        self._ended: dict[str, str] = {}
+
+    @property
+    def info(self) -> LeaseInfo | None:
+        """Who holds it; None where nobody does."""
+        held = self._held
+        return None if held is None else held.info
+
+    def acquire(self, holder: str, identity: str, *, take: bool, lasts_s: float = EXPIRES_AFTER_S) -> str:
+        """Begins a lease and returns its identifier, a secret. Who carries the one that is held gets that again.
+
+        Raises:
+            LeaseHeldError: Another one is held, and it is not to be taken.
+            LeaseLostError: The caller carries one that has ended.
+
+        """
+        carries, info = carried.get(), LeaseInfo(holder, identity, time.time())
+        with self._lock:
+            if carries != NOBODY:
+                self._require(carries, "acquire_lease")
+                return carries
+            if self._held is not None and not take:
+                raise _held_error("acquire_lease", self._held.info)
+            self._end(f"taken by {_described(info)}")
+            self._held = held = _Held(os.urandom(16).hex(), info, lasts_s)
+            self._expires_s = self._clock() + lasts_s
+            self.id = held.id
+        return held.id
+
+    def keep(self, lease_id: str) -> None:
+        """Keeps a lease.
+
+        Raises:
+            LeaseLostError: It has ended.
+
+        """
+        with self._lock:
+            if self._clock() > self._expires_s:
+                self._end(_expired(self._held))
+            self._require(lease_id, "keep_lease")
+            assert self._held is not None
+            self._expires_s = self._clock() + self._held.lasts_s
+
+    def release(self, lease_id: str) -> bool:
+        """Ends a lease. Returns False where it has ended before."""
+        with self._lock:
+            if self._held is None or self._held.id != lease_id:
+                return False
+            self._end("it was released")
+            return True
+
+    def expire(self) -> LeaseInfo | None:
+        """Ends the lease if it was not kept. Returns who held it, if it has ended by this."""
+        if self._held is None or self._clock() <= self._expires_s:
+            return None
+        with self._lock:
+            held = self._held
+            if held is None or self._clock() <= self._expires_s:
+                return None
+            self._end(_expired(held))
+            return held.info
+
+    def refusal(self, command: str) -> UalError | None:
+        """Returns why a command may not begin with the lease that it carries; None if it may."""
+        try:
+            self._require(carried.get(), command)
+        except (LeaseHeldError, LeaseLostError) as error:
+            return error
+        return None
+
+    def _require(self, carries: str, command: str) -> None:
+        held = self._held
+        if carries == (NOBODY if held is None else held.id):
+            return
+        if carries != NOBODY:
+            how = self._ended.get(carries, "this daemon does not know it: it may have been restarted")
+            raise LeaseLostError(f"{command}: the lease has ended: {how}", {"by": how, "command": command})
+        assert held is not None
+        raise _held_error(command, held.info)
+
+    def _end(self, how: str) -> None:
+        if self._held is None:
+            return
+        self._ended[self._held.id] = how
+        if len(self._ended) > _MOST_REMEMBERED:
+            del self._ended[next(iter(self._ended))]
+        self._held, self._expires_s, self.id = None, math.inf, NOBODY
+
+
+def _expired(held: _Held | None) -> str:
+    lasts_s = EXPIRES_AFTER_S if held is None else held.lasts_s
+    return f"it was not kept for {lasts_s:g} s"
+
+
+def _held_error(command: str, info: LeaseInfo) -> LeaseHeldError:
+    since = datetime.fromtimestamp(info.since_s, timezone.utc).isoformat(timespec="seconds")
+    return LeaseHeldError(
+        f"{command}: {_described(info)} holds the lease since {since}; a commander may take it (take, `ual --take`)",
+        {"holder": info.holder, "identity": info.identity, "since": since, "command": command},
+    )
+
+
+def _described(info: LeaseInfo) -> str:
+    return f"{info.holder} ({info.identity})" if info.identity not in ("", info.holder) else info.holder

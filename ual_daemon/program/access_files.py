@@ -1,0 +1,76 @@
+"""The files that say who may do what: ``--roles`` and ``--tokens``. They are read anew when they have changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ual._access import roles as role_names
+from ual._access import tokens
+from ual._access.roles import Role
+from ual_daemon.program.configuration import ConfigurationError, DaemonSettings
+from ual_daemon.server.access.policy import ANYBODY, Access, Roles
+from ual_daemon.server.access.watched_file import WatchedFile
+from ual_daemon.settings import ConfigError, Settings, convert
+
+
+class _RolesFile(Settings, frozen=True, kw_only=True):
+    """What `docs/security.md` says of the file."""
+
+    certificates: Mapping[str, str] = {}
+    tokens: Mapping[str, str] = {}
+    local: str = Role.COMMANDER.text
+    nobody: str = Role.NONE.text
+
+
+def access(settings: DaemonSettings) -> Access:
+    """Returns who may call a daemon with these settings.
+
+    Raises:
+        ConfigError: A file cannot be read, others could change it, or it is wrong.
+
+    """
+    if settings.tls_client_ca is not None and settings.roles is None:
+        raise ConfigError("certificates get their roles by a file: give --roles, too", "tls_client_ca")
+    if settings.tokens is None and settings.roles is None:
+        return ANYBODY if settings.insecure else Access()
+    known_tokens = None
+    if settings.tokens is not None:
+        known_tokens = WatchedFile(Path(settings.tokens), "tokens", tokens.read, is_secret=True)
+    if settings.roles is None:
+        return Access(known_tokens=known_tokens)
+    found = WatchedFile(Path(settings.roles), "roles", read_roles, is_secret=False)
+    return Access(lambda: found.value, known_tokens)
+
+
+def read_roles(data: bytes) -> Roles:
+    """Reads a roles file.
+
+    Raises:
+        ValueError: It is none; the message says where it is wrong.
+
+    """
+    from ual_daemon.program import configuration_yaml  # imported late: most daemons need no YAML
+
+    try:
+        values = configuration_yaml.read_text(data)
+        file = convert(values, _RolesFile)
+        return Roles(
+            certificates=_named(file.certificates, "certificates"),
+            tokens=_named(file.tokens, "tokens"),
+            local=_role(file.local, "local"),
+            nobody=_role(file.nobody, "nobody"),
+        )
+    except (ConfigurationError, ConfigError) as error:
+        raise ValueError(str(error)) from None
+
+
+def _named(given: Mapping[str, str], section: str) -> dict[str, Role]:
+    return {name: _role(text, f"{section}.{name}") for name, text in given.items()}
+
+
+def _role(text: str, key: str) -> Role:
+    try:
+        return role_names.parse(text)
+    except ValueError as error:
+        raise ConfigError(str(error), key) from None

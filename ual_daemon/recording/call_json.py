@@ -1,0 +1,70 @@
+"""Calls as JSON: requests, answers and refusals by the names of the contract."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from google.protobuf import descriptor_pool, message_factory
+from google.protobuf.json_format import MessageToDict
+from google.protobuf.message import DecodeError, Message
+
+from ual import _rpc_errors
+from ual_daemon.server.call_log import CallRecord
+
+
+class _Types(NamedTuple):
+    request: type[Message]
+    response: type[Message]
+
+
+def to_json(call: CallRecord) -> dict[str, Any]:
+    """Returns what was observed of a call."""
+    types = _types(call.method)
+    values: dict[str, Any] = {
+        "id": call.number,
+        "event": "ended" if call.has_ended else "began",
+        "method": call.method,
+        "caller": call.caller,
+        "identity": call.identity,
+        "agent": call.agent,
+        "request": _message(None if types is None else types.request, call.request),
+        "requests_count": call.requests_count,
+    }
+    if call.has_ended:
+        error = _rpc_errors.error_info(call.metadata)
+        values |= {
+            "response": _message(None if types is None else types.response, call.response),
+            "responses_count": call.responses_count,
+            "status": call.code,
+            "reason": "" if error is None else error.reason,
+            "message": call.details,
+            "metadata": {} if error is None else dict(error.metadata),
+            "duration_s": (call.at_ns - call.began_ns) * 1e-9,
+        }
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _message(kind: type[Message] | None, data: bytes | None) -> dict[str, Any] | None:
+    """Returns a packed message as JSON has it; what cannot be read as its number of bytes."""
+    if data is None:
+        return None
+    try:
+        if kind is not None:
+            return MessageToDict(kind.FromString(data), preserving_proto_field_name=True)
+    except (DecodeError, ValueError):
+        pass
+    return {"unreadable_bytes": len(data)}
+
+
+@lru_cache(maxsize=256)
+def _types(method: str) -> _Types | None:
+    """Returns the messages of a method; None for one that no loaded contract has."""
+    service, _, name = method.lstrip("/").partition("/")
+    try:
+        pool = descriptor_pool.Default()  # type: ignore[no-untyped-call]
+        found = pool.FindServiceByName(service).methods_by_name[name]
+    except KeyError:
+        return None
+    make = message_factory.GetMessageClass
+    return _Types(make(found.input_type), make(found.output_type))

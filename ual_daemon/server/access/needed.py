@@ -1,0 +1,61 @@
+"""Which role each method needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ual._access.roles import Role
+
+_READING = (
+    "GetInfo",
+    "GetTelemetry",
+    "StreamTelemetry",
+    "GetTransform",
+    "ListFrames",
+    "GetLease",
+    "GetTask",
+    "WatchTask",
+)
+_FLYING = (
+    "AddFrame",
+    "RemoveFrame",
+    "TakeOff",
+    "Land",
+    "GoToWaypoint",
+    "GoToWaypointGeo",
+    "FollowPath",
+    "ReturnToLaunch",
+    "SetPose",
+    "SetVelocity",
+    "StreamSetpoints",
+    "SetExternalPose",
+    "StreamExternalPoses",
+    "RecoverFromManual",
+    "Abort",
+    "Pause",
+    "Resume",
+    "AcquireLease",
+    "KeepLease",
+    "ReleaseLease",
+)
+_COMMANDING = ("Arm", "Disarm", "SetHome")
+
+_OF_METHOD: Mapping[str, Role] = {
+    **{f"ual.v1.UalService/{name}": Role.OBSERVER for name in _READING},
+    **{f"ual.v1.UalService/{name}": Role.PILOT for name in _FLYING},
+    **{f"ual.v1.UalService/{name}": Role.COMMANDER for name in _COMMANDING},
+    "ual.v1.SimulationService/ListParts": Role.OBSERVER,
+    "ual.v1.SimulationService/ListFaults": Role.OBSERVER,
+}
+_OF_SERVICE: Mapping[str, Role] = {
+    "ual.v1.UalService": Role.COMMANDER,  # what is new and was forgotten above
+    "ual.v1.SimulationService": Role.COMMANDER,  # whoever changes the world may do everything in it
+    "grpc.health.v1.Health": Role.OBSERVER,
+    "grpc.reflection.v1alpha.ServerReflection": Role.OBSERVER,
+}
+
+
+def needed_role(method: str) -> Role:
+    """Returns the role that ``/package.Service/Method`` needs; for a service that is not ours (an extension) pilot."""
+    name = method.lstrip("/")
+    return _OF_METHOD.get(name, _OF_SERVICE.get(name.partition("/")[0], Role.PILOT))

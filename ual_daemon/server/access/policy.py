@@ -1,0 +1,144 @@
+"""Tells who calls: by a token, by a TLS certificate, or by the computer that the call comes from."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from typing import Protocol
+from urllib.parse import unquote
+
+from ual._access import tokens
+from ual._access.roles import Role
+from ual._access.tokens import Token
+from ual.errors import UnauthenticatedError
+from ual_daemon.server.access.caller import LOCAL, NOBODY, OF_THIS_COMPUTER, Caller
+from ual_daemon.server.transport.base import Call
+
+AUTHORIZATION = "authorization"
+FORWARDED_FOR = "x-forwarded-for"
+"""Where a gateway on this computer says from which address a call came to it."""
+FORWARDED_NAME = "x-ual-certificate"
+"""Where such a gateway gives the name of the certificate that it has verified."""
+_BEARER = "bearer "
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """The file ``--roles``: what each certificate and each token may do, and who shows neither."""
+
+    certificates: Mapping[str, Role] = field(default_factory=dict)
+    tokens: Mapping[str, Role] = field(default_factory=dict)
+    local: Role = Role.COMMANDER
+    nobody: Role = Role.NONE
+
+
+class Has(Protocol):
+    """What is read when it is needed: `WatchedFile`."""
+
+    @property
+    def value(self) -> tuple[Token, ...]:
+        """What it says now."""
+
+
+class Access:
+    """Who calls a daemon. Any thread may call.
+
+    Args:
+        roles: Returns what the roles file says now.
+        known_tokens: The tokens; None where the daemon knows none.
+        now: The time, UTC.
+
+    """
+
+    def __init__(
+        self,
+        roles: Callable[[], Roles] = Roles,
+        known_tokens: Has | None = None,
+        now: Callable[[], datetime] = lambda: datetime.now(timezone.utc),
+    ) -> None:
+        self._roles = roles
+        self._tokens = known_tokens
+        self._now = now
+
+    def identify(self, call: Call) -> Caller:
+        """Returns who calls.
+
+        Raises:
+            UnauthenticatedError: It is nobody who is known here.
+
+        """
+        given = _given(call)
+        roles, is_local = self._roles(), is_this_computer(call.peer())
+        caller = None
+        if AUTHORIZATION in given:
+            caller = self._by_token(given[AUTHORIZATION], roles)
+        elif is_local and FORWARDED_FOR in given:
+            caller = self._by_gateway(given, roles)
+        elif (name := call.certificate_name()) is not None:
+            caller = Caller(name, roles.certificates.get(name, Role.NONE))
+        elif is_local:
+            caller = OF_THIS_COMPUTER if roles.local is Role.COMMANDER else Caller(LOCAL, roles.local)
+        else:
+            caller = Caller(NOBODY, roles.nobody)
+        if caller.role is Role.NONE:
+            raise self._unknown()
+        return caller
+
+    def _by_token(self, given: str, roles: Roles) -> Caller:
+        secret = given[len(_BEARER) :].strip() if given.lower().startswith(_BEARER) else ""
+        found = tokens.find(() if self._tokens is None else self._tokens.value, secret)
+        if found is None or found.has_expired(self._now()):
+            raise UnauthenticatedError(
+                "the token is not one of this daemon's, was revoked, or has expired", {"needed": "token"}
+            )
+        return Caller(found.name, roles.tokens.get(found.name, found.role))
+
+    @staticmethod
+    def _by_gateway(given: Mapping[str, str], roles: Roles) -> Caller:
+        """Returns for whom a gateway of this computer calls: it is believed what whoever is local could do itself."""
+        name = given.get(FORWARDED_NAME, "")
+        if name and roles.local is Role.COMMANDER:
+            return Caller(name, roles.certificates.get(name, Role.NONE))
+        from_here = all(map(_is_loopback, given[FORWARDED_FOR].split(",")))
+        return Caller(LOCAL, roles.local) if from_here else Caller(NOBODY, roles.nobody)
+
+    @staticmethod
+    def _unknown() -> UnauthenticatedError:
+        return UnauthenticatedError(
+            "this daemon wants to know who calls: show a token (metadata `authorization: Bearer ...`, UAL_TOKEN) or a "
+            "certificate (--tls-certificate, --tls-key) that it knows",
+            {"needed": "token or certificate"},
+        )
+
+
+ANYBODY = Access(lambda: Roles(nobody=Role.COMMANDER))
+"""Where the network is trusted (``--insecure`` without tokens and roles)."""
+
+
+def is_this_computer(peer: str) -> bool:
+    """Returns whether a peer, as gRPC writes its address, is on this computer."""
+    kind, _, rest = peer.partition(":")
+    if kind not in ("ipv4", "ipv6"):
+        return kind == "unix"
+    return _is_loopback(re.sub(r"\[|\]", "", unquote(rest).rpartition(":")[0]))
+
+
+def _is_loopback(text: str) -> bool:
+    try:
+        address = ipaddress.ip_address(text.strip().partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None)
+    return address.is_loopback or (mapped is not None and mapped.is_loopback)
+
+
+def _given(call: Call) -> dict[str, str]:
+    """Returns the metadata by which a caller says who it is. A key that is given twice counts with all its values."""
+    found: dict[str, str] = {}
+    for key, value in call.metadata:
+        if key in (AUTHORIZATION, FORWARDED_FOR, FORWARDED_NAME) and isinstance(value, str):
+            found[key] = f"{found[key]},{value}" if key in found else value
+    return found
