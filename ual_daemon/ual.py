@@ -16,7 +16,7 @@ from typing_extensions import Self, override
 from ual import _views
 from ual._callbacks import Callbacks, Listener
 from ual._time_limit import time_limit
-from ual.errors import UalTimeoutError
+from ual.errors import LeaseLostError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
     PoseStamped,
@@ -27,11 +27,24 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
-from ual.interface import DryRun, Simulation, Subscription, Task, Uav
-from ual.types import ExternalPose, Frame, Info, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
+from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
+from ual.types import (
+    ExternalPose,
+    Frame,
+    Info,
+    LeaseInfo,
+    MotionRequest,
+    Plan,
+    State,
+    TaskInfo,
+    TaskKind,
+    TaskRequest,
+    Telemetry,
+)
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
+from ual_daemon.flight.lease import NOBODY, carried
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings
@@ -42,6 +55,7 @@ from ual_daemon.vehicle.vehicle import Vehicle
 _log = logging.getLogger(__name__)
 
 _CLOSE_PATIENCE_S = 60.0
+_THIS_PROCESS = "this process"
 
 
 class UAL(Uav):
@@ -90,6 +104,7 @@ class UAL(Uav):
         self._subscriptions: set[_Subscription] = set()
         self._external_pose_s = -math.inf
         """When the last pose from outside was given that was not refused."""
+        self._lease_id = NOBODY
         self._is_closed = False
         self.vehicle.open()
 
@@ -112,6 +127,12 @@ class UAL(Uav):
         for subscription in list(self._subscriptions):
             subscription.close()
         self.vehicle.close()
+
+    @property
+    def _commands(self) -> Commands:
+        """The commands, given with the lease of this object, if it has one."""
+        carried.set(self._lease_id)
+        return self.vehicle.commands
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -159,21 +180,21 @@ class UAL(Uav):
 
     @override
     def set_home(self, set_z: bool = False) -> None:
-        self.vehicle.commands.set_home(set_z)
+        self._commands.set_home(set_z)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     @override
     def arm(self, *, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.commands.arm, timeout_s, "arm")
+        _run(self._commands.arm, timeout_s, "arm")
 
     @override
     def disarm(self, *, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.commands.disarm, timeout_s, "disarm")
+        _run(self._commands.disarm, timeout_s, "disarm")
 
     @override
     def _begin(self, request: TaskRequest, blocking: bool, timeout_s: float | None) -> Task:
-        commands = self.vehicle.commands
+        commands = self._commands
         prepared = commands.prepare(request)
         limit_s = time_limit(timeout_s)  # before anything moves
         task = prepared.begin()
@@ -185,14 +206,16 @@ class UAL(Uav):
                 # A take-off or landing does; cancelling a task that has ended does nothing.
                 commands.abandon(task)
                 raise
-        return _Task(task, commands)
+        return _Task(task, lambda: self._commands)
 
     @override
     def set_pose(self, pose: PoseStamped | Pose) -> None:
+        carried.set(self._lease_id)
         self.vehicle.commands.setpoints.set_pose(stamped_pose(pose))
 
     @override
     def set_velocity(self, velocity: TwistStamped | Twist) -> None:
+        carried.set(self._lease_id)
         self.vehicle.commands.setpoints.set_velocity(stamped_twist(velocity))
 
     @override
@@ -210,28 +233,49 @@ class UAL(Uav):
 
     @override
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
-        _run(self.vehicle.commands.recover_from_manual(force=force).begin, timeout_s, "recover_from_manual")
+        _run(self._commands.recover_from_manual(force=force).begin, timeout_s, "recover_from_manual")
 
     @override
     def abort(self, freeze: bool = False) -> None:
-        self.vehicle.commands.abort(freeze)
+        self._commands.abort(freeze)
 
     @override
     def pause(self) -> None:
-        self.vehicle.commands.pause()
+        self._commands.pause()
 
     @override
     def resume(self) -> None:
-        self.vehicle.commands.resume()
+        self._commands.resume()
 
     @override
     def task(self, task_id: str) -> Task:
-        return _Task(self.vehicle.task(task_id), self.vehicle.commands)
+        return _Task(self.vehicle.task(task_id), lambda: self._commands)
+
+    @override
+    def lease(self, holder: str = "", *, take: bool = False) -> Lease:
+        """Makes this object the only one that flies the UAV. It lasts until it is released or taken: this process is
+        the daemon's.
+        """
+        carried.set(self._lease_id)
+        self._lease_id = self.vehicle.acquire_lease(holder or _THIS_PROCESS, _THIS_PROCESS, take=take, lasts_s=math.inf)
+        return _Lease(self, self._lease_id)
+
+    @override
+    def lease_info(self) -> LeaseInfo | None:
+        return self.vehicle.lease()
+
+    def _end_lease(self, lease_id: str) -> None:
+        self.vehicle.release_lease(lease_id)
+        if self._lease_id == lease_id:
+            self._lease_id = NOBODY
 
     @property
     @override
     def dry_run(self) -> DryRun[Plan]:
-        return DryRun(self.vehicle.commands.plan)
+        return DryRun(self._plan)
+
+    def _plan(self, motion: MotionRequest) -> Plan:
+        return self._commands.plan(motion)
 
     @property
     @override
@@ -242,7 +286,7 @@ class UAL(Uav):
 class _Task(Task):
     """The handle of a task in this process."""
 
-    def __init__(self, task: VehicleTask, commands: Commands) -> None:
+    def __init__(self, task: VehicleTask, commands: Callable[[], Commands]) -> None:
         self._task = task
         self._commands = commands
 
@@ -274,15 +318,15 @@ class _Task(Task):
 
     @override
     def cancel(self) -> None:
-        self._commands.cancel(self._task)
+        self._commands().cancel(self._task)
 
     @override
     def pause(self) -> None:
-        self._commands.pause(self.id)
+        self._commands().pause(self.id)
 
     @override
     def resume(self) -> None:
-        self._commands.resume(self.id)
+        self._commands().resume(self.id)
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
@@ -291,6 +335,31 @@ class _Task(Task):
             yield self._task.info()
             concurrent.futures.wait([self._task.future], timeout=period_s)
         yield self._task.info()
+
+
+class _Lease(Lease):
+    """A lease of an object in this process."""
+
+    def __init__(self, uav: UAL, lease_id: str) -> None:
+        self._uav = uav
+        self._id = lease_id
+        self._is_released = False
+
+    @property
+    @override
+    def lost(self) -> UalError | None:
+        if self._is_released:
+            return None
+        try:
+            self._uav.vehicle.keep_lease(self._id)
+        except LeaseLostError as error:
+            return error
+        return None
+
+    @override
+    def release(self) -> None:
+        self._is_released = True
+        self._uav._end_lease(self._id)  # noqa: SLF001  of this module
 
 
 class _Subscription(Subscription):

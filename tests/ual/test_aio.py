@@ -8,7 +8,7 @@ import inspect
 import logging
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 
@@ -29,7 +29,7 @@ def nothing_from_outside(monkeypatch: pytest.MonkeyPatch, runtime_dir: Path) -> 
         monkeypatch.delenv(name, raising=False)
 
 
-def run(program: Callable[[aio.Uav], Awaitable[T]], **where: str) -> T:
+def run(program: Callable[[aio.Uav], Awaitable[T]], **where: Any) -> T:
     """Runs a program with a UAV, in a loop that has nothing left to do when it ends."""
 
     async def main() -> T:

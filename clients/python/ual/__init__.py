@@ -12,11 +12,14 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from ual._credentials import Credentials
 from ual.errors import (
     DaemonUnreachableError,
     FrameLostError,
     GeofenceError,
     InvalidArgumentError,
+    LeaseHeldError,
+    LeaseLostError,
     LinkLostError,
     NotSupportedError,
     PermissionDeniedError,
@@ -51,6 +54,7 @@ from ual.types import (
     GpsFix,
     GpsInfo,
     Info,
+    LeaseInfo,
     Limits,
     Odometry,
     PathHeading,
@@ -72,6 +76,7 @@ __all__ = [
     "AltitudeReference",
     "Battery",
     "Capability",
+    "Credentials",
     "DaemonUnreachableError",
     "Frame",
     "FrameLostError",
@@ -82,6 +87,9 @@ __all__ = [
     "GpsInfo",
     "Info",
     "InvalidArgumentError",
+    "LeaseHeldError",
+    "LeaseInfo",
+    "LeaseLostError",
     "Limits",
     "LinkLostError",
     "NotSupportedError",

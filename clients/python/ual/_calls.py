@@ -27,6 +27,7 @@ from ual.types import (
     GoToWaypointRequest,
     Info,
     LandRequest,
+    LeaseInfo,
     MotionRequest,
     Plan,
     RecoverFromManualRequest,
@@ -190,6 +191,26 @@ def pause(task_id: str = "") -> Call[None]:
 
 def resume(task_id: str = "") -> Call[None]:
     return Call(Service.UAL, "Resume", pb.ResumeRequest(task_id=task_id), _nothing)
+
+
+def acquire_lease(holder: str, take: bool) -> Call[str]:
+    def read(response: pb.AcquireLeaseResponse) -> str:
+        return response.lease_id
+
+    request = _built(lambda: pb.AcquireLeaseRequest(holder=holder, take=take), "holder", holder)
+    return Call(Service.UAL, "AcquireLease", request, read)
+
+
+def keep_lease(lease_id: str) -> Call[None]:
+    return Call(Service.UAL, "KeepLease", pb.KeepLeaseRequest(lease_id=lease_id), _nothing)
+
+
+def release_lease(lease_id: str) -> Call[None]:
+    return Call(Service.UAL, "ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), _nothing)
+
+
+def get_lease() -> Call[LeaseInfo | None]:
+    return Call(Service.UAL, "GetLease", pb.GetLeaseRequest(), _convert.lease_from_proto)
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:

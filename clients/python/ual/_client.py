@@ -10,13 +10,15 @@ from typing_extensions import override
 
 from ual import _calls, interface
 from ual._connection import Connection
+from ual._credentials import Credentials
+from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.simulation import Fault, SimulationPart
-from ual.types import ExternalPose, Frame, Info, Plan, TaskRequest, Telemetry
+from ual.types import ExternalPose, Frame, Info, LeaseInfo, Plan, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
@@ -31,6 +33,7 @@ class Uav(interface.Uav):
         address: Where the daemon is, ``host:50051`` or ``unix:/run/ual/uav_2.sock``. Default: ``$UAL_ADDRESS``. Where
             neither is given, it is the only UAV of this computer.
         tls_ca: A file with the certificates to trust, for a daemon that uses TLS.
+        credentials: What shows the daemon who calls. Default: the environment's (`Credentials.from_environment`).
 
     Example:
         >>> with ual.Uav("uav_1") as uav:
@@ -40,8 +43,16 @@ class Uav(interface.Uav):
 
     """
 
-    def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca))
+    def __init__(
+        self,
+        ns: str | None = None,
+        *,
+        address: str | None = None,
+        tls_ca: str | Path | None = None,
+        credentials: Credentials | None = None,
+    ) -> None:
+        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)
         self._dry_run = interface.DryRun(lambda motion: self._connection.run(_calls.dry_run(motion)))
@@ -65,8 +76,13 @@ class Uav(interface.Uav):
 
     @override
     def close(self) -> None:
-        """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
+        """Ends the setpoints, the subscriptions, the lease and the connection.
+
+        A task of the UAV goes on, unless there was a lease; a velocity does not.
+        """
         self._setpoints.settle()
+        if self._lease is not None:
+            self._lease.release()
         self._external_poses.settle()
         self._subscriptions.close()
         self._connection.close()
@@ -151,6 +167,16 @@ class Uav(interface.Uav):
     @override
     def resume(self) -> None:
         self._command(_calls.resume())
+
+    @override
+    def lease(self, holder: str = "", *, take: bool = False) -> Lease:
+        self._setpoints.settle()
+        self._lease = Lease(self._connection, holder, take=take)
+        return self._lease
+
+    @override
+    def lease_info(self) -> LeaseInfo | None:
+        return self._connection.run(_calls.get_lease())
 
     @override
     def task(self, task_id: str) -> Task:

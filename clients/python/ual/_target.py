@@ -12,12 +12,14 @@ import grpc
 
 from ual import _discovery
 from ual._calls import Call, Service
+from ual._credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.v1 import simulation_pb2_grpc, ual_pb2_grpc
 
 ADDRESS_VARIABLE = "UAL_ADDRESS"
 NS_VARIABLE = "UAL_NS"
 NS_METADATA_KEY = "ual-ns"
+LEASE_METADATA_KEY = "ual-lease"
 
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # The longest pause between two attempts to connect: a restarted daemon is found again within 500 ms.
@@ -69,11 +71,20 @@ class Route:
 class Target:
     """The daemon that a client talks to: at a fixed address, or wherever its namespace is registered."""
 
-    def __init__(self, ns: str | None, address: str | None, tls_ca: str | Path | None) -> None:
+    def __init__(
+        self,
+        ns: str | None,
+        address: str | None,
+        tls_ca: str | Path | None,
+        credentials: Credentials | None = None,
+    ) -> None:
         self.ns = ns or os.environ.get(NS_VARIABLE, "")
         given = address or os.environ.get(ADDRESS_VARIABLE) or None
         self._fixed_address = None if given is None else _checked(given)
-        self._credentials = None if tls_ca is None else _read_ca(Path(tls_ca))
+        self._shown = credentials or Credentials.from_environment()
+        self._credentials = None if tls_ca is None else _read_tls(tls_ca, self._shown)
+        self.lease_id = ""
+        """The lease with which its commands are given; empty where it has none."""
         self._address: str | None = self._fixed_address
         self._seen: tuple[int, int] | None = None
         self._answered_ns = ""
@@ -81,7 +92,10 @@ class Target:
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """The metadata that every request carries."""
-        return ((NS_METADATA_KEY, self.ns),) if self.ns else ()
+        given = self._shown.metadata(self._address or self.address(), has_tls=self._credentials is not None)
+        if self.ns:
+            given = ((NS_METADATA_KEY, self.ns), *given)
+        return (*given, (LEASE_METADATA_KEY, self.lease_id)) if self.lease_id else given
 
     @property
     def known_ns(self) -> str:
@@ -149,9 +163,9 @@ def _signature(file: Path) -> tuple[int, int] | None:
     return stat.st_mtime_ns, stat.st_ino
 
 
-def _read_ca(file: Path) -> grpc.ChannelCredentials:
-    try:
-        certificates = file.read_bytes()
-    except OSError as error:
-        raise InvalidArgumentError(f"tls_ca: cannot read {file}: {error.strerror}", {"field": "tls_ca"}) from None
-    return grpc.ssl_channel_credentials(certificates)
+def _read_tls(tls_ca: str | Path, shown: Credentials) -> grpc.ChannelCredentials:
+    trusted = read(tls_ca, "tls_ca")
+    if shown.tls_certificate is None or shown.tls_key is None:
+        return grpc.ssl_channel_credentials(trusted)
+    chain, key = read(shown.tls_certificate, "tls_certificate"), read(shown.tls_key, "tls_key")
+    return grpc.ssl_channel_credentials(trusted, key, chain)

@@ -13,10 +13,23 @@ from typing_extensions import Self, override
 
 from ual import aio
 from ual._client import Uav
+from ual._credentials import Credentials
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
-from ual.types import Frame, Info, MotionRequest, Odometry, Plan, State, TaskInfo, TaskKind, TaskRequest, Telemetry
+from ual.types import (
+    Frame,
+    Info,
+    LeaseInfo,
+    MotionRequest,
+    Odometry,
+    Plan,
+    State,
+    TaskInfo,
+    TaskKind,
+    TaskRequest,
+    Telemetry,
+)
 
 T = TypeVar("T")
 
@@ -33,6 +46,7 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS.
+        credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -46,14 +60,17 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
 
     """
 
-    def __init__(self, uavs: Iterable[str], *, tls_ca: str | Path | None = None) -> None:
+    def __init__(
+        self, uavs: Iterable[str], *, tls_ca: str | Path | None = None, credentials: Credentials | None = None
+    ) -> None:
         self._loop = _Loop()
         try:
-            self._team = self._loop.run(_made(uavs, tls_ca))
+            self._team = self._loop.run(_made(uavs, tls_ca, credentials))
         except BaseException:
             self._loop.close()
             raise
         self._tls_ca = tls_ca
+        self._credentials = credentials
         self._uavs: dict[str, Uav] = {}
         self._dry_run: DryRun[dict[str, Plan]] = DryRun(self._plan)
 
@@ -66,7 +83,7 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
             raise KeyError(name)
         if name not in self._uavs:
             where = {"address": name} if ":" in name else {"ns": name}
-            self._uavs[name] = Uav(**where, tls_ca=self._tls_ca)
+            self._uavs[name] = Uav(**where, tls_ca=self._tls_ca, credentials=self._credentials)
         return self._uavs[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -113,6 +130,23 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
 
         """
         return self._loop.run(self._team.ask(call))
+
+    def lease(self, holder: str = "", *, take: bool = False) -> TeamLease:
+        """Acquires the leases of all of them, or of none; see `ual.interface.Uav.lease`.
+
+        Raises:
+            TeamError: One of them is held by another program, or may not be taken.
+
+        Example:
+            >>> with team.lease("survey"):
+            ...     team.take_off(3.0)
+
+        """
+        return TeamLease(self._loop, self._loop.run(self._team.lease(holder, take=take).acquire()))
+
+    def lease_info(self) -> dict[str, LeaseInfo | None]:
+        """Returns who holds the lease of each; None where nobody does."""
+        return self._loop.run(self._team.lease_info())
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -224,6 +258,30 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
         return self._loop.run(self._team._plan(motion))  # noqa: SLF001 (as above)
 
 
+class TeamLease:
+    """The leases of a team, until `release` or the end of its ``with`` block."""
+
+    def __init__(self, loop: _Loop, leases: aio.TeamLease) -> None:
+        self._loop = loop
+        self._leases = leases
+
+    @property
+    def lost(self) -> dict[str, UalError]:
+        """Those that have ended by themselves, and why, by name."""
+        return self._leases.lost
+
+    def release(self) -> None:
+        """Ends those that are held."""
+        if not self._loop.is_closed:
+            self._loop.run(self._leases.release())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.release()
+
+
 class TeamTask:
     """The handle of one UAV's task; its members are those of `ual.interface.Task`."""
 
@@ -308,9 +366,9 @@ class _Loop:
         self._loop.close()
 
 
-async def _made(uavs: Iterable[str], tls_ca: str | Path | None) -> aio.Team:
+async def _made(uavs: Iterable[str], tls_ca: str | Path | None, credentials: Credentials | None) -> aio.Team:
     """Makes the team on its loop."""
-    return aio.Team(uavs, tls_ca=tls_ca)
+    return aio.Team(uavs, tls_ca=tls_ca, credentials=credentials)
 
 
 async def _next(samples: AsyncIterator[TaskInfo]) -> TaskInfo | None:

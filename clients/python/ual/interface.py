@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ual import _views
 from ual._time_limit import time_limit
-from ual.errors import InvalidArgumentError, NotSupportedError
+from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.geometry import (
     PointStamped,
     Pose,
@@ -41,6 +41,7 @@ from ual.types import (
     GoToWaypointRequest,
     Info,
     LandRequest,
+    LeaseInfo,
     MotionRequest,
     Odometry,
     PathHeading,
@@ -506,6 +507,32 @@ class TaskCommands(ABC, Generic[T]):
         return self._begin(ReturnToLaunchRequest(height_m), blocking, timeout_s)
 
 
+class Lease(ABC):
+    """The lease of a UAV: while it is held, nobody else flies it. It ends at `release`, or with its ``with`` block.
+
+    It also ends if the program dies or hangs for 2 s, and if a commander takes it. Whenever a lease begins or ends,
+    what is under way is aborted, and the UAV holds its position; only a take-off or a landing goes on.
+    """
+
+    @property
+    @abstractmethod
+    def lost(self) -> UalError | None:
+        """Why it has ended by itself; None while it is held, and where it was released.
+
+        Commands raise `LeaseLostError` then, until `release`.
+        """
+
+    @abstractmethod
+    def release(self) -> None:
+        """Ends it: others may fly from now on. Nothing happens if it has ended."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.release()
+
+
 class Uav(TaskCommands[Task]):
     """One UAV, whatever its autopilot. The manual of states, errors and units is ``ual/v1/ual.proto``."""
 
@@ -739,6 +766,32 @@ class Uav(TaskCommands[Task]):
             UalTimeoutError: It was not disarmed within `timeout_s`.
 
         """
+
+    @abstractmethod
+    def lease(self, holder: str = "", *, take: bool = False) -> Lease:
+        """Makes this object the only one that flies the UAV, until the lease ends.
+
+        Nobody has to: without a lease, every pilot may fly.
+
+        Args:
+            holder: How the program is called where others are refused, at most 64 characters. Empty: its address.
+            take: Whether to take the lease from another program, which only a commander may.
+
+        Raises:
+            LeaseHeldError: Another program holds it.
+            PermissionDeniedError: Only a commander may take it.
+            NotSupportedError: The daemon is too old for leases.
+
+        Example:
+            >>> with uav.lease("survey"):
+            ...     uav.take_off(3.0)
+            ...     uav.land()
+
+        """
+
+    @abstractmethod
+    def lease_info(self) -> LeaseInfo | None:
+        """Returns who holds the lease; None where nobody does."""
 
     @abstractmethod
     def set_pose(self, pose: PoseStamped | Pose) -> None:

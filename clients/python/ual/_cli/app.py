@@ -24,6 +24,7 @@ from ual.errors import UalError
 if TYPE_CHECKING:
     from ual._cli.start import Member
     from ual._client import Uav
+    from ual._credentials import Credentials
     from ual._discovery import Registration
 
 REFUSED = 1
@@ -46,6 +47,11 @@ class Session:
     ns: str | None = None
     address: str | None = None
     tls_ca: Path | None = None
+    token_file: Path | None = None
+    tls_certificate: Path | None = None
+    tls_key: Path | None = None
+    has_lease: bool = False
+    takes_lease: bool = False
     timeout_s: float | None = None
     as_json: bool = False
     is_all: bool = False
@@ -54,23 +60,45 @@ class Session:
     member: Member | None = None
     """Its place among several UAVs that get the same command."""
 
-    def connect(self) -> Uav:
-        """Returns the chosen UAV: when its command is to begin, where that is said."""
+    def connect(self, *, with_lease: bool = True) -> Uav:
+        """Returns the chosen UAV: when its command is to begin, where that is said.
+
+        `with_lease`: with its lease, if one is wanted; False for a command that acquires it later by itself.
+        """
         from ual._client import Uav
 
-        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca)
+        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials)
         if self.member is not None:
             self.member.meet(uav)
         elif self.begin_utc_s is not None:
             uav.info()  # connected now, it begins on time
             start.wait_until(self.begin_utc_s)
+        if with_lease and (self.has_lease or self.takes_lease):
+            self._lease(uav)
         return uav
 
     def connect_to(self, daemon: Registration) -> Uav:
         """Returns the UAV of a daemon of this computer."""
         from ual._client import Uav
 
-        return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca)
+        return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca, credentials=self.credentials)
+
+    @property
+    def credentials(self) -> Credentials:
+        """What shows a daemon who calls: the options, and the environment where there are none."""
+        from ual._credentials import Credentials, read
+
+        if self.token_file is None and self.tls_certificate is None and self.tls_key is None:
+            return Credentials.from_environment()
+        token = None if self.token_file is None else read(self.token_file, "--token-file").decode(errors="replace")
+        return Credentials(token, self.tls_certificate, self.tls_key)
+
+    def _lease(self, uav: Uav) -> None:
+        try:
+            uav.lease("ual", take=self.takes_lease)
+        except UalError:
+            uav.close()
+            raise
 
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
@@ -117,7 +145,10 @@ def note(text: str) -> None:
     session(click.get_current_context()).note(text)
 
 
-SHARED_OPTIONS = "--ns, --all, --at, --address, --tls-ca, --timeout, --json"
+SHARED_OPTIONS = (
+    "--ns, --all, --at, --address, --tls-ca, --token-file, --tls-certificate, --tls-key, --lease, --take, --timeout, "
+    "--json"
+)
 
 
 class _SharedOption(click.Option):
@@ -210,6 +241,23 @@ def _shared_options() -> list[click.Parameter]:
             expose_value=False,
             callback=_store("tls_ca"),
         ),
+        _file_option("token_file", "UAL_TOKEN_FILE", "A token, where the daemon wants to know who calls."),
+        _file_option("tls_certificate", "UAL_TLS_CERTIFICATE", "Your certificate, for a daemon that wants one."),
+        _file_option("tls_key", "UAL_TLS_KEY", "Its private key."),
+        _SharedOption(
+            ["--lease", "has_lease"],
+            is_flag=True,
+            help="Let nobody else fly it meanwhile.",
+            expose_value=False,
+            callback=_store("has_lease"),
+        ),
+        _SharedOption(
+            ["--take", "takes_lease"],
+            is_flag=True,
+            help="The same, and take that from who has it.",
+            expose_value=False,
+            callback=_store("takes_lease"),
+        ),
         _SharedOption(
             ["--timeout", "timeout_s"],
             type=Number(min=0.0, min_open=True),
@@ -226,6 +274,17 @@ def _shared_options() -> list[click.Parameter]:
             callback=_store("as_json"),
         ),
     ]
+
+
+def _file_option(name: str, variable: str, help_text: str) -> click.Parameter:
+    return _SharedOption(
+        [f"--{name.replace('_', '-')}"],
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        envvar=variable,
+        help=help_text,
+        expose_value=False,
+        callback=_store(name),
+    )
 
 
 class UalCommand(_SharedOptions):

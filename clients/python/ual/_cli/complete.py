@@ -56,7 +56,7 @@ def _asked(context: click.Context, call: Call[T], otherwise: T) -> T:
 
     chosen = session(context)
     try:
-        connection = Connection(Target(chosen.ns, chosen.address, chosen.tls_ca))
+        connection = Connection(Target(chosen.ns, chosen.address, chosen.tls_ca, chosen.credentials))
     except UalError:
         return otherwise
     try:

@@ -18,6 +18,7 @@ class Section(Enum):
     TASKS = "What is flown now"
     FRAMES = "Frames and waypoints"
     SIMULATION = "Simulation"
+    ACCESS = "Who may fly"
     TOOLS = "Checks and shell"
 
 

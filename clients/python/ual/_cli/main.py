@@ -8,17 +8,21 @@ import click
 
 from ual import __version__
 from ual._cli import (
+    audit,
+    certificates,
     check,
     completion,
     extpose,
     flight,
     frames,
     launch,
+    lease,
     path,
     record,
     simulation,
     status,
     task,
+    token,
     waypoints,
 )
 from ual._cli.app import UalGroup
@@ -49,6 +53,7 @@ def cli() -> None:
 
 for command in (
     *status.COMMANDS,
+    *lease.COMMANDS,
     *flight.COMMANDS,
     *teleop.COMMANDS,
     *task.COMMANDS,
@@ -56,6 +61,9 @@ for command in (
     *frames.COMMANDS,
     *waypoints.COMMANDS,
     *simulation.COMMANDS,
+    *token.COMMANDS,
+    *certificates.COMMANDS,
+    *audit.COMMANDS,
     *check.COMMANDS,
     *extpose.COMMANDS,
     *record.COMMANDS,

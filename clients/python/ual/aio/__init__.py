@@ -10,8 +10,9 @@
 from __future__ import annotations
 
 from ual.aio._client import Simulation, Uav
+from ual.aio._lease import Lease
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
-from ual.aio._team import Team
+from ual.aio._team import Team, TeamLease
 
-__all__ = ["Simulation", "Subscription", "Task", "Team", "Uav"]
+__all__ = ["Lease", "Simulation", "Subscription", "Task", "Team", "TeamLease", "Uav"]

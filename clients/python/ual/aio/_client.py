@@ -11,10 +11,12 @@ from typing_extensions import Self, override
 
 from ual import _calls, _views
 from ual._calls import Call
+from ual._credentials import Credentials
 from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
 from ual._time_limit import time_limit
 from ual.aio._connection import Connection
+from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
@@ -22,7 +24,7 @@ from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.interface import DryRun, TaskCommands
 from ual.simulation import Fault, SimulationPart
-from ual.types import ExternalPose, Frame, Info, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
+from ual.types import ExternalPose, Frame, Info, LeaseInfo, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
@@ -41,8 +43,16 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
 
     """
 
-    def __init__(self, ns: str | None = None, *, address: str | None = None, tls_ca: str | Path | None = None) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca))
+    def __init__(
+        self,
+        ns: str | None = None,
+        *,
+        address: str | None = None,
+        tls_ca: str | Path | None = None,
+        credentials: Credentials | None = None,
+    ) -> None:
+        self._connection = Connection(Target(ns, address, tls_ca, credentials))
+        self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)
         self._dry_run: DryRun[Coroutine[Any, Any, Plan]] = DryRun(self._plan)
@@ -70,8 +80,13 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         return self._connection.target.address()
 
     async def close(self) -> None:
-        """Ends the setpoints, the subscriptions and the connection. A task of the UAV goes on; a velocity does not."""
+        """Ends the setpoints, the subscriptions, the lease and the connection.
+
+        A task of the UAV goes on, unless there was a lease; a velocity does not.
+        """
         await self._setpoints.settle()
+        if self._lease is not None:
+            await self._lease.release()
         await self._external_poses.settle()
         for subscription in tuple(self._subscriptions):
             await subscription.close()
@@ -244,6 +259,21 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
     async def resume(self) -> None:
         """Goes on with the paused task; see `ual.interface.Uav.resume`."""
         await self._command(_calls.resume())
+
+    def lease(self, holder: str = "", *, take: bool = False) -> Lease:
+        """Returns the lease, to be awaited or to be used in ``async with``; see `ual.interface.Uav.lease`.
+
+        Example:
+            >>> async with uav.lease("survey"):
+            ...     await uav.take_off(3.0)
+
+        """
+        self._lease = Lease(self._connection, holder, take=take, settle=self._setpoints.settle)
+        return self._lease
+
+    async def lease_info(self) -> LeaseInfo | None:
+        """Returns who holds the lease; None where nobody does."""
+        return await self._connection.run(_calls.get_lease())
 
     async def task(self, task_id: str) -> Task:
         """Returns the handle of a task that runs, or ended lately.

@@ -9,7 +9,9 @@ from typing import Any, TypeVar
 
 from typing_extensions import Self, override
 
+from ual._credentials import Credentials
 from ual.aio._client import Uav
+from ual.aio._lease import Lease
 from ual.aio._task import Task
 from ual.errors import InvalidArgumentError, TeamError, UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
@@ -18,6 +20,7 @@ from ual.types import (
     Frame,
     Info,
     LandRequest,
+    LeaseInfo,
     MotionRequest,
     Odometry,
     Plan,
@@ -45,6 +48,7 @@ class Team(TaskCommands[All[Task]]):
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS.
+        credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
 
     Raises:
         InvalidArgumentError: There is no UAV, or one is named twice.
@@ -58,9 +62,11 @@ class Team(TaskCommands[All[Task]]):
 
     """
 
-    def __init__(self, uavs: Iterable[str], *, tls_ca: str | Path | None = None) -> None:
+    def __init__(
+        self, uavs: Iterable[str], *, tls_ca: str | Path | None = None, credentials: Credentials | None = None
+    ) -> None:
         names = _checked(uavs)
-        self._uavs = {name: _uav(name, tls_ca) for name in names}
+        self._uavs = {name: _uav(name, tls_ca, credentials) for name in names}
         self._dry_run: DryRun[All[Plan]] = DryRun(self._plan)
 
     def __repr__(self) -> str:
@@ -111,6 +117,22 @@ class Team(TaskCommands[All[Task]]):
         """
         await self.info()
         return await self.ask(command)
+
+    def lease(self, holder: str = "", *, take: bool = False) -> TeamLease:
+        """Returns the leases of all of them, to be used in ``async with``; see `ual.interface.Uav.lease`.
+
+        Where one cannot be had, none is kept.
+
+        Example:
+            >>> async with team.lease("survey"):
+            ...     await team.take_off(3.0)
+
+        """
+        return TeamLease(self, holder, take=take)
+
+    async def lease_info(self) -> dict[str, LeaseInfo | None]:
+        """Returns who holds the lease of each; None where nobody does."""
+        return await self.ask(lambda _, uav: uav.lease_info())
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -222,6 +244,46 @@ class Team(TaskCommands[All[Task]]):
         return await self.ask(lambda _, uav: uav._plan(motion))  # noqa: SLF001 (as above)
 
 
+class TeamLease:
+    """The leases of a team, from `acquire` (or the beginning of its ``async with`` block) until `release`."""
+
+    def __init__(self, team: Team, holder: str, *, take: bool) -> None:
+        self._team = team
+        self._holder = holder
+        self._take = take
+        self._leases: dict[str, Lease] = {}
+
+    @property
+    def lost(self) -> dict[str, UalError]:
+        """Those that have ended by themselves, and why, by name."""
+        return {name: lease.lost for name, lease in self._leases.items() if lease.lost is not None}
+
+    async def acquire(self) -> Self:
+        """Acquires all of them, or none.
+
+        Raises:
+            TeamError: One of them is held by another program, or may not be taken.
+
+        """
+        self._leases = {name: self._team[name].lease(self._holder, take=self._take) for name in self._team}
+        try:
+            await self._team.each(lambda name, _: self._leases[name].acquire())
+        except BaseException:
+            await self.release()
+            raise
+        return self
+
+    async def release(self) -> None:
+        """Ends those that are held."""
+        await asyncio.gather(*(lease.release() for lease in self._leases.values()))
+
+    async def __aenter__(self) -> Self:
+        return await self.acquire()
+
+    async def __aexit__(self, *exc: object) -> None:
+        await self.release()
+
+
 def _checked(uavs: Iterable[str]) -> list[str]:
     names = list(uavs)
     if isinstance(uavs, str) or not names or not all(isinstance(name, str) and name for name in names):
@@ -231,8 +293,9 @@ def _checked(uavs: Iterable[str]) -> list[str]:
     return names
 
 
-def _uav(name: str, tls_ca: str | Path | None) -> Uav:
-    return Uav(address=name, tls_ca=tls_ca) if ":" in name else Uav(name, tls_ca=tls_ca)
+def _uav(name: str, tls_ca: str | Path | None, credentials: Credentials | None) -> Uav:
+    where = {"address": name} if ":" in name else {"ns": name}
+    return Uav(**where, tls_ca=tls_ca, credentials=credentials)
 
 
 def _results(outcomes: Mapping[str, T | BaseException]) -> dict[str, T]:

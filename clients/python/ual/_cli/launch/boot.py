@@ -41,4 +41,5 @@ def landing_of(team: Team, program: Program, ual: str) -> str | None:
     if not program.is_daemon or team.at_end is not AtEnd.LAND:
         return None
     words = f"{shlex.quote(ual)} --ns {program.ns}"
-    return f"{words} --json watch --once | grep -q '{NOT_COMMANDED}' || {words} --timeout {team.land_limit_s:g} land"
+    land = f"{words} --take --timeout {team.land_limit_s:g} land"
+    return f"{words} --json watch --once | grep -q '{NOT_COMMANDED}' || {land}"

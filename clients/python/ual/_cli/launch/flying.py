@@ -14,6 +14,7 @@ from ual.types import State, Telemetry
 
 _RATE_HZ = 5.0
 _AGAIN_S = 0.2
+_HOLDER = "ual launch"
 _COMMANDED = (State.TAKING_OFF, State.FLYING_AUTO, State.LANDING)
 IN_THE_AIR = (*_COMMANDED, State.FLYING_MANUAL)
 _ON_GROUND = (State.LANDED_DISARMED, State.LANDED_ARMED)
@@ -82,7 +83,8 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
                 async with aio.Uav(watched.ns, address=where) as uav:
                     if await uav.wait_for(*_DECIDED, timeout_s=left_s) in _ON_GROUND:
                         return None
-                    await uav.land(timeout_s=max(end_s - time.monotonic(), _AGAIN_S))
+                    async with uav.lease(_HOLDER, take=True):  # the team's programs may have it
+                        await uav.land(timeout_s=max(end_s - time.monotonic(), _AGAIN_S))
             except DaemonUnreachableError:
                 pass
             except UalError as error:
@@ -96,7 +98,7 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
 async def abort(ns: str, address: str) -> str | None:
     """Stops a UAV, so that it holds its position. Returns why it cannot."""
     try:
-        async with aio.Uav(ns, address=address) as uav:
+        async with aio.Uav(ns, address=address) as uav, uav.lease(_HOLDER, take=True):
             await uav.abort()
     except UalError as error:
         return error_text(error)

@@ -154,8 +154,9 @@ def _crafts(session: Session) -> list[Craft]:
 
     daemons = several(session)
     if daemons is None:
-        return [Craft(session.connect(), session.ns or session.address or "")]
-    return [Craft(session.connect_to(daemon), daemon.ns) for daemon in daemons]
+        uav = session.connect(with_lease=False)
+        return [Craft(uav, session.ns or session.address or "", takes_lease=session.takes_lease)]
+    return [Craft(session.connect_to(daemon), daemon.ns, takes_lease=session.takes_lease) for daemon in daemons]
 
 
 def _say(text: str) -> None:

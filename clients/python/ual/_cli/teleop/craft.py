@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
-from ual.errors import UalError
+from ual.errors import NotSupportedError, UalError
 from ual.geometry import PoseStamped, TwistStamped
-from ual.interface import Uav
+from ual.interface import Lease, Uav
 from ual.types import Info, Setpoint, Telemetry
 
 TELEMETRY_HZ = 10.0
@@ -35,10 +36,13 @@ class Craft:
     Args:
         uav: The UAV, which nothing has been asked of yet. It is closed with this.
         name: Its name, until the daemon says it.
+        takes_lease: Whether the lease is taken from another program that has it.
 
     """
 
-    def __init__(self, uav: Uav, name: str = "", clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, uav: Uav, name: str = "", clock: Callable[[], float] = time.monotonic, *, takes_lease: bool = False
+    ) -> None:
         self.info: Info | None = None
         self.telemetry: Telemetry | None = None
         self.refusal = Said()
@@ -47,6 +51,9 @@ class Craft:
         """What was done last, or is being done."""
         self._name = name
         self._uav = uav
+        self._takes_lease = takes_lease
+        self._lease: Lease | None = None
+        self._leasing = threading.Lock()
         self._clock = clock
         self._telemetry_s = clock()
         self._changed = threading.Condition()
@@ -128,6 +135,7 @@ class Craft:
         if self._in_flight.acquire(timeout=_IN_FLIGHT_S):
             self._in_flight.release()
         try:
+            self._hold_lease()
             call(self._uav)
             self.done = self._said(f"{name}: done")
         except UalError as error:
@@ -158,6 +166,7 @@ class Craft:
             if self._setpoint is not newest:  # a command has taken its place
                 return
             try:
+                self._hold_lease()
                 setpoint = newest[0]
                 if isinstance(setpoint, TwistStamped):
                     self._uav.set_velocity(setpoint)
@@ -168,6 +177,17 @@ class Craft:
                 self._note("sticks", error)
                 with self._changed:
                     self._is_refused = True
+
+    def _hold_lease(self) -> None:
+        """Acquires the lease with the first command. A lease that another program took is not taken back."""
+        with self._leasing:
+            if self._lease is not None and self._lease.lost is None:
+                return
+            if self._lease is not None:
+                self._lease.release()
+            takes, self._takes_lease, self._lease = self._takes_lease, False, None
+            with suppress(NotSupportedError):  # a daemon that knows no leases
+                self._lease = self._uav.lease("ual teleop", take=takes)
 
     def _keep_link(self) -> None:
         while not (self._is_closed.is_set() or self._is_linked()):

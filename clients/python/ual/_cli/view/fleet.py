@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 from ual._cli.app import Session
 from ual._cli.everyone import chosen_daemons
@@ -56,7 +55,7 @@ class Fleet:
         """Whether anybody looks at the frames."""
         self._session = session
         self._journal = journal
-        self._named = [Named(address, session.tls_ca, self._say) for address in addresses]
+        self._named = [Named(address, session, self._say) for address in addresses]
         self._members: dict[str, Member] = {}
         self._roster = Roster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
 
@@ -120,11 +119,11 @@ class Fleet:
 class Named:
     """A daemon at an address. Asks for its name until it answers."""
 
-    def __init__(self, address: str, tls_ca: Path | None, say: Callable[[str], None]) -> None:
+    def __init__(self, address: str, session: Session, say: Callable[[str], None]) -> None:
         self.address = address
         self.found: Registration | None = None
         self.is_closed = threading.Event()
-        self._tls_ca = tls_ca
+        self._session = session
         self._say = say
         self._said = ""
 
@@ -141,7 +140,9 @@ class Named:
     def _ask(self) -> None:
         while self.found is None and not self.is_closed.is_set():
             try:
-                with Uav(address=self.address, tls_ca=self._tls_ca) as uav:
+                with Uav(
+                    address=self.address, tls_ca=self._session.tls_ca, credentials=self._session.credentials
+                ) as uav:
                     info = uav.info()
                 self.found = Registration(info.namespace, 0, self.address, info.backend, 0.0)
             except UalError as error:

@@ -1,0 +1,98 @@
+"""What shows a daemon who calls."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ual.errors import InvalidArgumentError
+
+TOKEN_VARIABLE = "UAL_TOKEN"  # noqa: S105  a name
+TOKEN_FILE_VARIABLE = "UAL_TOKEN_FILE"  # noqa: S105  a name
+CERTIFICATE_VARIABLE = "UAL_TLS_CERTIFICATE"
+KEY_VARIABLE = "UAL_TLS_KEY"
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """A token, or the certificate of this program with its key (PEM files), or both.
+
+    Args:
+        token: As `ual token new` has printed it. It is never sent without TLS beyond this computer.
+        tls_certificate: The certificate, with those between it and its authority.
+        tls_key: Its private key.
+
+    Example:
+        >>> laptop = ual.Credentials(token=Path("laptop.token").read_text())
+        >>> uav = ual.Uav(address="uav-1.local:50051", tls_ca="authority.pem", credentials=laptop)
+
+    """
+
+    token: str | None = field(default=None, repr=False)
+    tls_certificate: str | Path | None = None
+    tls_key: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if (self.tls_certificate is None) != (self.tls_key is None):
+            raise InvalidArgumentError("a certificate and its key are needed together", {"field": "tls_certificate"})
+        if self.token is not None and not (self.token.strip().isascii() and self.token.strip().isprintable()):
+            raise InvalidArgumentError("token: it is no token", {"field": "token"})
+
+    @classmethod
+    def from_environment(cls) -> Credentials:
+        """Returns those of the environment: UAL_TOKEN or UAL_TOKEN_FILE, UAL_TLS_CERTIFICATE and UAL_TLS_KEY.
+
+        Raises:
+            InvalidArgumentError: A file cannot be read.
+
+        """
+        token = os.environ.get(TOKEN_VARIABLE) or None
+        file = os.environ.get(TOKEN_FILE_VARIABLE)
+        if token is None and file:
+            token = read(file, TOKEN_FILE_VARIABLE).decode(errors="replace").strip()
+        certificate, key = (os.environ.get(name) or None for name in (CERTIFICATE_VARIABLE, KEY_VARIABLE))
+        return cls(token, certificate, key)
+
+    def metadata(self, address: str, *, has_tls: bool) -> tuple[tuple[str, str], ...]:
+        """Returns what each request to an address carries.
+
+        Raises:
+            InvalidArgumentError: The token would cross a network that others can read.
+
+        """
+        if self.token is None:
+            return ()
+        if not has_tls and not is_this_computer(address):
+            raise InvalidArgumentError(
+                f"token: it is not sent to {address} without TLS: say which certificate to trust (tls_ca, --tls-ca)",
+                {"field": "token"},
+            )
+        return (("authorization", f"Bearer {self.token.strip()}"),)
+
+
+def is_this_computer(address: str) -> bool:
+    """Whether an address, ``host:port`` or ``unix:path``, is on this computer."""
+    if address.startswith("unix:"):
+        return True
+    host = address.rpartition(":")[0].strip("[]")
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def read(file: str | Path, field_name: str) -> bytes:
+    """Returns the content of a file.
+
+    Raises:
+        InvalidArgumentError: It cannot be read.
+
+    """
+    try:
+        return Path(file).read_bytes()
+    except OSError as error:
+        raise InvalidArgumentError(
+            f"{field_name}: cannot read {file}: {error.strerror}", {"field": field_name}
+        ) from None
