@@ -250,7 +250,7 @@ def test_the_units_start_the_same_programs_in_the_same_order(file: Path, tmp_pat
     ) in daemon
     assert "--ns uav_3 state | grep -qv UNINITIALIZED; do sleep 0.2; done" in daemon
     assert "ExecStop=-/opt/ual/bin/bash -c " in daemon
-    assert "--ns uav_3 --timeout 120 land" in daemon
+    assert "--ns uav_3 --take --timeout 120 land" in daemon
     assert 'ExecStart=/opt/ual/bin/sh -c "echo \\"$$HOME\\""' in units["ual-survey-world.service"]
     assert ": < /dev/tcp/127.0.0.1/5760" in units["ual-survey-world.service"]
     assert "KillSignal=SIGINT" in units["ual-survey-px4-4.service"]
@@ -294,7 +294,7 @@ def test_the_compose_file_has_the_same_programs(file: Path, tmp_path: Path) -> N
     assert services["uav_3"]["command"][:3] == ["ual-daemon", "--ns", "uav_3"]
     assert services["uav_3"]["depends_on"] == {"px4-3": {"condition": "service_healthy"}}
     assert services["uav_3"]["healthcheck"]["test"][3] == "ual --ns uav_3 state | grep -qv UNINITIALIZED"
-    assert services["uav_3"]["pre_stop"][0]["command"][2].endswith("ual --ns uav_3 --timeout 120 land")
+    assert services["uav_3"]["pre_stop"][0]["command"][2].endswith("ual --ns uav_3 --take --timeout 120 land")
     assert {name: each["restart"] for name, each in services.items()} == {
         **dict.fromkeys(services, "no"),
         "uav_3": "always",

@@ -1,4 +1,7 @@
-"""A small authority for a team, and the certificates that it signs. Needs the package cryptography: extra ``access``."""
+"""A small authority for a team, and the certificates that it signs.
+
+Needs the package cryptography: extra ``access``.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from ual.errors import InvalidArgumentError
 
 @click.group("audit", cls=UalGroup, section=Section.ACCESS, examples=("ual audit verify audit.jsonl",))
 def audit() -> None:
-    """Check the audit of a daemon: who did what."""
+    """Check the audit of a daemon."""
 
 
 @command("verify", "ual audit verify audit.jsonl", section=Section.ACCESS)
@@ -22,8 +22,9 @@ def audit() -> None:
 @click.option("--head", metavar="HASH", help="The last hash, as the daemon has logged it: finds lines cut off the end.")
 @pass_session
 def verify(session: Session, file: Path, head: str | None) -> None:
-    """Check that no line of FILE was changed, removed, added or swapped.
+    """Check that no line was changed or removed.
 
+    Lines that were added or swapped are found, too.
     Whoever can write the file can also compute all hashes anew, or cut lines off its end: only --head finds that.
     """
     try:

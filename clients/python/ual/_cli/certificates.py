@@ -53,9 +53,10 @@ def _days(default: float) -> Callable[[F], F]:
     examples=("ual certificates authority", "ual certificates caller laptop"),
 )
 def certificates() -> None:
-    """Make an authority for your team, and certificates for its daemons and callers.
+    """Make the TLS certificates of a team.
 
-    Needs ual-client[access]. Keep authority.key off the computers that fly: whoever has it can be anybody.
+    An authority of your own signs those of the daemons and of the callers. Needs ual-client[access]. Keep
+    authority.key off the computers that fly: whoever has it can be anybody.
     """
 
 
@@ -65,7 +66,10 @@ def certificates() -> None:
 @_directory
 @pass_session
 def authority(session: Session, name: str, days: float, directory: Path) -> None:
-    """Make the authority: authority.pem (for everybody) and authority.key (secret)."""
+    """Make the authority.
+
+    authority.pem is for everybody, authority.key is secret.
+    """
     module = _module()
     _made(session, lambda: module.make_authority(directory, name, days))
 
@@ -77,7 +81,10 @@ def authority(session: Session, name: str, days: float, directory: Path) -> None
 @_directory
 @pass_session
 def daemon(session: Session, name: str, hosts: tuple[str, ...], days: float, directory: Path) -> None:
-    """Make the certificate of a daemon: --tls-certificate NAME.pem --tls-key NAME.key."""
+    """Make the certificate of a daemon.
+
+    It is used by `ual-daemon --tls-certificate NAME.pem --tls-key NAME.key`.
+    """
     module = _module()
     _made(session, lambda: module.make_daemon(directory, _checked(name), hosts, days))
 
@@ -88,7 +95,10 @@ def daemon(session: Session, name: str, hosts: tuple[str, ...], days: float, dir
 @_directory
 @pass_session
 def caller(session: Session, name: str, days: float, directory: Path) -> None:
-    """Make the certificate of a caller. What NAME may do, the daemon's roles file says."""
+    """Make the certificate of a caller.
+
+    What NAME may do, the daemon's roles file says.
+    """
     module = _module()
     _made(session, lambda: module.make_caller(directory, _checked(name), days))
 

@@ -106,13 +106,10 @@ def write_commands(
     formatter: click.HelpFormatter, commands: Mapping[str, click.Command], sections: Mapping[str, Section]
 ) -> None:
     """Writes one list of commands for each section."""
-    limit = formatter.width - 6 - max(map(len, commands), default=0)
     for section in Section:
-        rows = [
-            (name, command.get_short_help_str(limit))
-            for name, command in commands.items()
-            if sections.get(name) is section
-        ]
+        found = {name: command for name, command in commands.items() if sections.get(name) is section}
+        limit = formatter.width - 6 - max(map(len, found), default=0)
+        rows = [(name, command.get_short_help_str(limit)) for name, command in found.items()]
         if rows:
             with formatter.section(section.value):
                 formatter.write_dl(rows)

@@ -8,12 +8,13 @@ from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
 
 
-@command("lease", "ual lease", "ual --lease takeoff 3", "ual --take land", section=Section.LOOKING, many=Many.REACHABLE)
+@command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, many=Many.REACHABLE)
 @pass_session
 def lease(session: Session) -> None:
-    """Print who holds the lease: while somebody does, nobody else flies the UAV.
+    """Print who holds the lease of the UAV.
 
-    `ual --lease COMMAND` holds it for as long as the command takes; `ual --take COMMAND` takes it from its holder.
+    While somebody does, nobody else flies it. `ual --lease COMMAND` holds it for as long as the command takes; `ual
+    --take COMMAND` takes it from its holder.
     """
     with session.connect(with_lease=False) as uav:
         found = uav.lease_info()

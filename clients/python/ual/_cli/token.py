@@ -29,9 +29,9 @@ _file = click.option(
 
 @click.group("token", cls=UalGroup, section=Section.ACCESS, examples=("ual token new --role pilot --name laptop",))
 def token() -> None:
-    """Make, list and revoke tokens, by which callers on other computers are known.
+    """Make, list and revoke the tokens of callers.
 
-    A running daemon notices within a second what has changed.
+    By tokens callers on other computers are known. A running daemon notices within a second what has changed.
     """
 
 
@@ -44,7 +44,10 @@ def token() -> None:
 @_file
 @pass_session
 def new(session: Session, name: str, role: str, days: float | None, file: Path) -> None:
-    """Make a token and print it. It is shown only this once: the file has a hash of it."""
+    """Make a token and print it.
+
+    It is shown only this once: the file has a hash of it.
+    """
     known = _read(file, may_be_missing=True)
     if any(each.name == name for each in known):
         raise InvalidArgumentError(f"{file} has a token {name} already: revoke it, or choose another --name")
@@ -64,7 +67,7 @@ def new(session: Session, name: str, role: str, days: float | None, file: Path) 
 @_file
 @pass_session
 def list_tokens(session: Session, file: Path) -> None:
-    """List the tokens: whose they are, what they permit, and until when."""
+    """List the tokens: whose, what for, until when."""
     now, rows = datetime.now(timezone.utc), []
     for each in _read(file):
         until = "for ever" if each.expires is None else _text(each.expires)
@@ -80,7 +83,10 @@ def list_tokens(session: Session, file: Path) -> None:
 @_file
 @pass_session
 def revoke(session: Session, name: str, file: Path) -> None:
-    """Remove a token: calls with it are refused, and its streams end within 10 s."""
+    """Remove a token.
+
+    Calls with it are refused, and its streams end within 10 s.
+    """
     known = _read(file)
     left = tuple(each for each in known if each.name != name)
     if len(left) == len(known):
