@@ -86,8 +86,8 @@ class Lease:
         with self._lock:
             if self._clock() > self._expires_s:
                 self._end(_expired(self._held))
-            self._require(lease_id, "keep_lease")
-            assert self._held is not None
+            if self._held is None or self._held.id != lease_id:
+                raise self._lost(lease_id, "keep_lease")
             self._expires_s = self._clock() + self._held.lasts_s
 
     def release(self, lease_id: str) -> bool:
@@ -121,11 +121,13 @@ class Lease:
         held = self._held
         if carries == (NOBODY if held is None else held.id):
             return
-        if carries != NOBODY:
-            how = self._ended.get(carries, "this daemon does not know it: it may have been restarted")
-            raise LeaseLostError(f"{command}: the lease has ended: {how}", {"by": how, "command": command})
-        assert held is not None
+        if carries != NOBODY or held is None:
+            raise self._lost(carries, command)
         raise _held_error(command, held.info)
+
+    def _lost(self, lease_id: str, command: str) -> LeaseLostError:
+        how = self._ended.get(lease_id, "this daemon does not know it: it may have been restarted")
+        return LeaseLostError(f"{command}: the lease has ended: {how}", {"by": how, "command": command})
 
     def _end(self, how: str) -> None:
         if self._held is None:

@@ -19,7 +19,11 @@ from google.protobuf.message import Message
 from ual.v1 import ual_pb2 as pb
 
 _SERVICE = "/ual.v1.UalService/"
-METHODS: dict[str, MethodDescriptor] = dict(pb.DESCRIPTOR.services_by_name["UalService"].methods_by_name)
+METHODS: dict[str, MethodDescriptor] = {
+    name: method
+    for name, method in pb.DESCRIPTOR.services_by_name["UalService"].methods_by_name.items()
+    if name != "AcquireLease"  # its holder would keep out who checks the flight
+}
 _RARE = ("Land", "RecoverFromManual", "SetHome")
 _RARE_SHARE = 0.02
 """These end a flight, or move what it is measured by; so they come now and then only."""
