@@ -1,0 +1,202 @@
+"""What a lease does to a flight: whenever it begins or ends, the UAV holds, and nobody but its holder moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
+from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
+from ual.geometry import Twist, TwistStamped, Vector3
+from ual.types import State
+from ual_daemon.flight import lease
+from ual_daemon.flight.tasks import VehicleTask
+
+FAR = at(60.0, 0.0, 3.0)
+EAST = TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))
+
+
+@pytest.fixture
+def uav() -> Iterator[Stepped]:
+    with stepped() as uav:
+        yield uav
+
+
+@contextmanager
+def carrying(lease_id: str) -> Iterator[None]:
+    """Commands of the block carry a lease."""
+    token = lease.carried.set(lease_id)
+    try:
+        yield
+    finally:
+        lease.carried.reset(token)
+
+
+def under_way(uav: Stepped) -> VehicleTask:
+    """A go-to that has begun to move."""
+    task = uav.prepare.go_to_waypoint(FAR).begin()
+    uav.until(lambda: uav.speed > 1.0)
+    return task
+
+
+def holds(uav: Stepped) -> bool:
+    """Whether it comes to rest where it is."""
+    uav.until(lambda: uav.speed < 0.05, 10.0)
+    before = uav.pose.position
+    uav.run(2.0)
+    return (uav.pose.position - before).norm() < 0.1
+
+
+def ended_by_lease(task: VehicleTask, why: str) -> bool:
+    error = task.future.exception()
+    return isinstance(error, TaskAbortedError) and error.metadata["by"] == "lease" and why in error.message
+
+
+def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Stepped) -> None:
+    uav.fly()
+    task = under_way(uav)
+    uav.vehicle.acquire_lease("survey", "local")
+    assert ended_by_lease(task, "survey has acquired the lease")
+    assert holds(uav)
+    assert uav.state is State.FLYING_AUTO
+
+
+@pytest.mark.parametrize("how", ["released", "taken"])
+def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> None:
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=1e6)
+    with carrying(lease_id):
+        task = under_way(uav)
+    if how == "released":
+        uav.vehicle.release_lease(lease_id)
+    else:
+        uav.vehicle.acquire_lease("film", "local", take=True)
+    assert ended_by_lease(task, "released the lease" if how == "released" else "film has acquired the lease")
+    assert holds(uav)
+    with carrying(lease_id), pytest.raises(LeaseLostError):
+        uav.vehicle.commands.setpoints.set_velocity(EAST)
+
+
+def test_a_velocity_ends_with_the_lease(uav: Stepped) -> None:
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    with carrying(lease_id):
+        for _ in range(50):
+            uav.vehicle.commands.setpoints.set_velocity(EAST)
+            uav.run(STEP_S)
+        assert uav.speed > 0.5
+        uav.vehicle.release_lease(lease_id)
+        with pytest.raises(LeaseLostError):
+            uav.vehicle.commands.setpoints.set_velocity(EAST)
+    assert holds(uav)
+
+
+def test_one_that_is_not_kept_ends_by_itself(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
+    uav.fly()
+    with carrying(uav.vehicle.acquire_lease("survey", "local", lasts_s=0.05)):
+        task = uav.prepare.go_to_waypoint(FAR).begin()
+        uav.until(lambda: uav.vehicle.lease() is None)  # its time is the computer's
+    assert ended_by_lease(task, "the lease of survey was not kept")
+    assert holds(uav)
+    assert [record for record in caplog.records if record.getMessage() == "lease_ends"]
+
+
+@pytest.mark.parametrize("manoeuvre", ["take_off", "land"])
+def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
+    if manoeuvre == "land":
+        uav.fly()
+    else:
+        uav.arm()
+    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    with carrying(lease_id):
+        task = (uav.prepare.land() if manoeuvre == "land" else uav.prepare.take_off(3.0)).begin()
+    uav.run(0.5)
+    uav.vehicle.release_lease(lease_id)
+    uav.end(task.future)
+
+
+def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(uav: Stepped) -> None:
+    uav.vehicle.commands.is_armed_automatically = True
+    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    with carrying(lease_id):
+        task = uav.prepare.take_off(3.0).begin()
+    uav.run(0.2)
+    uav.vehicle.release_lease(lease_id)
+    assert ended_by_lease(task, "released")
+    uav.arm()
+    uav.run(3.0)
+    assert uav.state is State.LANDED_ARMED
+
+
+def test_what_was_planned_before_does_not_begin_after(uav: Stepped) -> None:
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    with carrying(lease_id):
+        prepared = uav.prepare.go_to_waypoint(FAR)
+        uav.vehicle.release_lease(lease_id)
+        with pytest.raises((LeaseLostError, TaskAbortedError)):
+            prepared.begin()
+    assert holds(uav)
+
+
+def test_others_are_refused_whatever_they_command(uav: Stepped) -> None:
+    uav.fly()
+    uav.vehicle.acquire_lease("survey", "local")
+    commands = uav.vehicle.commands
+    for command in (
+        uav.prepare.land,
+        lambda: uav.prepare.go_to_waypoint(FAR),
+        uav.prepare.return_to_launch,
+        lambda: commands.setpoints.set_velocity(EAST),
+        lambda: commands.setpoints.set_pose(FAR),
+        commands.abort,
+        commands.recover_from_manual,
+        commands.set_home,
+        commands.arm,
+        commands.disarm,
+        lambda: commands.setpoints.plan_velocity(EAST),
+    ):
+        with pytest.raises(LeaseHeldError, match="survey"):
+            command()
+
+
+def test_others_cannot_pause_or_cancel_a_task_of_the_holder(uav: Stepped) -> None:
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    with carrying(lease_id):
+        task = under_way(uav)
+    commands = uav.vehicle.commands
+    stops: list[Callable[[], None]] = [
+        lambda: commands.pause(task.id),
+        lambda: commands.cancel(task),
+        lambda: commands.abort(task_id=task.id),
+    ]
+    for command in stops:
+        with pytest.raises(LeaseHeldError):
+            command()
+    assert not uav.vehicle.commands.abandon(task)
+    with carrying(lease_id):
+        uav.end(task.future)
+
+
+def test_in_a_flight_of_others_nothing_is_sent(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(0.5)
+    assert uav.state is State.FLYING_MANUAL
+    sent: list[object] = []
+    uav.vehicle.observe_setpoints(sent.append)
+    uav.vehicle.release_lease(uav.vehicle.acquire_lease("survey", "local"))
+    uav.run(1.0)
+    assert sent == []
+    assert uav.state is State.FLYING_MANUAL
+
+
+def test_the_safety_pilot_needs_no_lease(uav: Stepped) -> None:
+    uav.fly()
+    uav.vehicle.acquire_lease("survey", "local")
+    uav.sim.pilot_take_over()
+    uav.run(0.2)
+    assert uav.state is State.FLYING_MANUAL
