@@ -32,11 +32,15 @@ AT_REST_M_S = 0.05
 
 
 class Referee:
-    """Sees each setpoint with the lease that is held when it is sent."""
+    """Sees each setpoint with the lease that is held just after it was sent.
+
+    One setpoint may be on its way while the lease changes: it was admitted before. A second one is a foul.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.fouls: list[str] = []
         self.flown = dict.fromkeys(YAW_RATES, 0)
+        self._on_its_way = ""
         self.leases_count = 0
         self._vehicle = vehicle
         self._last = ""
@@ -53,15 +57,19 @@ class Referee:
             self._changed.notify_all()
 
     def _on_setpoint(self, setpoint: Setpoint) -> None:
-        before = self._vehicle.lease()
+        held = self._vehicle.lease()
         if not isinstance(setpoint, VelocitySetpoint):
             return
         by = next((name for name, rate in YAW_RATES.items() if setpoint.yaw_rate_rad_s == rate), None)
         if by is None:
             return
         self.flown[by] += 1
-        if before is None or before.holder != by:
-            self.fouls.append(f"{by} flew under {before}")
+        if held is not None and held.holder == by:
+            return
+        foul = f"{by} flew under {held}"
+        if foul == self._on_its_way:
+            self.fouls.append(foul)
+        self._on_its_way = foul
 
     def wait_for(self, leases_count: int) -> None:
         with self._changed:

@@ -239,7 +239,8 @@ class Flight:
             self._manoeuvre, self._reference = None, reference
             self.authority.is_ours, self.authority.is_ground_theirs = True, False
             self._last_command = LastCommand(self._last_command.number + 1, by)
-        self.sender.send(setpoint, snapshot)
+        if self._reference is reference:  # else another thread has replaced it meanwhile: it must not come after that
+            self.sender.send(setpoint, snapshot)
         if old is not None:
             self._end(old, replaced(old, by))
 
