@@ -66,7 +66,7 @@ class Referee:
         self.flown[by] += 1
         if held is not None and held.holder == by:
             return
-        foul = f"{by} flew under {held}"
+        foul = f"{by} flew under {held}, after {self.leases_count} leases"
         if foul == self._on_its_way:
             self.fouls.append(foul)
         self._on_its_way = foul

@@ -170,8 +170,7 @@ class Uav(interface.Uav):
 
     @override
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
-        self._setpoints.settle()
-        self._lease = Lease(self._connection, holder, take=take)
+        self._lease = Lease(self._connection, holder, take=take, settle=self._setpoints.settle)
         return self._lease
 
     @override

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 
 from typing_extensions import override
 
@@ -19,9 +20,12 @@ _log = logging.getLogger(__name__)
 class Lease(interface.Lease):
     """See `ual.interface.Lease`. Begins at once."""
 
-    def __init__(self, connection: Connection, holder: str, *, take: bool) -> None:
+    def __init__(self, connection: Connection, holder: str, *, take: bool, settle: Callable[[], bool]) -> None:
+        """`settle` sends the setpoints that wait: none of them may come after the lease has begun or ended."""
         self._connection = connection
+        self._settle = settle
         self._lost: UalError | None = None
+        settle()
         self._is_over = threading.Event()
         self._id = connection.run(_calls.acquire_lease(holder, take))
         connection.target.lease_id = self._id
@@ -44,6 +48,7 @@ class Lease(interface.Lease):
             return
         self._is_over.set()
         self._thread.join(KEEP_S)
+        self._settle()
         try:
             self._connection.run(_calls.release_lease(self._id))
         except DaemonUnreachableError as error:  # it ends by itself then
