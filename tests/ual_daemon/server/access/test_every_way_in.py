@@ -43,19 +43,17 @@ def said(method: str) -> Role:
     return table.get(f"{service}/{name}") or table[service if service != "UalService" else name]
 
 
-async def status(
-    channel: grpc.aio.Channel, method: str, metadata: tuple[tuple[str, str], ...]
-) -> tuple[grpc.StatusCode, str]:
+def status(channel: grpc.Channel, method: str, metadata: tuple[tuple[str, str], ...]) -> tuple[grpc.StatusCode, str]:
     """The status with which a call with an empty request ends; OK once a stream has answered."""
-    make: grpc.aio.UnaryStreamMultiCallable[bytes, bytes] = channel.unary_stream(method)
+    make: grpc.UnaryStreamMultiCallable[bytes, bytes] = channel.unary_stream(method)
     call = make(b"", metadata=metadata, timeout=LIMIT_S)
     try:
-        if await call.read() is not grpc.aio.EOF:
-            call.cancel()
-            return grpc.StatusCode.OK, ""
-    except grpc.aio.AioRpcError as error:
-        return error.code(), error.details() or ""
-    return await call.code(), await call.details()
+        next(call, None)
+    except grpc.RpcError as error:
+        code: grpc.StatusCode = error.code()
+        return code, error.details() or ""
+    call.cancel()
+    return grpc.StatusCode.OK, ""
 
 
 def expected(way: Way, method: str) -> grpc.StatusCode | None:
@@ -71,11 +69,11 @@ def test_the_page_says_the_role_of_every_method() -> None:
     assert {method: needed_role(method) for method in METHODS} == {method: said(method) for method in METHODS}
 
 
-async def problems(to: Served, name: str, way: Way) -> list[str]:
+def problems(to: Served, name: str, way: Way) -> list[str]:
     found = []
-    async with to.channel(way) as channel:
+    with to.blocking_channel(way) as channel:
         for method in METHODS:
-            code, details = await status(channel, method, to.metadata(way))
+            code, details = status(channel, method, to.metadata(way))
             wanted = expected(way, method)
             if code != wanted if wanted is not None else code in REFUSED:
                 found.append(f"{name}: {method}: {code.name} ({details}), not {wanted}")
@@ -85,26 +83,28 @@ async def problems(to: Served, name: str, way: Way) -> list[str]:
 def test_each_caller_may_do_what_its_role_says(tmp_path: Path, transport: Choice) -> None:
     host = beyond_loopback()
 
+    def ask_all(to: Served) -> list[str]:
+        return [problem for name, way in ways(to.made).items() for problem in problems(to, name, way)]
+
     async def check() -> list[str]:
         async with served(make_files(tmp_path, host), host, transport) as to:
-            return [problem for name, way in ways(to.made).items() for problem in await problems(to, name, way)]
+            return await asyncio.to_thread(ask_all, to)
 
     assert asyncio.run(check()) == []
 
 
 def test_a_stranger_cannot_see_that_a_uav_or_a_method_exists(tmp_path: Path, transport: Choice) -> None:
     host = beyond_loopback()
+    asked = [*METHODS, "/ual.v1.UalService/Explode", "/nothing.like/That", "/x"]
+    named = ((), (("ual-ns", "uav_1"),), (("ual-ns", "uav_2"),))
+
+    def ask_all(to: Served) -> set[tuple[grpc.StatusCode, str]]:
+        with to.blocking_channel(ways(to.made)["tls, nothing"]) as channel:
+            return {status(channel, method, metadata) for method in asked for metadata in named}
 
     async def answers() -> set[tuple[grpc.StatusCode, str]]:
         async with served(make_files(tmp_path, host), host, transport) as to:
-            way = ways(to.made)["tls, nothing"]
-            asked = [*METHODS, "/ual.v1.UalService/Explode", "/nothing.like/That", "/x"]
-            async with to.channel(way) as channel:
-                plain = [await status(channel, method, ()) for method in asked]
-                named = [
-                    await status(channel, method, (("ual-ns", ns),)) for method in asked for ns in ("uav_1", "uav_2")
-                ]
-            return {*plain, *named}
+            return await asyncio.to_thread(ask_all, to)
 
     [(code, details)] = asyncio.run(answers())  # one answer to everything
     assert code is grpc.StatusCode.UNAUTHENTICATED

@@ -142,16 +142,27 @@ class Served:
     made: Made
 
     def channel(self, way: Way) -> grpc.aio.Channel:
-        """A channel of a way in."""
+        """A channel of a way in, for asyncio."""
+        credentials = self._credentials(way)
         address = self.addresses[way.kind]
-        if way.kind in ("plain", "unix"):
+        if credentials is None:
             return grpc.aio.insecure_channel(address)
+        return grpc.aio.secure_channel(address, credentials)
+
+    def blocking_channel(self, way: Way) -> grpc.Channel:
+        """The same, for threads."""
+        credentials = self._credentials(way)
+        address = self.addresses[way.kind]
+        return grpc.insecure_channel(address) if credentials is None else grpc.secure_channel(address, credentials)
+
+    def _credentials(self, way: Way) -> grpc.ChannelCredentials | None:
+        if way.kind in ("plain", "unix"):
+            return None
         trusted = self.made.authority.read_bytes()
         if way.certificate is None:
-            return grpc.aio.secure_channel(address, grpc.ssl_channel_credentials(trusted))
+            return grpc.ssl_channel_credentials(trusted)
         shown = certificates.files(self.made.directory, way.certificate)
-        chain, key = shown.certificate.read_bytes(), shown.key.read_bytes()
-        return grpc.aio.secure_channel(address, grpc.ssl_channel_credentials(trusted, key, chain))
+        return grpc.ssl_channel_credentials(trusted, shown.key.read_bytes(), shown.certificate.read_bytes())
 
     @staticmethod
     def metadata(way: Way) -> tuple[tuple[str, str], ...]:
