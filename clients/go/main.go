@@ -20,7 +20,9 @@ import (
 	"google.golang.org/genproto/googleapis/rpc/errdetails"
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/codes"
+	"google.golang.org/grpc/credentials"
 	"google.golang.org/grpc/credentials/insecure"
+	"google.golang.org/grpc/metadata"
 	"google.golang.org/grpc/status"
 
 	ualv1 "example.org/ual/mission/gen/ual/v1"
@@ -32,17 +34,21 @@ const (
 	answerLimit    = 5 * time.Second // for calls that the daemon answers at once
 	armLimit       = time.Minute     // for the safety pilot
 	manoeuvreLimit = time.Minute
-	setpointPeriod = 50 * time.Millisecond // the UAV stops after 0.5 s without a setpoint
+	leasePeriod    = 500 * time.Millisecond // a lease ends 2 s after it was kept last
+	setpointPeriod = 50 * time.Millisecond  // the UAV stops after 0.5 s without a setpoint
 	setpointCount  = 40
 )
 
 func main() {
 	address := flag.String("address", "127.0.0.1:50051", "`HOST:PORT` of the UAV's daemon")
+	tlsCA := flag.String("tls-ca", "", "`FILE` with the certificates to trust, for a daemon that uses TLS")
+	tokenFile := flag.String("token-file", "", "`FILE` with a token, for a daemon that wants to know who calls")
+	withLease := flag.Bool("lease", false, "let nobody else fly it meanwhile")
 	flag.Parse()
 	ctx, stop := signal.NotifyContext(context.Background(), os.Interrupt, syscall.SIGTERM)
 	defer stop()
 
-	err := run(ctx, *address)
+	err := run(ctx, *address, *tlsCA, *tokenFile, *withLease)
 	switch {
 	case ctx.Err() != nil:
 		fmt.Fprintln(os.Stderr, "interrupted: the UAV holds its position (a take-off or landing goes on)")
@@ -53,13 +59,25 @@ func main() {
 	}
 }
 
-func run(ctx context.Context, address string) error {
-	connection, err := grpc.NewClient(address, grpc.WithTransportCredentials(insecure.NewCredentials()))
+func run(ctx context.Context, address, tlsCA, tokenFile string, withLease bool) error {
+	options, err := dialOptions(tlsCA, tokenFile)
+	if err != nil {
+		return err
+	}
+	connection, err := grpc.NewClient(address, options...)
 	if err != nil {
 		return err
 	}
 	defer connection.Close()
 	uav := ualv1.NewUalServiceClient(connection)
+	if withLease {
+		held, release, err := acquireLease(ctx, uav)
+		if err != nil {
+			return explain("lease", err)
+		}
+		defer release()
+		ctx = held
+	}
 
 	ns, err := showInfo(ctx, uav)
 	if err != nil {
@@ -83,6 +101,73 @@ func run(ctx context.Context, address string) error {
 	}
 	fmt.Println("done")
 	return nil
+}
+
+// dialOptions returns how to connect: with TLS where there are certificates to trust, with a token where there is one.
+func dialOptions(tlsCA, tokenFile string) ([]grpc.DialOption, error) {
+	transport := insecure.NewCredentials()
+	if tlsCA != "" {
+		trusted, err := credentials.NewClientTLSFromFile(tlsCA, "")
+		if err != nil {
+			return nil, err
+		}
+		transport = trusted
+	}
+	options := []grpc.DialOption{grpc.WithTransportCredentials(transport)}
+	if tokenFile == "" {
+		return options, nil
+	}
+	secret, err := os.ReadFile(tokenFile)
+	if err != nil {
+		return nil, err
+	}
+	return append(options, grpc.WithPerRPCCredentials(token(strings.TrimSpace(string(secret))))), nil
+}
+
+// token shows the daemon who calls. gRPC sends it only by TLS.
+type token string
+
+func (t token) GetRequestMetadata(context.Context, ...string) (map[string]string, error) {
+	return map[string]string{"authorization": "Bearer " + string(t)}, nil
+}
+
+func (token) RequireTransportSecurity() bool { return true }
+
+// acquireLease makes this program the only one that flies the UAV, until release. Calls with the context that it
+// returns carry the lease; the context ends when the lease is lost.
+func acquireLease(ctx context.Context, uav ualv1.UalServiceClient) (held context.Context, release func(), err error) {
+	acquired, err := uav.AcquireLease(ctx, &ualv1.AcquireLeaseRequest{Holder: "go mission"})
+	if err != nil {
+		return nil, nil, err
+	}
+	id := acquired.GetLeaseId()
+	fmt.Println("holds the lease")
+	held, cancel := context.WithCancel(metadata.AppendToOutgoingContext(ctx, "ual-lease", id))
+	go keepLease(held, cancel, uav, id)
+	return held, func() {
+		cancel()
+		last, done := context.WithTimeout(context.Background(), answerLimit)
+		defer done()
+		if _, err := uav.ReleaseLease(last, &ualv1.ReleaseLeaseRequest{LeaseId: id}); err != nil {
+			fmt.Fprintln(os.Stderr, explain("the lease was not released, it ends by itself", err))
+		}
+	}, nil
+}
+
+// keepLease keeps a lease until ctx ends, and cancels ctx when the lease is lost.
+func keepLease(ctx context.Context, lost context.CancelFunc, uav ualv1.UalServiceClient, id string) {
+	for {
+		select {
+		case <-ctx.Done():
+			return
+		case <-time.After(leasePeriod):
+		}
+		_, err := uav.KeepLease(ctx, &ualv1.KeepLeaseRequest{LeaseId: id})
+		if errorInfo(err).GetReason() == "LEASE_LOST" {
+			fmt.Fprintln(os.Stderr, explain("lease", err))
+			lost()
+		}
+	}
 }
 
 func fly(ctx context.Context, uav ualv1.UalServiceClient, ns string) error {

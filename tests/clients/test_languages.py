@@ -13,10 +13,14 @@ import pytest
 
 from tests.clients.toolchains import LANGUAGES, Language, search_path
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
+from ual._access import certificates
 from ual.v1 import ual_pb2, ual_pb2_grpc
 
 BUILD_LIMIT_S = 1200.0
 MISSION_LIMIT_S = 120.0
+SHOW_WHO_CALLS = ("go", "typescript")
+"""Whose missions take --tls-ca, --token-file and --lease."""
 
 pytestmark = [
     pytest.mark.skipif(
@@ -50,13 +54,13 @@ def uav(start_daemon: StartDaemon) -> DaemonProcess:
 
 
 @contextmanager
-def mission(language: Language, uav: DaemonProcess, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def mission(language: Language, uav: DaemonProcess, tmp_path: Path, *flags: str) -> Iterator[subprocess.Popen[str]]:
     """Its mission, under way."""
     # A shell lets what it starts in the background ignore SIGINT; the mission would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with (tmp_path / "stdout").open("w") as stdout, (tmp_path / "stderr").open("w") as stderr:
         process = subprocess.Popen(
-            [*language.mission, "--address", uav.address],
+            [*language.mission, "--address", uav.address, *flags],
             cwd=language.path,
             stdout=stdout,
             stderr=stderr,
@@ -95,6 +99,36 @@ def test_it_flies_the_mission(language: Language, uav: DaemonProcess, tmp_path: 
     position = telemetry(uav).pose.position
     assert position.x == pytest.approx(4.0, abs=0.3)
     assert 2.4 < position.y < 3.5
+
+
+@pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)
+def test_it_flies_by_tls_with_a_token_and_a_lease(
+    language: Language, start_daemon: StartDaemon, tmp_path: Path
+) -> None:
+    if language.folder not in SHOW_WHO_CALLS:
+        pytest.skip(f"{language.name} shows it on its page only")
+    host = beyond_loopback()
+    made = make_files(tmp_path / "team", host)
+    pair = certificates.files(made.directory, "uav_1")
+    tls = ["--tls-certificate", str(pair.certificate), "--tls-key", str(pair.key)]
+    uav = start_daemon("--auto-arm", *tls, "--tokens", str(made.directory / "tokens.json"), listen=f"{host}:0")
+    uav.wait_for("listening")
+    secret = tmp_path / "token"
+    secret.write_text(f"{made.tokens['pilot']}\n")
+    shown = ("--tls-ca", str(made.authority), "--token-file", str(secret), "--lease")
+    with mission(language, uav, tmp_path, *shown) as process:
+        status = process.wait(MISSION_LIMIT_S)
+    said = (tmp_path / "stdout").read_text()
+    assert status == 0, f"{said}\n{(tmp_path / 'stderr').read_text()}\n{uav.stderr}"
+    assert "holds the lease" in said
+    begins = uav.wait_for("lease_begins")
+    assert begins["identity"] == "pilot"
+    assert uav.wait_for("lease_ends")["why"] == "released"
+    ended = [event["task"] for event in uav.events if event["event"] == "task_done"]
+    assert ended == ["take_off", "go_to_waypoint", "land"]
+    with mission(language, uav, tmp_path, "--tls-ca", str(made.authority)) as process:
+        assert process.wait(MISSION_LIMIT_S) == 1
+    assert "UNAUTHENTICATED" in (tmp_path / "stderr").read_text()
 
 
 @pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)

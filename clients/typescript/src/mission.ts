@@ -3,11 +3,12 @@
 // Ctrl-C cancels the running call. The daemon then cancels a waypoint, and stops a UAV that gets no more
 // velocities; the UAV holds its position. A take-off or a landing continues.
 
+import { readFileSync } from "node:fs";
 import { setTimeout as sleep } from "node:timers/promises";
 import { parseArgs } from "node:util";
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
-import { Code, ConnectError, createClient, type Client } from "@connectrpc/connect";
+import { Code, ConnectError, createClient, type Client, type Interceptor } from "@connectrpc/connect";
 import { createGrpcTransport } from "@connectrpc/connect-node";
 
 import { ErrorInfoSchema, type ErrorInfo } from "./gen/google/rpc/error_details_pb.js";
@@ -18,11 +19,73 @@ const ARM_LIMIT_MS = 60_000; // for the safety pilot
 const MANOEUVRE_LIMIT_MS = 60_000;
 const SETPOINT_PERIOD_MS = 50; // the UAV stops after 0.5 s without a setpoint
 const SETPOINT_COUNT = 40;
+const LEASE_PERIOD_MS = 500; // a lease ends 2 s after it was kept last
+
+interface Options {
+  address: string;
+  tlsCa: string | undefined;
+  tokenFile: string | undefined;
+  lease: boolean;
+}
 
 type Uav = Client<typeof UalService>;
 
-async function run(address: string, signal: AbortSignal): Promise<void> {
-  const uav = createClient(UalService, createGrpcTransport({ baseUrl: `http://${address}` }));
+async function run(options: Options, interruption: AbortSignal): Promise<void> {
+  const metadata = new Map<string, string>(); // what each call carries
+  const uav = createClient(UalService, transport(options, metadata));
+  if (!options.lease) {
+    return mission(uav, interruption);
+  }
+  const { leaseId } = await uav.acquireLease({ holder: "typescript mission" }, { timeoutMs: ANSWER_LIMIT_MS });
+  console.log("holds the lease");
+  metadata.set("ual-lease", leaseId);
+  const over = new AbortController();
+  const kept = keepLease(uav, leaseId, over);
+  try {
+    await mission(uav, AbortSignal.any([interruption, over.signal]));
+  } finally {
+    over.abort();
+    await kept;
+    await uav.releaseLease({ leaseId }, { timeoutMs: ANSWER_LIMIT_MS });
+  }
+}
+
+/** How to connect: with TLS where there are certificates to trust, with a token where there is one. */
+function transport({ address, tlsCa, tokenFile }: Options, metadata: Map<string, string>) {
+  if (tokenFile !== undefined) {
+    if (tlsCa === undefined) {
+      throw new Error("a token is sent only by TLS: give --tls-ca");
+    }
+    metadata.set("authorization", `Bearer ${readFileSync(tokenFile, "utf8").trim()}`);
+  }
+  const carrying: Interceptor = (next) => (request) => {
+    for (const [key, value] of metadata) {
+      request.header.set(key, value);
+    }
+    return next(request);
+  };
+  return createGrpcTransport({
+    baseUrl: tlsCa === undefined ? `http://${address}` : `https://${address}`,
+    nodeOptions: tlsCa === undefined ? {} : { ca: readFileSync(tlsCa) },
+    interceptors: [carrying],
+  });
+}
+
+/** Keeps a lease until it is over, and ends what is under way when it is lost. */
+async function keepLease(uav: Uav, leaseId: string, over: AbortController): Promise<void> {
+  while (!over.signal.aborted) {
+    await sleep(LEASE_PERIOD_MS, undefined, { signal: over.signal }).catch(() => undefined);
+    try {
+      await uav.keepLease({ leaseId }, { timeoutMs: LEASE_PERIOD_MS, signal: over.signal });
+    } catch (error) {
+      if (errorInfo(error)?.reason === "LEASE_LOST") {
+        over.abort(error);
+      }
+    }
+  }
+}
+
+async function mission(uav: Uav, signal: AbortSignal): Promise<void> {
 
   const info = await uav.getInfo({}, { timeoutMs: ANSWER_LIMIT_MS, signal });
   console.log(`${info.namespace}: backend ${info.backend}, UAL ${info.ualVersion}`);
@@ -155,14 +218,22 @@ function explain(error: unknown): string {
   return `${errorInfo(error)?.reason ?? Code[error.code]}: ${error.rawMessage}`;
 }
 
-const { values } = parseArgs({ options: { address: { type: "string", default: "127.0.0.1:50051" } } });
+const { values } = parseArgs({
+  options: {
+    address: { type: "string", default: "127.0.0.1:50051" },
+    "tls-ca": { type: "string" },
+    "token-file": { type: "string" },
+    lease: { type: "boolean", default: false },
+  },
+});
+const { address, lease, "tls-ca": tlsCa, "token-file": tokenFile } = values;
 const interrupted = new AbortController();
 for (const name of ["SIGINT", "SIGTERM"] as const) {
   process.once(name, () => interrupted.abort());
 }
 
 try {
-  await run(values.address, interrupted.signal);
+  await run({ address, tlsCa, tokenFile, lease }, interrupted.signal);
 } catch (error) {
   if (interrupted.signal.aborted) {
     console.error("interrupted: the UAV holds its position (a take-off or landing goes on)");
