@@ -199,7 +199,7 @@ def refused_configurations(calls: Sequence[Sequence[str]]) -> list[str]:
     return [output for status, output in results if status != 0]
 
 
-OTHERS = ("hover", "uav.yaml", "flight.mcap", "FILE", "NAME", "/dev/tty", "/etc/ual", "…")
+OTHERS = ("hover", "uav.yaml", "uav_1.pem", "/var/log/ual", "flight.mcap", "FILE", "NAME", "/dev/tty", "/etc/ual", "…")
 """Parts of calls that need what a test does not have."""
 
 
