@@ -19,7 +19,9 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
+from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
 from ual import _convert, _discovery
+from ual._access import certificates
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import State
@@ -297,6 +299,59 @@ def test_a_caller_without_a_certificate_is_unauthenticated(
         pytest.raises(ual.UnauthenticatedError, match="certificate"),
     ):
         uav.info()
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return make_files(tmp_path / "team", beyond_loopback())
+
+
+def test_a_caller_from_elsewhere_needs_a_token_behind_it(
+    start_daemon: StartDaemon, start_gateway: StartGateway, made: Made
+) -> None:
+    host, port = beyond_loopback(), free_port()
+    daemon = start_daemon("--tokens", str(made.directory / "tokens.json"))
+    near = start_gateway(
+        {"uav_1": daemon.address},
+        lambda text: text.replace("listen 127.0.0.1:50050", f"listen {host}:{port} http2; listen 127.0.0.1:50050"),
+    )
+    with ual.Uav("uav_1", address=near) as uav:
+        uav.set_home()  # a caller of this computer is a commander, as without the gateway
+    forged = (("ual-ns", "uav_1"), ("x-forwarded-for", "127.0.0.1"), ("x-ual-certificate", "commander"))
+    shown = (("ual-ns", "uav_1"), ("authorization", f"Bearer {made.tokens['observer']}"))
+    with grpc.insecure_channel(f"{host}:{port}") as channel:
+        stub = ual_pb2_grpc.UalServiceStub(channel)
+        for metadata in (forged[:1], forged):
+            with pytest.raises(grpc.RpcError) as caught:
+                stub.GetInfo(pb.GetInfoRequest(), metadata=metadata, timeout=LIMIT_S)
+            assert caught.value.code() is grpc.StatusCode.UNAUTHENTICATED
+        assert stub.GetInfo(pb.GetInfoRequest(), metadata=shown, timeout=LIMIT_S).namespace == "uav_1"
+        with pytest.raises(grpc.RpcError) as caught:
+            stub.SetHome(pb.SetHomeRequest(), metadata=shown, timeout=LIMIT_S)
+        assert caught.value.code() is grpc.StatusCode.PERMISSION_DENIED
+
+
+def test_it_passes_on_the_name_in_a_callers_certificate(
+    start_daemon: StartDaemon, start_gateway: StartGateway, made: Made
+) -> None:
+    daemon = start_daemon("--roles", str(made.directory / "roles.yaml"))
+    pair = certificates.files(made.directory, "uav_1")
+
+    def with_callers(text: str) -> str:
+        files = f"ssl_certificate {pair.certificate}; ssl_certificate_key {pair.key};"
+        callers = f"ssl_client_certificate {made.authority}; ssl_verify_client on;"
+        return text.replace("listen 127.0.0.1:50050 http2", f"{files} {callers} listen 127.0.0.1:50050 ssl http2")
+
+    address = start_gateway({"uav_1": daemon.address}, with_callers)
+    for name in ("observer", "commander", "unknown"):
+        mine = certificates.files(made.directory, name)
+        shown = ual.Credentials(tls_certificate=mine.certificate, tls_key=mine.key)
+        with ual.Uav("uav_1", address=address, tls_ca=made.authority, credentials=shown) as uav:
+            if name == "commander":
+                uav.set_home()
+                continue
+            with pytest.raises(ual.PermissionDeniedError if name == "observer" else ual.UnauthenticatedError):
+                uav.set_home()
 
 
 def test_a_daemon_that_dies_during_a_call_is_unreachable_to_the_python_client(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import grpc
 import pytest
 from click.testing import CliRunner
 
@@ -15,6 +16,7 @@ from ual._access import certificates
 from ual._cli.main import cli
 from ual._credentials import is_this_computer
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, PermissionDeniedError, UnauthenticatedError
+from ual.v1 import ual_pb2, ual_pb2_grpc
 
 
 @pytest.fixture(autouse=True)
@@ -117,6 +119,24 @@ def test_a_team_on_a_network(start_daemon: StartDaemon, tmp_path: Path) -> None:
         pytest.raises(DaemonUnreachableError),
     ):
         stranger.info()
+
+
+def test_a_daemon_warns_where_callers_could_not_be_known(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    host = beyond_loopback()
+    made = make_files(tmp_path, host)
+    pair = certificates.files(tmp_path, "uav_1")
+    tls = ["--tls-certificate", str(pair.certificate), "--tls-key", str(pair.key)]
+    start_daemon(*tls, listen=f"{host}:0").wait_for("no_callers")
+    with_tokens = start_daemon(
+        "--insecure", "--tokens", str(made.directory / "tokens.json"), listen=f"{host}:0", ns="uav_2"
+    )
+    with_tokens.wait_for("tokens_without_tls")
+    with grpc.insecure_channel(with_tokens.address) as channel, pytest.raises(grpc.RpcError) as caught:
+        ual_pb2_grpc.UalServiceStub(channel).GetInfo(ual_pb2.GetInfoRequest(), timeout=60.0)
+    assert caught.value.code() is grpc.StatusCode.UNAUTHENTICATED
+    open_to_all = start_daemon("--insecure", listen=f"{host}:0", ns="uav_3")
+    with ual.Uav(address=open_to_all.address) as uav:
+        uav.set_home()
 
 
 def test_the_command_holds_the_lease(start_daemon: StartDaemon) -> None:

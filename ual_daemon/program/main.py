@@ -219,7 +219,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
         click.echo(configuration.as_yaml(), nl=False)
         return
     log_output.setup(settings.log_level, settings.log_format)
-    _warn_of_open_tokens(settings, uavs[0].listen, has_tls=credentials is not None)
+    _warn_of_callers(settings, uavs[0].listen, has_tls=credentials is not None)
     from ual_daemon.program.daemon import Callers
 
     _serve(configuration, uavs, vehicles, Callers(credentials, who_may))
@@ -356,10 +356,15 @@ def _audit(settings: DaemonSettings) -> Audit | None:
     return Audit(Path(settings.audit))
 
 
-def _warn_of_open_tokens(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:
-    """Warns where tokens cross a network that anybody can read."""
-    if settings.tokens is not None and not has_tls and not all(address.is_local for address in listen):
+def _warn_of_callers(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:
+    """Warns where tokens cross a network that anybody can read, and where other computers could call, but may not."""
+    if all(address.is_local for address in listen):
+        return
+    if settings.tokens is not None and not has_tls:
         logs.event(_log, logging.WARNING, "tokens_without_tls", why="whoever reads the network can use them")
+    if settings.tokens is None and settings.roles is None and not settings.insecure:
+        why = "no caller on another computer may do anything: give --tokens, or --tls-client-ca and --roles"
+        logs.event(_log, logging.WARNING, "no_callers", why=why)
 
 
 def _refuse_arming_while_watching(settings: DaemonSettings) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import signal
 import threading
 from collections import Counter
@@ -18,11 +19,13 @@ from tests.conftest import DaemonProcess, StartDaemon
 from tests.patient_checks import PatientFlight, run_check
 from tests.ual.recording.waiting import wait_until
 from ual import conformance
+from ual._access import audit as chain
 from ual._recording.reader import Message, Recording
 from ual.conformance import Tolerances
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
 from ual.types import State
+from ual_daemon.recording.audit import changes
 
 SERVICE = "/ual.v1.UalService/"
 SPEED = "light.speed_factor=10"
@@ -74,12 +77,26 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     return counted
 
 
+def assert_audited(audit: Path, counts: Counter[str]) -> None:
+    """Every call that changes something is in the audit once, in the order in which they came."""
+    lines = audit.read_bytes().splitlines()
+    chain.verify(lines)
+    found = [entry for entry in map(json.loads, lines) if "method" in entry]
+    assert Counter(each["method"] for each in found if each["event"] == "ended") == Counter(
+        {method: count for method, count in counts.items() if changes(method)}
+    )
+    first = {each["id"]: number for number, each in reversed(list(enumerate(found)))}
+    assert sorted(first, key=lambda number: first[number]) == sorted(first)
+
+
 @pytest.mark.parametrize("transport", ["core", "aio"])
 def test_every_call_of_a_flight_is_recorded(
     start_daemon: StartDaemon, counted: Counted, tmp_path: Path, transport: str
 ) -> None:
     directory = tmp_path / "recorded"
-    daemon = start_daemon("--set", SPEED, "--transport", transport, "--record", str(directory))
+    audit = tmp_path / "audit.jsonl"
+    flags = ("--record", str(directory), "--audit", str(audit))
+    daemon = start_daemon("--set", SPEED, "--transport", transport, *flags)
     names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off flies_by_velocity lands"
     checks = [each for each in conformance.CHECKS if each.name in names.split()]
     with ual.Uav("uav_1", address=daemon.address) as uav:
@@ -93,6 +110,7 @@ def test_every_call_of_a_flight_is_recorded(
     ended = calls(recording)
     assert Counter(call["method"] for call in ended) == counted.counts
     assert {call["caller"].split(":")[0] for call in ended} == {"ipv4"}
+    assert_audited(audit, counted.counts)
     assert {call["id"] for call in calls(recording, "began")} <= {call["id"] for call in ended}
     [take_off] = [call for call in ended if call["method"] == f"{SERVICE}TakeOff" and call["status"] == "OK"]
     assert take_off["request"]["height_m"] > 0.0
