@@ -84,9 +84,8 @@ class Lease:
 
         """
         with self._lock:
-            if self._clock() > self._expires_s:
-                self._end(_expired(self._held))
-            if self._held is None or self._held.id != lease_id:
+            # One that is late is not ended here: whoever ends it has to stop the UAV (`expire`).
+            if self._held is None or self._held.id != lease_id or self._clock() > self._expires_s:
                 raise self._lost(lease_id, "keep_lease")
             self._expires_s = self._clock() + self._held.lasts_s
 
@@ -127,6 +126,8 @@ class Lease:
 
     def _lost(self, lease_id: str, command: str) -> LeaseLostError:
         how = self._ended.get(lease_id, "this daemon does not know it: it may have been restarted")
+        if self._held is not None and self._held.id == lease_id:
+            how = _expired(self._held)
         return LeaseLostError(f"{command}: the lease has ended: {how}", {"by": how, "command": command})
 
     def _end(self, how: str) -> None:
@@ -138,9 +139,8 @@ class Lease:
         self._held, self._expires_s, self.id = None, math.inf, NOBODY
 
 
-def _expired(held: _Held | None) -> str:
-    lasts_s = EXPIRES_AFTER_S if held is None else held.lasts_s
-    return f"it was not kept for {lasts_s:g} s"
+def _expired(held: _Held) -> str:
+    return f"it was not kept for {held.lasts_s:g} s"
 
 
 def _held_error(command: str, info: LeaseInfo) -> LeaseHeldError:

@@ -12,6 +12,8 @@ from google.protobuf.message import DecodeError, Message
 from ual import _rpc_errors
 from ual_daemon.server.call_log import CallRecord
 
+_SECRETS = frozenset({"lease_id"})
+
 
 class _Types(NamedTuple):
     request: type[Message]
@@ -51,10 +53,15 @@ def _message(kind: type[Message] | None, data: bytes | None) -> dict[str, Any] |
         return None
     try:
         if kind is not None:
-            return MessageToDict(kind.FromString(data), preserving_proto_field_name=True)
+            return _without_secrets(MessageToDict(kind.FromString(data), preserving_proto_field_name=True))
     except (DecodeError, ValueError):
         pass
     return {"unreadable_bytes": len(data)}
+
+
+def _without_secrets(message: dict[str, Any]) -> dict[str, Any]:
+    """Returns a message without the identifier of a lease: whoever reads the file must not be able to fly by it."""
+    return {name: "(secret)" if name in _SECRETS else value for name, value in message.items()}
 
 
 @lru_cache(maxsize=256)

@@ -12,7 +12,13 @@ from functools import partial
 import grpc
 
 from ual import _rpc_errors
-from ual.errors import InvalidArgumentError, ResourceExhaustedError, UalError, UnauthenticatedError
+from ual.errors import (
+    InvalidArgumentError,
+    PermissionDeniedError,
+    ResourceExhaustedError,
+    UalError,
+    UnauthenticatedError,
+)
 from ual_daemon import logs
 from ual_daemon.flight import lease
 from ual_daemon.server.access import caller
@@ -23,7 +29,6 @@ from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, S
 from ual_daemon.server.transport.base import Call
 
 NAMESPACE_KEY = "ual-ns"
-LEASE_KEY = "ual-lease"
 MOST_OF_ONE_METHOD = 100
 """Calls and streams of one method that are under way for one UAV and one caller (by the name of its token or
 certificate). For each method by itself: a hundred readers of the telemetry must not keep out who lands the UAV."""
@@ -152,7 +157,7 @@ class Calls:
         for answer in running:
             try:
                 answer.identify_again(self._access)
-            except UnauthenticatedError as error:
+            except (UnauthenticatedError, PermissionDeniedError) as error:
                 answer.fail(error)
 
     def _end_without_request(self, answer: Answer, why: str) -> None:
@@ -253,11 +258,11 @@ class Calls:
             self._has_ended_waiting or method not in self._shutdown_keeps
         )
 
-    def set_context(self, call: Call | None, who: Caller | None) -> None:
+    def set_context(self, call: Call | None, who: Caller | None, lease_id: str = lease.NOBODY) -> None:
         """Says for what this thread or task does from now on who calls, with which lease, and for which UAV."""
         logs.caller.set(None if call is None else partial(_described, call))
         caller.current.set(who or OF_THIS_COMPUTER)
-        lease.carried.set(lease.NOBODY if call is None else _lease_of(call))
+        lease.carried.set(lease_id)
         if self._log_name:
             logs.uav.set(self._log_name)
 
@@ -268,13 +273,6 @@ class Calls:
         except RuntimeError:
             return False
         return True
-
-
-def _lease_of(call: Call) -> str:
-    for key, value in call.metadata:
-        if key == LEASE_KEY:
-            return str(value)
-    return lease.NOBODY
 
 
 def _described(call: Call) -> str:

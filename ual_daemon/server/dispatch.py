@@ -24,7 +24,9 @@ from typing_extensions import override
 from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
+from ual_daemon.flight.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
+from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.transport.base import Call
 
@@ -37,6 +39,7 @@ Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
 _log = logging.getLogger(__name__)
 
 SHUTTING_DOWN = "the daemon is shutting down"
+LEASE_KEY = "ual-lease"
 
 
 class StatusError(Exception):
@@ -76,6 +79,7 @@ class Answer:
 
     def __init__(self, calls: Calls, method: Method, call: Call, caller: Caller) -> None:
         self.caller = caller
+        self._lease_id = next((str(value) for key, value in call.metadata if key == LEASE_KEY), NOBODY)
         self.is_stream = method.has_request_stream or method.has_response_stream
         self.method_name = call.method
         self._calls = calls
@@ -90,13 +94,14 @@ class Answer:
         self._do(self._begin)
 
     def identify_again(self, access: Access) -> None:
-        """Asks who calls: tokens and certificates may have been revoked since.
+        """Asks who calls: tokens and certificates may have been revoked since, and roles lowered.
 
         Raises:
             UnauthenticatedError: The caller is not known any more.
+            PermissionDeniedError: It may not do this any more.
 
         """
-        access.identify(self._call)
+        access.identify(self._call).require(needed_role(self.method_name), self.method_name.rpartition("/")[2])
 
     def end(self) -> None:
         """Ends it because the daemon shuts down."""
@@ -104,7 +109,7 @@ class Answer:
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
-        self._calls.set_context(self._call, self.caller)
+        self._calls.set_context(self._call, self.caller, self._lease_id)
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
@@ -187,7 +192,7 @@ class _LoopAnswer(Answer):
             self._cancel()
 
     async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.set_context(self._call, self.caller)
+        self._calls.set_context(self._call, self.caller, self._lease_id)
         self._has_begun = True
         if self._is_to_cancel:
             self._cancel()

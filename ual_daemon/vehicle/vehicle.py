@@ -114,6 +114,7 @@ class Vehicle:
             LeaseLostError: The caller carries one that has ended.
 
         """
+        self._expire_lease()  # where time stands still, no update does
         lease = self._flight.lease
         before = lease.id
         lease_id = lease.acquire(validation.short_text(holder, "holder"), identity, take=take, lasts_s=lasts_s)
@@ -129,6 +130,7 @@ class Vehicle:
             LeaseLostError: It has ended.
 
         """
+        self._expire_lease()
         self._flight.lease.keep(lease_id)
 
     def release_lease(self, lease_id: str) -> None:

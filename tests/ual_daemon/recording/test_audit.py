@@ -66,6 +66,8 @@ def test_a_flight_is_in_it_in_order(start_daemon: StartDaemon, file: Path) -> No
     assert (take_off["state_before"], take_off["state_after"]) == ("LANDED_ARMED", "FLYING_AUTO")
     assert (take_off["identity"], take_off["ns"], take_off["status"]) == ("local", "uav_1", "OK")
     assert take_off["request"] == {"height_m": 3.0}
+    [acquired] = [each for each in ended if each["method"].endswith("AcquireLease")]
+    assert (acquired["response"]["lease_id"], acquired["response"]["lease"]["holder"]) == ("(secret)", "survey")
     assert (refused["status"], refused["reason"]) == ("INVALID_ARGUMENT", "INVALID_ARGUMENT")
     assert go_to["response"]["task"]["status"] == "TASK_STATUS_SUCCEEDED"
     [stream] = [each for each in ended if each["method"].endswith("StreamSetpoints")]

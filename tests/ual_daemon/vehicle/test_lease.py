@@ -103,6 +103,28 @@ def test_one_that_is_not_kept_ends_by_itself(uav: Stepped, caplog: pytest.LogCap
     assert [record for record in caplog.records if record.getMessage() == "lease_ends"]
 
 
+def test_one_that_is_kept_too_late_ends_and_the_uav_holds(uav: Stepped) -> None:
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=0.2)
+    with carrying(lease_id):
+        task = uav.prepare.go_to_waypoint(FAR).begin()
+    while True:  # its time is the computer's, and no update comes meanwhile
+        try:
+            uav.vehicle.keep_lease("another")
+        except LeaseLostError:
+            if uav.vehicle.lease() is None:
+                break
+    assert ended_by_lease(task, "the lease of survey was not kept")
+    with pytest.raises(LeaseLostError, match=r"not kept for 0\.2 s"):
+        uav.vehicle.keep_lease(lease_id)
+    assert holds(uav)
+
+
+def test_one_that_was_not_kept_can_be_acquired_while_time_stands_still(uav: Stepped) -> None:
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=0.0)
+    assert uav.vehicle.acquire_lease("film", "local", lasts_s=1e6)
+
+
 @pytest.mark.parametrize("manoeuvre", ["take_off", "land"])
 def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
     if manoeuvre == "land":

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from functools import lru_cache
 from typing import Protocol
 from urllib.parse import unquote
 
@@ -35,6 +36,9 @@ class Roles:
     nobody: Role = Role.NONE
 
 
+_DEFAULT = Roles()
+
+
 class Has(Protocol):
     """What is read when it is needed: `WatchedFile`."""
 
@@ -55,7 +59,7 @@ class Access:
 
     def __init__(
         self,
-        roles: Callable[[], Roles] = Roles,
+        roles: Callable[[], Roles] = lambda: _DEFAULT,
         known_tokens: Has | None = None,
         now: Callable[[], datetime] = lambda: datetime.now(timezone.utc),
     ) -> None:
@@ -126,6 +130,7 @@ def is_this_computer(peer: str) -> bool:
     return _is_loopback(re.sub(r"\[|\]", "", unquote(rest).rpartition(":")[0]))
 
 
+@lru_cache(maxsize=1024)
 def _is_loopback(text: str) -> bool:
     try:
         address = ipaddress.ip_address(text.strip().partition("%")[0])

@@ -60,6 +60,24 @@ def test_a_revoked_token_ends_its_streams(tmp_path: Path, transport: Choice, mon
     run(tmp_path, transport, check)
 
 
+def test_a_lowered_role_ends_its_streams(tmp_path: Path, transport: Choice, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls, "REQUEST_S", 0.1)
+
+    async def check(to: Served) -> None:
+        way = ways(to.made)["tls, token of a pilot"]
+        async with to.channel(way) as channel:
+            stub = ual_pb2_grpc.UalServiceStub(channel)
+            watching = stub.StreamTelemetry(pb.StreamTelemetryRequest(), metadata=to.metadata(way))
+            assert await watching.read() is not grpc.aio.EOF
+            flying = stub.StreamExternalPoses(metadata=to.metadata(way))
+            roles = tmp_path / "roles.yaml"
+            private_file.replace(roles, roles.read_bytes().replace(b"tokens:", b"tokens:\n  pilot: observer"))
+            assert await flying.code() is grpc.StatusCode.PERMISSION_DENIED
+            assert await watching.read() is not grpc.aio.EOF  # an observer may go on reading
+
+    run(tmp_path, transport, check)
+
+
 def test_a_renewed_certificate_is_used_without_a_restart(tmp_path: Path, transport: Choice) -> None:
     async def check(to: Served) -> None:
         way = ways(to.made)["tls, token of a pilot"]
