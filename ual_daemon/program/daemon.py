@@ -29,8 +29,8 @@ from ual_daemon.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     import grpc
 
-    from ual_daemon.recording.audit import Audit
-    from ual_daemon.recording.recording import Recording
+    from ual_daemon.program.recording.audit import Audit
+    from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.access.policy import Access
 
 _log = logging.getLogger(__name__)

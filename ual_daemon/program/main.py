@@ -35,8 +35,8 @@ from ual_daemon.settings import ConfigError, VehicleSettings
 if TYPE_CHECKING:
     from ual_daemon.backends.base import Backend
     from ual_daemon.program.daemon import Callers
-    from ual_daemon.recording.audit import Audit
-    from ual_daemon.recording.recording import Recording
+    from ual_daemon.program.recording.audit import Audit
+    from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.addresses import Address
     from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -289,7 +289,7 @@ def _serve(
 
     from ual_daemon.program.daemon import Daemon, Uav
     from ual_daemon.program.namespace import Namespace, NamespaceError
-    from ual_daemon.recording.audit import AuditError
+    from ual_daemon.program.recording.audit import AuditError
     from ual_daemon.server.addresses import ListenError
 
     settings = configuration.daemon
@@ -338,7 +338,7 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recordi
         requirements.require("ual-daemon")
     except NotSupportedError as error:
         raise RecordingError(str(error)) from None
-    from ual_daemon.recording.recording import Recording
+    from ual_daemon.program.recording.recording import Recording
 
     turnover = Turnover(settings.record_file_mib << 20, settings.record_file_minutes * 60.0)
     try:
@@ -351,7 +351,7 @@ def _audit(settings: DaemonSettings) -> Audit | None:
     """Returns the audit, if one is wanted."""
     if settings.audit is None:
         return None
-    from ual_daemon.recording.audit import Audit
+    from ual_daemon.program.recording.audit import Audit
 
     return Audit(Path(settings.audit))
 

@@ -14,7 +14,7 @@ from ual._recording.recorder import Clock, Entry
 from ual._recording.telemetry import TelemetryTopics
 from ual.types import Telemetry
 from ual_daemon.backends.values import Packet
-from ual_daemon.recording.packets import PacketTopics
+from ual_daemon.program.recording.packets import PacketTopics
 
 BEGIN_S = 1.8e9
 

@@ -6,7 +6,7 @@ import json
 
 from ual._recording.recorder import Entry, Output
 from ual._recording.topics import json_schema, of_json
-from ual_daemon.recording.call_json import to_json
+from ual_daemon.program.recording.call_json import to_json
 from ual_daemon.server.call_log import CallRecord
 
 _TEXT = {"type": "string"}

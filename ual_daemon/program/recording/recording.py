@@ -14,9 +14,9 @@ from ual._recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint
-from ual_daemon.recording.calls import CallTopic
-from ual_daemon.recording.packets import PacketTopics
-from ual_daemon.recording.setpoints import SetpointTopic
+from ual_daemon.program.recording.calls import CallTopic
+from ual_daemon.program.recording.packets import PacketTopics
+from ual_daemon.program.recording.setpoints import SetpointTopic
 from ual_daemon.server.call_log import CallRecord, Observer
 from ual_daemon.vehicle.vehicle import Vehicle
 

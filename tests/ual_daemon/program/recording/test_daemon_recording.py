@@ -25,7 +25,7 @@ from ual.conformance import Tolerances
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
 from ual.types import State
-from ual_daemon.recording.audit import changes
+from ual_daemon.program.recording.audit import changes
 
 SERVICE = "/ual.v1.UalService/"
 SPEED = "light.speed_factor=10"

@@ -23,7 +23,7 @@ from ual import __version__
 from ual._access import audit
 from ual._access.roles import Role
 from ual_daemon import logs
-from ual_daemon.recording.call_json import to_json
+from ual_daemon.program.recording.call_json import to_json
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.call_log import CallRecord, Observer
 from ual_daemon.vehicle.vehicle import Vehicle

@@ -16,8 +16,8 @@ from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual_daemon.stepped import stepped
 from ual import Pose, State, Twist, Vector3
 from ual._access import audit as chain
-from ual_daemon.recording import audit
-from ual_daemon.recording.audit import Audit, AuditError, changes
+from ual_daemon.program.recording import audit
+from ual_daemon.program.recording.audit import Audit, AuditError, changes
 from ual_daemon.server.call_log import CallRecord
 
 
@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_and_what_waits_is_written_later(
 
     with stepped() as uav:
         it = Audit(file)
-        monkeypatch.setattr("ual_daemon.recording.audit.os.write", write)
+        monkeypatch.setattr("ual_daemon.program.recording.audit.os.write", write)
         for number in range(20):
             it.put(uav.vehicle, record(number), None)
         while "audit_fails" not in [each.getMessage() for each in caplog.records]:
