@@ -44,6 +44,8 @@ from ual.types import (
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
+from ual_daemon.extensions.base import ExtensionContext
+from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.flight.lease import NOBODY, carried
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
@@ -71,6 +73,7 @@ class UAL(Uav):
         backend_settings: The settings of the backend.
         allow_arming: Whether `arm` and `disarm` may be used on a real UAV.
         home_file: A file in which home is kept, so that it survives a restart of the process.
+        extensions: The extensions to load, by name, each with its settings.
         watch_only: Whether it only reports: every command is refused, and nothing that flies is sent.
 
     Raises:
@@ -95,18 +98,37 @@ class UAL(Uav):
         allow_arming: bool = False,
         watch_only: bool = False,
         home_file: Path | None = None,
+        extensions: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         if isinstance(backend, str):
             backend = make(backend, BackendOptions(ns, url, backend_settings or {}))
         kept = None if home_file is None else HomeFile(home_file)
-        self.vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
+        vehicle = Vehicle(backend, settings, allow_arming=allow_arming, home_file=kept, watch_only=watch_only)
+        self._begin_with(vehicle, extensions or {})
+        vehicle.open()
+        self._extensions.start()
+
+    @classmethod
+    def over(cls, vehicle: Vehicle, extensions: Mapping[str, Any]) -> UAL:
+        """Returns the class interface of a vehicle that somebody else opens, and closes after this.
+
+        Raises:
+            ConfigError: An extension is not there, or its settings are wrong.
+
+        """
+        uav = cls.__new__(cls)
+        uav._begin_with(vehicle, extensions)  # noqa: SLF001  of this class
+        return uav
+
+    def _begin_with(self, vehicle: Vehicle, extensions: Mapping[str, Any]) -> None:
+        self.vehicle = vehicle
         self._callbacks = Callbacks()
         self._subscriptions: set[_Subscription] = set()
         self._external_pose_s = -math.inf
         """When the last pose from outside was given that was not refused."""
         self._lease_id = NOBODY
         self._is_closed = False
-        self.vehicle.open()
+        self._extensions = Extensions(extensions, ExtensionContext(self, {}, vehicle.require_lease))
 
     def __repr__(self) -> str:
         return f"<ual_daemon.UAL {self.vehicle.ns}, {'closed' if self._is_closed else 'open'}>"
@@ -124,9 +146,24 @@ class UAL(Uav):
         except concurrent.futures.TimeoutError:
             why = f"the UAV was not at rest after {_CLOSE_PATIENCE_S:g} s"
             logs.event(_log, logging.ERROR, "closed_in_motion", why=why, **self.vehicle.doing())
+        self.release()
+        self.vehicle.close()
+
+    def release(self) -> None:
+        """Ends the extensions and the subscriptions, and leaves the vehicle as it is."""
+        self._is_closed = True
+        self._extensions.close()
         for subscription in list(self._subscriptions):
             subscription.close()
-        self.vehicle.close()
+
+    @property
+    def extensions(self) -> Extensions:
+        """The extensions that are loaded."""
+        return self._extensions
+
+    @override
+    def extension(self, name: str) -> Any:
+        return self._extensions.interface(name)
 
     @property
     def _commands(self) -> Commands:

@@ -62,6 +62,8 @@ class Configuration:
     daemon: DaemonSettings
     vehicle: VehicleSettings
     backends: Mapping[str, Mapping[str, Any]]
+    extensions: Mapping[str, Any]
+    """The extensions to load, each with its settings."""
 
     @property
     def is_fleet(self) -> bool:
@@ -83,6 +85,7 @@ class Configuration:
             **msgspec.to_builtins(self.daemon),
             "listen": list(self.listen),
             **msgspec.to_builtins(self.vehicle),
+            **({"extensions": dict(self.extensions)} if self.extensions else {}),
             **{name: dict(section) for name, section in self.backends.items()},
         }
         values["limits"] = {name: limit for name, limit in values["limits"].items() if math.isfinite(limit)}
@@ -124,16 +127,26 @@ def resolve(sources: Sequence[Source], known_backends: Collection[str]) -> Confi
     values: dict[str, Any] = {}
     for source in sources:
         values = _merged(values, source.values)
-    daemon = {key: values.pop(key) for key in DaemonSettings.__struct_fields__ if key in values}
+    daemon = {key: values.pop(key) for key in (*DaemonSettings.__struct_fields__, "extension") if key in values}
     vehicle = {key: values.pop(key) for key in VehicleSettings.__struct_fields__ if key in values}
     try:
+        extensions = _extensions(values.pop("extensions", None), daemon.pop("extension", ()))
         return Configuration(
             daemon=convert(daemon, DaemonSettings),
             vehicle=convert(vehicle, VehicleSettings),
+            extensions=extensions,
             backends={name: _section(name, section, known_backends) for name, section in values.items()},
         )
     except ConfigError as error:
         raise located(error, sources) from None
+
+
+def _extensions(sections: object, named: Sequence[str]) -> Mapping[str, Any]:
+    """Returns the extensions of the section, and those that are named by flags, without settings."""
+    sections = {} if sections is None else sections
+    if not isinstance(sections, Mapping):
+        raise ConfigError(f"expected a section for each extension, got {sections!r:.60}", "extensions")
+    return {**dict.fromkeys(named), **sections}
 
 
 def _section(name: str, section: object, known_backends: Collection[str]) -> Mapping[str, Any]:

@@ -24,6 +24,7 @@ from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.updates import LoopCalls
 from ual_daemon.server.waiting import completion
+from ual_daemon.ual import UAL
 from ual_daemon.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -51,11 +52,14 @@ class Callers(NamedTuple):
 
 
 class Uav(NamedTuple):
-    """A UAV to fly: its vehicle, its namespace, and the addresses to serve it on."""
+    """A UAV to fly: its vehicle, its namespace, the addresses to serve it on, and the class interface, which has its
+    extensions.
+    """
 
     vehicle: Vehicle
     namespace: Namespace
     listen: Sequence[Address]
+    interface: UAL
 
 
 class Daemon:
@@ -148,12 +152,14 @@ class _Served:
         is_auto_arming: bool,
         observers: Sequence[Observer],
     ) -> None:
-        self._vehicle, self._namespace, self._listen = uav
+        self._vehicle, self._namespace, self._listen, self._interface = uav
         self._credentials = callers.credentials
         self._transport_name = transport.name
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
-        self.server = Server(self._vehicle, transport, loop_calls, observers, callers.access)
+        self.server = Server(
+            self._vehicle, transport, loop_calls, observers, callers.access, self._interface.extensions.services
+        )
 
     async def start(self) -> None:
         """Starts the server and registers its address for clients."""
@@ -174,6 +180,7 @@ class _Served:
     def open(self) -> None:
         """Connects the vehicle to its autopilot, and starts automatic arming if it is wanted."""
         self._vehicle.open()
+        self._interface.extensions.start()
         if self._pilot is not None:
             self._arming = asyncio.create_task(self._auto_arm(self._pilot))
             self._arming.add_done_callback(_log_failure)
@@ -194,6 +201,7 @@ class _Served:
         self.server.begin_shutdown()
         is_safe = await self._until_safe()
         await self.server.stop()
+        await asyncio.to_thread(self._interface.release)
         await asyncio.to_thread(self._vehicle.close)
         return is_safe
 

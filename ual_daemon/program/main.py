@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
     from ual_daemon.server.addresses import Address
+    from ual_daemon.ual import UAL
     from ual_daemon.vehicle.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
@@ -99,6 +100,7 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
     default=None,
     help="With --record: the autopilot's packets, too, so that the flight can be replayed.",
 )
+@click.option("--extension", multiple=True, metavar="NAME", help="Load an extension; may be given again.")
 @click.option("--insecure/--no-insecure", default=None, help="Serve other computers without TLS.")
 @click.option("--tls-certificate", metavar="FILE", help="Serve with TLS: the certificate (chain), PEM.")
 @click.option("--tls-key", metavar="FILE", help="Its private key, PEM.")
@@ -190,6 +192,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     from ual_daemon.frames.home_file import HomeFile
     from ual_daemon.program import access_files
     from ual_daemon.server import tls
+    from ual_daemon.ual import UAL
     from ual_daemon.vehicle.vehicle import Vehicle
 
     try:
@@ -204,6 +207,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
             )
             for each in uavs
         ]  # checks the frames and the fence
+        interfaces = [UAL.over(vehicle, configuration.extensions) for vehicle in vehicles]
         credentials = tls.credentials(settings.tls_certificate, settings.tls_key, settings.tls_client_ca)
         who_may = access_files.access(settings)
         _refuse_exposure(uavs[0].listen, is_safe=settings.insecure or credentials is not None)
@@ -222,7 +226,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     _warn_of_callers(settings, uavs[0].listen, has_tls=credentials is not None)
     from ual_daemon.program.daemon import Callers
 
-    _serve(configuration, uavs, vehicles, Callers(credentials, who_may))
+    _serve(configuration, uavs, interfaces, Callers(credentials, who_may))
 
 
 def _choose_poller(configuration: Configuration) -> None:
@@ -281,7 +285,7 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
 def _serve(
     configuration: Configuration,
     planned: Sequence[_Planned],
-    vehicles: Sequence[Vehicle],
+    interfaces: Sequence[UAL],
     callers: Callers,
 ) -> None:
     import asyncio
@@ -296,10 +300,10 @@ def _serve(
     try:
         with ExitStack() as held:
             uavs = []
-            for each, vehicle in zip(planned, vehicles, strict=True):
-                namespace = held.enter_context(Namespace(vehicle.ns))
-                uavs.append(Uav(vehicle, namespace, each.listen))
-            recording = _recording(settings, vehicles)
+            for each, interface in zip(planned, interfaces, strict=True):
+                namespace = held.enter_context(Namespace(interface.ns))
+                uavs.append(Uav(interface.vehicle, namespace, each.listen, interface))
+            recording = _recording(settings, [interface.vehicle for interface in interfaces])
             if recording is not None:
                 recording.start()
                 held.callback(recording.close)

@@ -12,6 +12,7 @@ from functools import partial
 import grpc
 
 from ual import _rpc_errors
+from ual._access.roles import Role
 from ual.errors import (
     InvalidArgumentError,
     PermissionDeniedError,
@@ -68,6 +69,7 @@ class Calls:
         self._access = access or Access()
         self._loop = asyncio.get_running_loop()
         self._methods: dict[str, Method] = {}
+        self._roles: dict[str, Role] = {}
         self._lock = threading.Lock()
         self._answers: set[Answer] = set()
         self._running: Counter[tuple[str, str]] = Counter()
@@ -87,12 +89,20 @@ class Calls:
             if not method.is_generated:
                 self._methods[f"/{service}/{name}"] = method
 
+    def add_roles(self, service: str, roles: Mapping[str, Role]) -> None:
+        """Says which role methods of a service need that `needed_role` does not know."""
+        self._roles.update({f"/{service}/{name}": role for name, role in roles.items()})
+
+    def needed_role(self, method: str) -> Role:
+        """Returns the role that a method needs."""
+        return self._roles.get(method) or needed_role(method)
+
     def take(self, call: Call) -> None:
         """Begins to answer a call, on the transport's thread."""
         try:
             who = self._access.identify(call)
             call.identity = who.name
-            who.require(needed_role(call.method), call.method.rpartition("/")[2])
+            who.require(self.needed_role(call.method), call.method.rpartition("/")[2])
         except UalError as error:  # before it is said whether there is such a method
             self._refuse(call, error)
             return
@@ -156,7 +166,7 @@ class Calls:
             running = [answer for answer in self._answers if answer.caller.is_named]
         for answer in running:
             try:
-                answer.identify_again(self._access)
+                self._access.identify(answer.call).require(self.needed_role(answer.method_name), answer.method_name)
             except (UnauthenticatedError, PermissionDeniedError) as error:
                 answer.fail(error)
 

@@ -26,8 +26,6 @@ from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
 from ual_daemon.flight.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
-from ual_daemon.server.access.needed import needed_role
-from ual_daemon.server.access.policy import Access
 from ual_daemon.server.transport.base import Call
 
 if TYPE_CHECKING:
@@ -84,7 +82,7 @@ class Answer:
         self.method_name = call.method
         self._calls = calls
         self._method = method
-        self._call = call
+        self.call = self._call = call
 
     def begin(self) -> None:
         """Begins, on the transport's thread."""
@@ -92,16 +90,6 @@ class Answer:
             # Now, and not with the first message: so the caller knows that it is connected.
             self._call.begin()
         self._do(self._begin)
-
-    def identify_again(self, access: Access) -> None:
-        """Asks who calls: tokens and certificates may have been revoked since, and roles lowered.
-
-        Raises:
-            UnauthenticatedError: The caller is not known any more.
-            PermissionDeniedError: It may not do this any more.
-
-        """
-        access.identify(self._call).require(needed_role(self.method_name), self.method_name.rpartition("/")[2])
 
     def end(self) -> None:
         """Ends it because the daemon shuts down."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, cast
 
 import grpc
 from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 
+from ual._access.roles import Role
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
 from ual.types import State
@@ -61,6 +62,22 @@ _OPTIONS: Sequence[tuple[str, int]] = (
 _GRACE_S = 1.0
 
 
+class AddedService(Protocol):
+    """A service of an extension; see `ual_daemon.extensions.base.Service`."""
+
+    @property
+    def name(self) -> str:
+        """Its full name."""
+
+    @property
+    def add_to_server(self) -> Callable[[Any], None]:
+        """Registers its methods."""
+
+    @property
+    def roles(self) -> Mapping[str, Role]:
+        """The role that each of its methods needs."""
+
+
 class Server:
     """Serves a vehicle, and its simulation if it has one, on the event loop that runs when this is made.
 
@@ -74,11 +91,15 @@ class Server:
         loop_calls: LoopCalls | None = None,
         observers: Sequence[Observer] = (),
         access: Access | None = None,
+        more: Sequence[AddedService] = (),
     ) -> None:
-        """`observers` observe each call; see `call_log`. `access` says who calls; None: whoever is on this computer."""
+        """`observers` observe each call; see `call_log`. `access` says who calls; None: whoever is on this computer.
+        `more` are the services of extensions.
+        """
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
         services = [_UAL_SERVICE] if simulation is None else [_UAL_SERVICE, _SIMULATION_SERVICE]
+        services += [service.name for service in more]
         # During a shutdown only flying is refused: a simulated safety pilot must be able to act until the end.
         self._calls = calls = Calls(
             vehicle.ns,
@@ -95,6 +116,9 @@ class Server:
         if simulation is not None:
             self._simulation = SimulationServicer(simulation)
             simulation_pb2_grpc.add_SimulationServiceServicer_to_server(self._simulation, registry)
+        for service in more:
+            calls.add_roles(service.name, service.roles)
+            service.add_to_server(registry)
         health.add_to_server(self._health, registry)
         names = [*services, _HEALTH_SERVICE, reflection.SERVICE_NAME]
         servicer = reflection.aio.ReflectionServicer(names)

@@ -139,6 +139,18 @@ class Vehicle:
             logs.event(_log, logging.INFO, "lease_ends", why="released")
             self._flight.stop_for_lease("its program has released the lease")
 
+    def require_lease(self, command: str) -> None:
+        """Checks that a command may begin with the lease that it carries.
+
+        Raises:
+            LeaseHeldError: Another program holds the lease.
+            LeaseLostError: The lease that it carries has ended.
+
+        """
+        refusal = self._flight.lease.refusal(command)
+        if refusal is not None:
+            raise refusal
+
     def _expire_lease(self) -> None:
         info = self._flight.lease.expire()
         if info is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from typing_extensions import override
 
@@ -172,6 +172,12 @@ class Uav(interface.Uav):
     def lease(self, holder: str = "", *, take: bool = False) -> Lease:
         self._lease = Lease(self._connection, holder, take=take, settle=self._setpoints.settle)
         return self._lease
+
+    @override
+    def extension(self, name: str) -> Any:
+        from ual import extension
+
+        return extension.client_of(name, self._connection)
 
     @override
     def lease_info(self) -> LeaseInfo | None:

@@ -82,6 +82,34 @@ class Connection:
         """Sends elements until the iterator ends. Returns a future, which raises `grpc.RpcError`."""
         return self._begin(lambda stubs: getattr(stubs.ual, method).future(elements, metadata=self.target.metadata))
 
+    def run_extension(
+        self, make_stub: Callable[[grpc.Channel], Any], method: str, request: object, limit_s: float
+    ) -> Any:  # noqa: ANN401 (the package's own)
+        """Makes a call of an extension's service; see `ual.extension.Link.call`."""
+
+        def invoke(channel: grpc.Channel) -> Any:  # noqa: ANN401
+            call = getattr(make_stub(channel), method)
+            return call(request, timeout=limit_s, metadata=self.target.metadata)
+
+        try:
+            return self._use_channel(invoke)
+        except grpc.RpcError as error:
+            raise self.error(error) from None
+
+    def stream_extension(self, make_stub: Callable[[grpc.Channel], Any], method: str, request: object) -> Iterator[Any]:
+        """Yields the responses of a stream of an extension's service; see `ual.extension.Link.stream`."""
+        route = self._enter()
+        try:
+            call = getattr(make_stub(route.channel), method)(request, metadata=self.target.metadata)
+            try:
+                yield from call
+            finally:
+                call.cancel()
+        except grpc.RpcError as error:
+            raise self.error(error) from None
+        finally:
+            self._leave(route)
+
     def error(self, error: grpc.RpcError) -> UalError:
         """Converts the error that a call of this connection ended with."""
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
@@ -126,6 +154,14 @@ class Connection:
         route = self._enter()
         try:
             return self._call(use, route)
+        finally:
+            self._leave(route)
+
+    def _use_channel(self, use: Callable[[grpc.Channel], T]) -> T:
+        """The same, with the channel."""
+        route = self._enter()
+        try:
+            return self._call(lambda _: use(route.channel), route)
         finally:
             self._leave(route)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from ual import _views
 from ual._time_limit import time_limit
@@ -786,6 +786,23 @@ class Uav(TaskCommands[Task]):
             >>> with uav.lease("survey"):
             ...     uav.take_off(3.0)
             ...     uav.land()
+
+        """
+
+    @abstractmethod
+    def extension(self, name: str) -> Any:  # noqa: ANN401 (its type is the package's)
+        """Returns the interface of an extension: what a package has added to the daemon (a gripper, a gimbal).
+
+        Its type is the package's; see the package for its members.
+
+        Args:
+            name: The name of the extension.
+
+        Raises:
+            NotSupportedError: It is not loaded; or, of the client, its package is not installed here.
+
+        Example:
+            >>> uav.extension("arm").move(shoulder_rad=0.5, elbow_rad=-1.0)
 
         """
 

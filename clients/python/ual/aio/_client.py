@@ -271,6 +271,18 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
         self._lease = Lease(self._connection, holder, take=take, settle=self._setpoints.settle)
         return self._lease
 
+    def extension(self, name: str) -> Any:  # noqa: ANN401 (the package's own)
+        """Returns the asyncio client of an extension; see `ual.interface.Uav.extension`.
+
+        Raises:
+            NotSupportedError: No package with such a client is installed here.
+
+        """
+        from ual import extension
+        from ual.aio import extension as aio_extension
+
+        return extension.load(aio_extension.GROUP, name)(aio_extension.Link(self._connection))
+
     async def lease_info(self) -> LeaseInfo | None:
         """Returns who holds the lease; None where nobody does."""
         return await self._connection.run(_calls.get_lease())

@@ -1,0 +1,7 @@
+"""A simulated two-joint arm below a UAV: an extension of UAL."""
+
+from __future__ import annotations
+
+from ual_arm.interface import Arm, Joints
+
+__all__ = ["Arm", "Joints"]

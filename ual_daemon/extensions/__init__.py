@@ -1,0 +1,7 @@
+"""How a package adds a service of its own to the daemon: docs/write-an-extension.md."""
+
+from __future__ import annotations
+
+from ual_daemon.extensions.base import Extension, ExtensionContext
+
+__all__ = ["Extension", "ExtensionContext"]

@@ -1,0 +1,87 @@
+"""What an extension is, and what it gets: the interface to the packages of others."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from ual._access.roles import Role
+from ual.interface import Uav
+from ual_daemon.settings import Settings, convert
+
+S = TypeVar("S", bound=Settings)
+
+
+@dataclass(frozen=True)
+class ExtensionContext:
+    """What an extension gets.
+
+    Args:
+        uav: The UAV in this process, to read, to subscribe to and to command. It is closed by whoever has opened it.
+        settings: Its section of the configuration, ``extensions.NAME``.
+        require_lease: Checks that the present call may move things: raises `LeaseHeldError` while another program holds
+            the lease of the UAV. To be called, with the name of the command, by whatever moves.
+
+    """
+
+    uav: Uav
+    settings: Mapping[str, Any]
+    require_lease: Callable[[str], None]
+
+    def settings_as(self, kind: type[S]) -> S:
+        """Returns the settings as a struct of the extension's own.
+
+        Raises:
+            ConfigError: One of them is unknown, or not valid.
+
+        """
+        return convert(self.settings, kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A gRPC service of an extension.
+
+    Args:
+        name: Its full name, ``package.Service``.
+        add_to_server: What generated code calls ``add_..._to_server``, with the servicer in it already. The servicer's
+            methods are coroutines, or asynchronous generators for streams of responses; they run on the daemon's event
+            loop, and so must not block. They get the request and None, and raise the errors of `ual.errors`.
+        roles: The role that each method needs. A method that is not named needs a pilot.
+
+    """
+
+    name: str
+    add_to_server: Callable[[Any], None]
+    roles: Mapping[str, Role]
+
+
+class Extension(ABC):
+    """An extension of one UAV. A package has a class of it for each entry point ``ual_daemon.extensions``.
+
+    It is made before the UAV is opened, with an `ExtensionContext`, and may raise `ConfigError`.
+    """
+
+    @abstractmethod
+    def __init__(self, context: ExtensionContext) -> None:
+        """Checks the settings. Begins nothing."""
+
+    @property
+    @abstractmethod
+    def services(self) -> Sequence[Service]:
+        """The services that it adds. They appear in reflection and health."""
+
+    @property
+    @abstractmethod
+    def interface(self) -> object:
+        """What `UAL.extension` returns: the same members as the package's client has."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begins, once the UAV is open. Returns soon."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends its threads and tasks. To be called before the UAV is closed."""
