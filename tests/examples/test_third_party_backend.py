@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import ual
-from tests.conftest import LIMIT_S, DaemonProcess
+from tests.conftest import DaemonProcess
+from tests.examples.installing import install, run, search_path
 from ual import conformance
 from ual.types import State
-
-PACKAGE = Path(__file__).parents[2] / "examples" / "third_party_backend"
 
 FLY = """
 import threading
@@ -64,35 +59,8 @@ with UAL(backend="hover", allow_arming=True, backend_settings={"speed": 5}) as u
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the package is installed, built from a copy of its source, without the network."""
-    source, target = tmp_path_factory.mktemp("source") / "package", tmp_path_factory.mktemp("installed")
-    shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__"))
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index"]
-    done = subprocess.run(
-        [*command, "--no-deps", "--no-build-isolation", "--target", str(target), str(source)],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return target
-
-
-def search_path(installed: Path) -> str:
-    """The PYTHONPATH with which a program finds the package, and what it would find without it."""
-    return os.pathsep.join([str(installed), *filter(None, [os.environ.get("PYTHONPATH")])])
-
-
-def run(code: str, installed: Path, *arguments: object, limit_s: float = LIMIT_S) -> list[str]:
-    """The lines that a program prints, which finds the package."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code, *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": search_path(installed)},
-        capture_output=True,
-        text=True,
-        timeout=limit_s,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    """Where the package is installed."""
+    return install("third_party_backend", tmp_path_factory.mktemp("hover"))
 
 
 def test_it_flies_in_the_process_and_leaves_no_thread(installed: Path) -> None:
