@@ -43,6 +43,7 @@ from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, 
 
 DOCS = ROOT / "docs"
 HOVER = ROOT / "examples" / "third_party_backend"
+ARM = ROOT / "examples" / "arm_extension"
 TLS = ROOT / "tests" / "data" / "tls"
 CHECKS: tuple[Callable[[Page], list[str]], ...] = (
     broken_links,
@@ -199,7 +200,19 @@ def refused_configurations(calls: Sequence[Sequence[str]]) -> list[str]:
     return [output for status, output in results if status != 0]
 
 
-OTHERS = ("hover", "uav.yaml", "uav_1.pem", "/var/log/ual", "flight.mcap", "FILE", "NAME", "/dev/tty", "/etc/ual", "…")
+OTHERS = (
+    "hover",
+    "uav.yaml",
+    "uav_1.pem",
+    "/var/log/ual",
+    "--extension",
+    "flight.mcap",
+    "FILE",
+    "NAME",
+    "/dev/tty",
+    "/etc/ual",
+    "…",
+)
 """Parts of calls that need what a test does not have."""
 
 
@@ -243,6 +256,16 @@ def test_the_excerpts_of_write_a_backend_are_the_example() -> None:
     assert "conformance.run" in program  # tests/examples runs it
     [entry_point] = blocks(DOCS / "write-a-backend.md", "toml")
     assert entry_point in (HOVER / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_the_excerpts_of_write_an_extension_are_the_example() -> None:
+    code = "".join((ARM / "ual_arm" / f"{name}.py").read_text(encoding="utf-8") for name in ("extension", "client"))
+    excerpts = blocks(DOCS / "write-an-extension.md", "python")
+    assert len(excerpts) >= 4
+    for excerpt in excerpts:
+        assert excerpt in code
+    [entry_point] = blocks(DOCS / "write-an-extension.md", "toml")
+    assert entry_point in (ARM / "pyproject.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("program", blocks(DOCS / "backends" / "light.md", "python"), ids=["stepped", "several"])

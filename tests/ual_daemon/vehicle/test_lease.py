@@ -15,6 +15,8 @@ from ual_daemon.flight import lease
 from ual_daemon.flight.tasks import VehicleTask
 
 FAR = at(60.0, 0.0, 3.0)
+LONG_S = 1e6
+"""A lease lasts in real time, which a busy machine has too little of: none of these must expire by itself."""
 EAST = TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))
 
 
@@ -57,7 +59,7 @@ def ended_by_lease(task: VehicleTask, why: str) -> bool:
 def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Stepped) -> None:
     uav.fly()
     task = under_way(uav)
-    uav.vehicle.acquire_lease("survey", "local")
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     assert ended_by_lease(task, "survey has acquired the lease")
     assert holds(uav)
     assert uav.state is State.FLYING_AUTO
@@ -66,13 +68,13 @@ def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Steppe
 @pytest.mark.parametrize("how", ["released", "taken"])
 def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> None:
     uav.fly()
-    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=1e6)
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         task = under_way(uav)
     if how == "released":
         uav.vehicle.release_lease(lease_id)
     else:
-        uav.vehicle.acquire_lease("film", "local", take=True)
+        uav.vehicle.acquire_lease("film", "local", take=True, lasts_s=LONG_S)
     assert ended_by_lease(task, "released the lease" if how == "released" else "film has acquired the lease")
     assert holds(uav)
     with carrying(lease_id), pytest.raises(LeaseLostError):
@@ -81,7 +83,7 @@ def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> No
 
 def test_a_velocity_ends_with_the_lease(uav: Stepped) -> None:
     uav.fly()
-    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         for _ in range(50):
             uav.vehicle.commands.setpoints.set_velocity(EAST)
@@ -122,7 +124,7 @@ def test_one_that_is_kept_too_late_ends_and_the_uav_holds(uav: Stepped) -> None:
 
 def test_one_that_was_not_kept_can_be_acquired_while_time_stands_still(uav: Stepped) -> None:
     uav.vehicle.acquire_lease("survey", "local", lasts_s=0.0)
-    assert uav.vehicle.acquire_lease("film", "local", lasts_s=1e6)
+    assert uav.vehicle.acquire_lease("film", "local", lasts_s=LONG_S)
 
 
 @pytest.mark.parametrize("manoeuvre", ["take_off", "land"])
@@ -131,7 +133,7 @@ def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
         uav.fly()
     else:
         uav.arm()
-    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         task = (uav.prepare.land() if manoeuvre == "land" else uav.prepare.take_off(3.0)).begin()
     uav.run(0.5)
@@ -141,7 +143,7 @@ def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
 
 def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(uav: Stepped) -> None:
     uav.vehicle.commands.is_armed_automatically = True
-    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         task = uav.prepare.take_off(3.0).begin()
     uav.run(0.2)
@@ -154,7 +156,7 @@ def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(u
 
 def test_what_was_planned_before_does_not_begin_after(uav: Stepped) -> None:
     uav.fly()
-    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         prepared = uav.prepare.go_to_waypoint(FAR)
         uav.vehicle.release_lease(lease_id)
@@ -165,7 +167,7 @@ def test_what_was_planned_before_does_not_begin_after(uav: Stepped) -> None:
 
 def test_others_are_refused_whatever_they_command(uav: Stepped) -> None:
     uav.fly()
-    uav.vehicle.acquire_lease("survey", "local")
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     commands = uav.vehicle.commands
     for command in (
         uav.prepare.land,
@@ -186,7 +188,7 @@ def test_others_are_refused_whatever_they_command(uav: Stepped) -> None:
 
 def test_others_cannot_pause_or_cancel_a_task_of_the_holder(uav: Stepped) -> None:
     uav.fly()
-    lease_id = uav.vehicle.acquire_lease("survey", "local")
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     with carrying(lease_id):
         task = under_way(uav)
     commands = uav.vehicle.commands
@@ -210,7 +212,7 @@ def test_in_a_flight_of_others_nothing_is_sent(uav: Stepped) -> None:
     assert uav.state is State.FLYING_MANUAL
     sent: list[object] = []
     uav.vehicle.observe_setpoints(sent.append)
-    uav.vehicle.release_lease(uav.vehicle.acquire_lease("survey", "local"))
+    uav.vehicle.release_lease(uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S))
     uav.run(1.0)
     assert sent == []
     assert uav.state is State.FLYING_MANUAL
@@ -218,7 +220,7 @@ def test_in_a_flight_of_others_nothing_is_sent(uav: Stepped) -> None:
 
 def test_the_safety_pilot_needs_no_lease(uav: Stepped) -> None:
     uav.fly()
-    uav.vehicle.acquire_lease("survey", "local")
+    uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     uav.sim.pilot_take_over()
     uav.run(0.2)
     assert uav.state is State.FLYING_MANUAL
