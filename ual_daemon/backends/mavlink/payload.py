@@ -71,7 +71,7 @@ class MavlinkPayload(Payload):
             replaced = self._newest.get(command_id)
             if replaced is not None:
                 replaced.cancel()
-            self._newest[command_id] = sent = self._submit(name, lambda: command)
+            self._newest[command_id] = sent = self._submit(f"send {name}", lambda: command)
         return sent
 
     @override

@@ -130,7 +130,11 @@ def test_a_callback_that_fails_costs_no_other_listener_the_message(
 ) -> None:
     backend, autopilot = pair
     heard: list[PayloadMessage] = []
-    backend.payload().subscribe("GIMBAL_MANAGER_STATUS", lambda _: heard[7])
+
+    def fail(_message: PayloadMessage) -> None:
+        raise LookupError
+
+    backend.payload().subscribe("GIMBAL_MANAGER_STATUS", fail)
     backend.payload().subscribe("GIMBAL_MANAGER_STATUS", heard.append)
     with caplog.at_level(logging.ERROR):
         autopilot.say(STATUS)
