@@ -112,6 +112,8 @@ class UAL(Uav):
     def over(cls, vehicle: Vehicle, extensions: Mapping[str, Any]) -> UAL:
         """Returns the class interface of a vehicle that somebody else opens, and closes after this.
 
+        :meta private:
+
         Raises:
             ConfigError: An extension is not there, or its settings are wrong.
 
@@ -128,7 +130,7 @@ class UAL(Uav):
         """When the last pose from outside was given that was not refused."""
         self._lease_id = NOBODY
         self._is_closed = False
-        self._extensions = Extensions(extensions, ExtensionContext(self, {}, vehicle.require_lease))
+        self._extensions = Extensions(extensions, ExtensionContext(self, {}, vehicle.require_lease, vehicle.payload()))
 
     def __repr__(self) -> str:
         return f"<ual_daemon.UAL {self.vehicle.ns}, {'closed' if self._is_closed else 'open'}>"
@@ -150,7 +152,10 @@ class UAL(Uav):
         self.vehicle.close()
 
     def release(self) -> None:
-        """Ends the extensions and the subscriptions, and leaves the vehicle as it is."""
+        """Ends the extensions and the subscriptions, and leaves the vehicle as it is.
+
+        :meta private:
+        """
         self._is_closed = True
         self._extensions.close()
         for subscription in list(self._subscriptions):
@@ -158,7 +163,10 @@ class UAL(Uav):
 
     @property
     def extensions(self) -> Extensions:
-        """The extensions that are loaded."""
+        """The extensions that are loaded.
+
+        :meta private:
+        """
         return self._extensions
 
     @override

@@ -18,6 +18,7 @@ from ual.errors import NotSupportedError
 from ual.geometry import Vector3
 from ual.interface import Simulation
 from ual.types import Limits
+from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import ExternalPose, Freshness, Packet, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import ConfigError
 
@@ -191,6 +192,10 @@ class Backend(ABC):
 
     def safety_pilot(self) -> SafetyPilot | None:
         """Returns a simulated safety pilot if the vehicle is or may be simulated; None if it is known to be real."""
+        return None
+
+    def payload(self) -> Payload | None:
+        """Returns what extensions may read and send through it; None if it offers nothing for them."""
         return None
 
     def simulation(self) -> Simulation | None:

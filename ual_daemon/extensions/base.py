@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from ual._access.roles import Role
 from ual.interface import Uav
+from ual_daemon.backends.payload import Payload
 from ual_daemon.settings import Settings, convert
 
 S = TypeVar("S", bound=Settings)
@@ -23,12 +24,15 @@ class ExtensionContext:
         settings: Its section of the configuration, ``extensions.NAME``.
         require_lease: Checks that the present call may move things: raises `LeaseHeldError` while another program holds
             the lease of the UAV. To be called, with the name of the command, by whatever moves.
+        payload: What the backend offers for what the UAV carries: commands and messages of the autopilot that do not
+            fly. None where it offers nothing, and in a daemon that only watches.
 
     """
 
     uav: Uav
     settings: Mapping[str, Any]
     require_lease: Callable[[str], None]
+    payload: Payload | None = None
 
     def settings_as(self, kind: type[S]) -> S:
         """Returns the settings as a struct of the extension's own.

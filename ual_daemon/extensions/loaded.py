@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ual.errors import NotSupportedError
@@ -26,7 +27,7 @@ class Extensions:
         self._by_name: dict[str, Extension] = {}
         for name, given in sections.items():
             settings = registry.section(name, given)
-            each = ExtensionContext(context.uav, settings, context.require_lease)
+            each = replace(context, settings=settings)
             self._by_name[name] = registry.make(name, each)
 
     @property

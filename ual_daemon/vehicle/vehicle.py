@@ -14,6 +14,7 @@ from ual.interface import Simulation
 from ual.types import Frame, Info, LeaseInfo, State, Telemetry
 from ual_daemon import __version__, logs, validation
 from ual_daemon.backends.base import Backend
+from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.geofence import geofence_of
@@ -150,6 +151,10 @@ class Vehicle:
         refusal = self._flight.lease.refusal(command)
         if refusal is not None:
             raise refusal
+
+    def payload(self) -> Payload | None:
+        """Returns what the backend offers for what the UAV carries; None where it offers nothing, or only watches."""
+        return None if self._flight.is_watch_only else self.backend.payload()
 
     def _expire_lease(self) -> None:
         info = self._flight.lease.expire()

@@ -23,7 +23,9 @@ from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
+from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.session.discovery import Discovery
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
 from ual_daemon.backends.mavlink.session.session import Session
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
@@ -57,6 +59,8 @@ class MavlinkBackend(Backend):
         self._signer = None if key_file is None else Signer(read_key(key_file))
         self.clock = MonotonicClock()
         self._setpoints = SetpointMonitor()
+        self._payload_messages = PayloadMessages()
+        self._payload = MavlinkPayload(lambda what, make: self._command(what, lambda _: make()), self._payload_messages)
         self._discovery: Discovery | None = None
         self._loop: ReceiveLoop | None = None
         self._thread: threading.Thread | None = None
@@ -140,9 +144,15 @@ class MavlinkBackend(Backend):
     def safety_pilot(self) -> SafetyPilot | None:
         return None if self._is_serial else SimulatedPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
 
+    @override
+    def payload(self) -> MavlinkPayload:
+        return self._payload
+
     def _start(self, connection: Connection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""
-        discovery = self._discovery = Discovery(self._settings, connection, self.url, self._setpoints, self._signer)
+        discovery = self._discovery = Discovery(
+            self._settings, connection, self.url, self._setpoints, self._signer, self._payload_messages
+        )
         loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update)
         if self.on_packet is not None:
             tap = PacketTap(self.on_packet, connection, self.clock)

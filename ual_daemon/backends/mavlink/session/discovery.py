@@ -13,6 +13,7 @@ from ual_daemon.backends.mavlink.autopilots.detection import Kind, dialect_of, k
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import Session, Successor
 from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
@@ -43,6 +44,7 @@ class Discovery(Selector):
         url: str,
         setpoints: SetpointMonitor,
         signer: Signer | None = None,
+        payload_messages: PayloadMessages | None = None,
     ) -> None:
         codec = Codec(settings.component_id, signer)
         codec.join(_CALLER_SYSTEM_ID)
@@ -53,6 +55,7 @@ class Discovery(Selector):
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
+        self._payload_messages = payload_messages or PayloadMessages()
         self._next_heartbeat_s = -math.inf
         self._other_system_ids: set[int] = set()
         self._passed_over: set[int] = set()
@@ -115,7 +118,16 @@ class Discovery(Selector):
 
     def _open_session(self, system_id: int, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
         """Opens the session with an autopilot whose heartbeats are of this kind."""
-        self.session = Session(system_id, kind, dialect, self._settings, self.sender, self.supervision, self._setpoints)
+        self.session = Session(
+            system_id,
+            kind,
+            dialect,
+            self._settings,
+            self.sender,
+            self.supervision,
+            self._setpoints,
+            self._payload_messages,
+        )
         self.supervision.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
         _log.info("connected to %s, system %d%s", dialect.name, system_id, where)

@@ -27,6 +27,7 @@ from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.conversions import channels
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
+from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -70,6 +71,7 @@ class Session:
         sender: Sender,
         supervision: Supervision,
         setpoints: SetpointMonitor,
+        payload_messages: PayloadMessages | None = None,
     ) -> None:
         self.system_id = system_id
         self.dialect = dialect
@@ -85,6 +87,7 @@ class Session:
         self._own_ids = (system_id, settings.component_id)
         self._pose_rate_hz = settings.pose_rate_hz
         self._sender = sender
+        self._payload_messages = payload_messages or PayloadMessages()
         self._supervision = supervision
         self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
         self._reported_missing: tuple[str, ...] = ()
@@ -121,8 +124,13 @@ class Session:
             ),
         }
         """What follows from a message, after `telemetry` has taken its values."""
-        self.decoded_ids = self.telemetry.decoded_ids | self._handlers.keys()
+        self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
+
+    @property
+    def decoded_ids(self) -> frozenset[int]:
         """Ids of the messages that are worth decoding; of others only the arrival counts."""
+        wanted_ids = self._payload_messages.ids
+        return self._own_decoded_ids | wanted_ids if wanted_ids else self._own_decoded_ids
 
     @property
     def is_urgent(self) -> bool:
@@ -316,6 +324,7 @@ class Session:
         handler = self._handlers.get(message.get_msgId())
         if handler is not None:
             handler(message, now_s, utc_now_s)
+        self._payload_messages.on_message(message, now_s)
 
     def _on_undecoded(self, frame: Frame, now_s: float) -> None:
         """Takes a message that no dialect of pymavlink has, or that is not used."""
