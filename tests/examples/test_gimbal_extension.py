@@ -76,7 +76,7 @@ with ual.Uav(address=sys.argv[1]) as uav:
     except ual.UnknownFrameError as error:
         print(error.reason)
     gimbal.point_at(ual.PointStamped(ual.Vector3(5.0, 5.0, -5.0)))
-    while gimbal.attitude().yaw_rad < 0.78:
+    while gimbal.attitude().yaw_rad < 0.7:
         pass
 """
 
