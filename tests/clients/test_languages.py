@@ -13,6 +13,8 @@ import pytest
 
 from tests.clients.toolchains import LANGUAGES, Language, search_path
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.examples.installing import install
+from tests.examples.installing import search_path as search_path_with
 from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
 from ual._access import certificates
 from ual.v1 import ual_pb2, ual_pb2_grpc
@@ -129,6 +131,25 @@ def test_it_flies_by_tls_with_a_token_and_a_lease(
     with mission(language, uav, tmp_path, "--tls-ca", str(made.authority)) as process:
         assert process.wait(MISSION_LIMIT_S) == 1
     assert "UNAUTHENTICATED" in (tmp_path / "stderr").read_text()
+
+
+@pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)
+def test_go_calls_the_extensions_of_the_examples(
+    language: Language, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    if language.folder != "go":
+        pytest.skip("one other language is enough to show that an extension's service is one of gRPC")
+    for package in ("arm_extension", "gimbal_extension"):
+        (tmp_path / package).mkdir()
+        monkeypatch.setenv("PYTHONPATH", search_path_with(install(package, tmp_path / package)))
+    start_daemon: StartDaemon = request.getfixturevalue("start_daemon")  # with this environment
+    uav = start_daemon("--extension", "arm", "--extension", "gimbal")
+    uav.wait_for("listening")
+    done = subprocess.run(
+        ["build/payload", "--address", uav.address], cwd=language.path, capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["arm at 0.50 -1.00 rad", "gimbal at -0.50 0.30 rad"]
 
 
 @pytest.mark.timeout(BUILD_LIMIT_S + MISSION_LIMIT_S + 60.0)

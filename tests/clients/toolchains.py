@@ -61,7 +61,11 @@ LANGUAGES = (
         folder="go",
         needed=("go", "buf"),
         get="https://go.dev/dl and `make tools/node_modules` (buf)",
-        build=(("go", "generate", "./..."), ("go", "build", "-o", "build/mission", ".")),
+        build=(
+            ("go", "generate", "./..."),
+            ("go", "build", "-o", "build/mission", "."),
+            ("go", "build", "-o", "build/payload", "./payload"),
+        ),
         mission=("build/mission",),
     ),
     Language(
