@@ -4,7 +4,8 @@
 
 The car is a frame that moves in map: here a simulated one that drives a curve, in the field what its receiver says.
 Each shot is a path in the car's frame, flown by poses in it; the nose points at the car, and so does a camera that is
-fixed to it. The two fly at two heights. In the end each returns to where it took off, and lands.
+fixed to it. With ``--gimbal`` the cameras are those of the extension `gimbal`, which look at the car by themselves, on
+the way from shot to shot, too. The two fly at two heights. In the end each returns to where it took off, and lands.
 """
 
 from __future__ import annotations
@@ -85,10 +86,17 @@ async def film(uav: ual.aio.Uav, shot: Shot, height_m: float, duration_s: float)
             await uav.set_pose(ual.PoseStamped(pose, "car"))
 
 
-async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car) -> None:
+async def look_at_the_car(_name: str, uav: ual.aio.Uav) -> None:
+    """Points its gimbal at the car, from now on."""
+    await uav.extension("gimbal").point_at(ual.PointStamped(ual.Vector3(), "car"))
+
+
+async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Car, *, has_gimbal: bool) -> None:
     """Takes off, flies all shots, and returns to where they stood."""
     heights = dict(zip(names, HEIGHTS_M, strict=True))
     await team.each(lambda name, uav: uav.take_off(heights[name]))
+    if has_gimbal:
+        await team.each(look_at_the_car)
     for title, shots in SHOTS.items():
         print(title, flush=True)
         flights = zip(names, shots, strict=True)
@@ -97,22 +105,24 @@ async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Ca
     car.is_parked = True
 
 
-async def film_all(names: list[str], duration_s: float, *, is_arming: bool, tracks: Tracks) -> None:
+async def film_all(names: list[str], duration_s: float, *, is_arming: bool, has_gimbal: bool, tracks: Tracks) -> None:
     async with landing_team(names, is_arming=is_arming) as team:
         car = Car()
         async with tracks.kept(team_of(team)):
             # Together: nobody goes on filming a car of which nothing is heard any more.
-            await together(car.drive(team), shoot(team, names, duration_s, car))
+            await together(car.drive(team), shoot(team, names, duration_s, car, has_gimbal=has_gimbal))
 
 
 def main() -> None:
     options = parser(__doc__, names_count=2)
     options.add_argument("--shot-s", type=float, default=12.0, help="how long a shot takes")
-    arguments = options.parse_args()
+    options.add_argument("--gimbal", action="store_true", help="the cameras are those of the extension gimbal")
+    given = options.parse_args()
     tracks = Tracks()
-    asyncio.run(film_all(arguments.names, arguments.shot_s, is_arming=arguments.arm, tracks=tracks))
-    if arguments.plot is not None:
-        tracks.draw(arguments.plot, "Filming a moving car", {"the car's start": [START_M]})
+    flown = film_all(given.names, given.shot_s, is_arming=given.arm, has_gimbal=given.gimbal, tracks=tracks)
+    asyncio.run(flown)
+    if given.plot is not None:
+        tracks.draw(given.plot, "Filming a moving car", {"the car's start": [START_M]})
     print("filmed, landed")
 
 
