@@ -82,13 +82,13 @@ class Answer:
         self.method_name = call.method
         self._calls = calls
         self._method = method
-        self.call = self._call = call
+        self.call = call
 
     def begin(self) -> None:
         """Begins, on the transport's thread."""
         if self._method.has_response_stream:
             # Now, and not with the first message: so the caller knows that it is connected.
-            self._call.begin()
+            self.call.begin()
         self._do(self._begin)
 
     def end(self) -> None:
@@ -97,7 +97,7 @@ class Answer:
 
     def _do(self, step: Callable[..., None], *arguments: object) -> None:
         """Does a step, on the transport's thread. An error ends the call."""
-        self._calls.set_context(self._call, self.caller, self._lease_id)
+        self._calls.set_context(self.call, self.caller, self._lease_id)
         try:
             step(*arguments)
         except Exception as error:  # noqa: BLE001  whatever a call does, the server goes on
@@ -106,16 +106,16 @@ class Answer:
             self._calls.set_context(None, None)  # the thread must not keep the call alive
 
     def _begin(self) -> None:
-        self._calls.require_accepted(self._call)
+        self._calls.require_accepted(self.call)
         self._calls.await_request(self)
-        self._call.receive(partial(self._do, self._receive))
+        self.call.receive(partial(self._do, self._receive))
 
     def _receive(self, message: bytes | None) -> None:
         self._calls.has_request(self)
-        if self._call.is_finished:  # it came too late
+        if self.call.is_finished:  # it came too late
             return
         if message is None:
-            raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self._call.method} takes one request")
+            raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self.call.method} takes one request")
         self._answer(self._decoded(message))
 
     def _answer(self, request: object) -> None:
@@ -125,7 +125,7 @@ class Answer:
         try:
             return self._method.decode(message)
         except DecodeError as error:
-            raise StatusError(grpc.StatusCode.INTERNAL, f"{self._call.method}: no such message: {error}") from None
+            raise StatusError(grpc.StatusCode.INTERNAL, f"{self.call.method}: no such message: {error}") from None
 
     def _shutdown(self) -> Exception:
         if self.is_stream:
@@ -136,16 +136,16 @@ class Answer:
         """Ends it with an error."""
         self._calls.leave(self)
         if isinstance(error, StatusError):
-            self._call.finish(code=error.code, details=str(error))
+            self.call.finish(code=error.code, details=str(error))
             return
         if isinstance(error, UalError):
             # The vehicle logs what it refuses; this is for what is refused before.
-            logs.event(_log, logging.DEBUG, "call_failed", method=self._call.method, reason=error.reason, why=error)
+            logs.event(_log, logging.DEBUG, "call_failed", method=self.call.method, reason=error.reason, why=error)
         else:
-            _log.error("%s failed unexpectedly", self._call.method, exc_info=error)
+            _log.error("%s failed unexpectedly", self.call.method, exc_info=error)
             error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
         status = _rpc_errors.to_grpc_status(error)
-        self._call.finish(None, status.code, status.details, status.trailing_metadata)
+        self.call.finish(None, status.code, status.details, status.trailing_metadata)
 
 
 class _LoopAnswer(Answer):
@@ -165,8 +165,8 @@ class _LoopAnswer(Answer):
     def _watch(self) -> None:
         """From here on the call may be cancelled, or ended by a shutdown."""
         self._calls.join(self)
-        self._call.watch(lambda: self._calls.on_loop(self._cancel))
-        self._call.peer()  # the call may end before a log line needs it
+        self.call.watch(lambda: self._calls.on_loop(self._cancel))
+        self.call.peer()  # the call may end before a log line needs it
 
     def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
         """Awaits it on the loop, and ends the call with its result."""
@@ -176,11 +176,11 @@ class _LoopAnswer(Answer):
     def _start(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
         self._task = asyncio.create_task(self._serve(coroutine))
         self._task.add_done_callback(self._on_end)
-        if self._call.is_finished or self._call.is_cancelled:  # in the meantime
+        if self.call.is_finished or self.call.is_cancelled:  # in the meantime
             self._cancel()
 
     async def _serve(self, coroutine: Coroutine[Any, Any, bytes | None]) -> bytes | None:
-        self._calls.set_context(self._call, self.caller, self._lease_id)
+        self._calls.set_context(self.call, self.caller, self._lease_id)
         self._has_begun = True
         if self._is_to_cancel:
             self._cancel()
@@ -195,12 +195,12 @@ class _LoopAnswer(Answer):
     def _on_end(self, task: asyncio.Task[bytes | None]) -> None:
         self._calls.leave(self)
         if task.cancelled():
-            if not self._call.is_cancelled:
+            if not self.call.is_cancelled:
                 self.fail(self._shutdown())
             return
         error = task.exception()
         if error is None:
-            self._call.finish(task.result())
+            self.call.finish(task.result())
         else:
             self.fail(error)
 
@@ -210,13 +210,13 @@ class _UnaryAnswer(_LoopAnswer):
 
     @override
     def _answer(self, request: object) -> None:
-        self._calls.require_room(self._call.method, self.caller)  # before anything begins
+        self._calls.require_room(self.call.method, self.caller)  # before anything begins
         response = self._method.serve(request, None)
         if inspect.iscoroutine(response):
             self._watch()
             self._go_on(self._encoded(response))
         else:
-            self._call.finish(self._method.encode(response))
+            self.call.finish(self._method.encode(response))
 
     async def _encoded(self, response: Coroutine[Any, Any, Any]) -> bytes:
         return self._method.encode(await response)
@@ -229,7 +229,7 @@ class _GeneratorAnswer(_LoopAnswer):
     def _begin(self) -> None:
         self._watch()
         if self._method.has_request_stream:
-            self._calls.require_accepted(self._call)
+            self._calls.require_accepted(self.call)
             self._answer(self._requests())
         else:
             super()._begin()
@@ -241,10 +241,10 @@ class _GeneratorAnswer(_LoopAnswer):
     async def _send(self, request: object) -> None:
         async with aclosing(self._method.serve(request, None)) as responses:
             async for response in responses:
-                await self._until(partial(self._call.send, self._method.encode(response)))
+                await self._until(partial(self.call.send, self._method.encode(response)))
 
     async def _requests(self) -> AsyncIterator[Any]:
-        while (message := await self._until(self._call.receive)) is not None:
+        while (message := await self._until(self.call.receive)) is not None:
             yield self._decoded(message)
 
     async def _until(self, start: Callable[[Callable[[T], object]], None]) -> T:
@@ -267,20 +267,20 @@ class _RequestStreamAnswer(Answer):
         self._calls.join(self)
         self._requests: Generator[None, Any, Any] = self._method.serve(None, None)
         next(self._requests)
-        self._calls.require_accepted(self._call)
-        self._call.receive(partial(self._do, self._receive))
+        self._calls.require_accepted(self.call)
+        self.call.receive(partial(self._do, self._receive))
 
     @override
     def _receive(self, message: bytes | None) -> None:
-        if self._call.is_finished:  # by a shutdown: requests that still arrive are ignored
+        if self.call.is_finished:  # by a shutdown: requests that still arrive are ignored
             return
         try:
             self._requests.send(None if message is None else self._decoded(message))
         except StopIteration as ended:
             self._calls.leave(self)
-            self._call.finish(self._method.encode(ended.value))
+            self.call.finish(self._method.encode(ended.value))
         else:
-            self._call.receive(partial(self._do, self._receive))
+            self.call.receive(partial(self._do, self._receive))
 
 
 class _PushAnswer(Answer):
@@ -291,13 +291,13 @@ class _PushAnswer(Answer):
     @override
     def _begin(self) -> None:
         self._calls.join(self)
-        self._call.watch(self._on_cancel)
+        self.call.watch(self._on_cancel)
         super()._begin()
 
     @override
     def _answer(self, request: object) -> None:
-        self._stop = self._method.serve(request, self._call)
-        if self._call.is_cancelled or self._call.is_finished:  # in the meantime
+        self._stop = self._method.serve(request, self.call)
+        if self.call.is_cancelled or self.call.is_finished:  # in the meantime
             self._stop()
 
     @override

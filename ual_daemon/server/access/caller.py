@@ -20,11 +20,8 @@ class Caller:
 
     name: str
     role: Role
-
-    @property
-    def is_named(self) -> bool:
-        """Whether it has shown who it is."""
-        return self.name not in (LOCAL, NOBODY)
+    is_named: bool = False
+    """Whether it has shown who it is, by a token or a certificate."""
 
     def require(self, needed: Role, what: str) -> None:
         """Checks that the caller has a role.

@@ -39,7 +39,7 @@ class Roles:
 _DEFAULT = Roles()
 
 
-class Has(Protocol):
+class KnownTokens(Protocol):
     """What is read when it is needed: `WatchedFile`."""
 
     @property
@@ -60,7 +60,7 @@ class Access:
     def __init__(
         self,
         roles: Callable[[], Roles] = lambda: _DEFAULT,
-        known_tokens: Has | None = None,
+        known_tokens: KnownTokens | None = None,
         now: Callable[[], datetime] = lambda: datetime.now(timezone.utc),
     ) -> None:
         self._roles = roles
@@ -82,7 +82,7 @@ class Access:
         elif is_local and FORWARDED_FOR in given:
             caller = self._by_gateway(given, roles)
         elif (name := call.certificate_name()) is not None:
-            caller = Caller(name, roles.certificates.get(name, Role.NONE))
+            caller = _by_certificate(name, roles)
         elif is_local:
             caller = OF_THIS_COMPUTER if roles.local is Role.COMMANDER else Caller(LOCAL, roles.local)
         else:
@@ -98,14 +98,14 @@ class Access:
             raise UnauthenticatedError(
                 "the token is not one of this daemon's, was revoked, or has expired", {"needed": "token"}
             )
-        return Caller(found.name, roles.tokens.get(found.name, found.role))
+        return Caller(found.name, roles.tokens.get(found.name, found.role), is_named=True)
 
     @staticmethod
     def _by_gateway(given: Mapping[str, str], roles: Roles) -> Caller:
         """Returns for whom a gateway of this computer calls: it is believed what whoever is local could do itself."""
         name = given.get(FORWARDED_NAME, "")
         if name and roles.local is Role.COMMANDER:
-            return Caller(name, roles.certificates.get(name, Role.NONE))
+            return _by_certificate(name, roles)
         from_here = all(map(_is_loopback, given[FORWARDED_FOR].split(",")))
         return Caller(LOCAL, roles.local) if from_here else Caller(NOBODY, roles.nobody)
 
@@ -120,6 +120,10 @@ class Access:
 
 ANYBODY = Access(lambda: Roles(nobody=Role.COMMANDER))
 """Where the network is trusted (``--insecure`` without tokens and roles)."""
+
+
+def _by_certificate(name: str, roles: Roles) -> Caller:
+    return Caller(name, roles.certificates.get(name, Role.NONE), is_named=True)
 
 
 def is_this_computer(peer: str) -> bool:
