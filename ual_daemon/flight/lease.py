@@ -66,7 +66,8 @@ class Lease:
         carries, info = carried.get(), LeaseInfo(holder, identity, time.time())
         with self._lock:
             if carries != NOBODY:
-                self._require(carries, "acquire_lease")
+                if (refusal := self._refusal(carries, "acquire_lease")) is not None:
+                    raise refusal
                 return carries
             if self._held is not None and not take:
                 raise _held_error("acquire_lease", self._held.info)
@@ -110,19 +111,15 @@ class Lease:
 
     def refusal(self, command: str) -> UalError | None:
         """Returns why a command may not begin with the lease that it carries; None if it may."""
-        try:
-            self._require(carried.get(), command)
-        except (LeaseHeldError, LeaseLostError) as error:
-            return error
-        return None
+        return self._refusal(carried.get(), command)
 
-    def _require(self, carries: str, command: str) -> None:
+    def _refusal(self, carries: str, command: str) -> UalError | None:
         held = self._held
         if carries == (NOBODY if held is None else held.id):
-            return
+            return None
         if carries != NOBODY or held is None:
-            raise self._lost(carries, command)
-        raise _held_error(command, held.info)
+            return self._lost(carries, command)
+        return _held_error(command, held.info)
 
     def _lost(self, lease_id: str, command: str) -> LeaseLostError:
         how = self._ended.get(lease_id, "this daemon does not know it: it may have been restarted")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import ipaddress
 import os
 import re
 import socket
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ual._credentials import is_this_computer
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:  # the addresses decide how gRPC is to be imported
@@ -43,12 +43,7 @@ class Address:
     @property
     def is_local(self) -> bool:
         """Whether only this computer can reach it."""
-        if self.is_unix or self.host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return is_this_computer(str(self))
 
 
 def parse(text: str) -> Address:

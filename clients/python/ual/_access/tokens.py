@@ -45,10 +45,20 @@ def make(name: str, role: Role, expires: datetime | None, now: datetime) -> tupl
         ValueError: The name is not one.
 
     """
-    if not re.fullmatch(NAME_PATTERN, name):
-        raise ValueError(f"{name!r} is no name: 1 to 64 letters, digits and _.@-, not a sign first")
+    require_name(name)
     secret = PREFIX + os.urandom(32).hex()
     return secret, Token(name, role, hashed(secret), now, expires)
+
+
+def require_name(name: str) -> None:
+    """Refuses what is no name of a caller or a daemon.
+
+    Raises:
+        ValueError: It is none.
+
+    """
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise ValueError(f"{name!r} is no name: 1 to 64 letters, digits and _.@-, not a sign first")
 
 
 def hashed(secret: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ual import _extras
-from ual._access.tokens import NAME_PATTERN
+from ual._access import tokens
 from ual._cli.app import Session, UalGroup, command, pass_session
 from ual._cli.help import Section
 from ual.errors import InvalidArgumentError
@@ -126,8 +125,9 @@ def _made(session: Session, make: Callable[[], Files]) -> None:
 
 
 def _checked(name: str) -> str:
-    if not re.fullmatch(NAME_PATTERN, name) or name == "authority":
-        raise InvalidArgumentError(f"{name!r} is no name: 1 to 64 letters, digits and _.@-, not a sign first")
+    tokens.require_name(name)
+    if name == "authority":  # its files
+        raise ValueError(f"{name!r} is no name for it: the authority has that")
     return name
 
 
