@@ -43,12 +43,16 @@ class PatientFlight(Flight):
 
 
 def run_check(flight: PatientFlight, check: Check) -> None:
-    """Runs a check; runs it again if it failed while this computer was too busy to receive what the vehicle sent."""
+    """Runs a check; runs it again if it failed while this computer was too busy to receive what the vehicle sent.
+
+    The daemon may have been too busy, too: it then says that it hears nothing.
+    """
     for _ in range(_ATTEMPTS - 1):
         try:
             return conformance.run_check(flight, check)
-        except (CheckFailedError, ual.WrongStateError):  # a command that came too late is refused in its new state
-            if not flight.was_starved:
+        except (CheckFailedError, ual.WrongStateError, ual.LinkLostError) as error:
+            # A command that came too late is refused in its new state.
+            if not (flight.was_starved or _is_silence(error)):
                 raise
     return conformance.run_check(flight, check)
 
@@ -91,6 +95,10 @@ def wait_until_ready(uav: Uav, is_known: Callable[[Uav], bool] = lambda _: True)
     while not uav.is_ready() or not is_known(uav):
         assert time.monotonic() < deadline_s, uav.telemetry()
         time.sleep(0.02)
+
+
+def _is_silence(error: BaseException) -> bool:
+    return isinstance(error, ual.LinkLostError) or isinstance(error.__cause__, ual.LinkLostError)
 
 
 def _longest_gap_s(samples: Sequence[Telemetry]) -> float:

@@ -31,10 +31,12 @@ from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
 from ual.types import (
     ExternalPose,
     Frame,
+    Geofence,
     Info,
     LeaseInfo,
     MotionRequest,
     Plan,
+    Route,
     State,
     TaskInfo,
     TaskKind,
@@ -214,6 +216,14 @@ class UAL(Uav):
     @override
     def frames(self) -> list[Frame]:
         return self.vehicle.frames()
+
+    @override
+    def geofence(self) -> Geofence:
+        return self.vehicle.geofence()
+
+    @override
+    def route(self) -> Route | None:
+        return self.vehicle.route()
 
     @override
     def add_frame(self, transform: Transform) -> None:

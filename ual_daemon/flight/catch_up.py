@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from typing_extensions import override
 
 from ual.errors import UalError, UalTimeoutError
-from ual.geometry import wrap_angle
+from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.arrival import Dwell
@@ -26,6 +27,7 @@ _TIMEOUT_FACTOR = 10.0
 class CatchUp(Manoeuvre):
     """A go-to whose goal moves. It ends when the UAV moves along with the goal, and the UAV goes on doing so."""
 
+    is_goal_moving = True
     why_not_pausable = "its goal moves, so that there is no way to hold on; abort it, and command it again"
 
     def __init__(
@@ -95,6 +97,10 @@ class CatchUp(Manoeuvre):
     @override
     def current_reference(self) -> Reference | None:
         return self._moving_goal
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        return self._moving_goal.way(now_s)
 
 
 def _progress(left_m: float, initial_distance_m: float) -> Progress:

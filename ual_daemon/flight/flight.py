@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError, WrongStateError
-from ual.geometry import Pose
+from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
@@ -50,6 +50,14 @@ class LastCommand(NamedTuple):
 
     number: int
     name: str
+
+
+class Way(NamedTuple):
+    """The way that is flown, as points in the local frame; see `ual.types.Route`."""
+
+    points: Sequence[Vector3]
+    task_id: str
+    is_goal_moving: bool
 
 
 class Flight:
@@ -133,6 +141,16 @@ class Flight:
         """Returns the pose that is commanded now, in the local frame; None if no pose is."""
         reference = self._current_reference()
         return None if reference is None else reference.pose()
+
+    def way(self, snapshot: Snapshot) -> Way | None:
+        """Returns the way of the task that runs, or of the reference; None where none is known."""
+        manoeuvre, reference = self._manoeuvre, self._reference
+        if manoeuvre is not None and manoeuvre.task is not None:
+            way = Way(manoeuvre.way(snapshot.time_s), manoeuvre.task.id, manoeuvre.is_goal_moving)
+        else:
+            points = () if manoeuvre is not None or reference is None else reference.way(snapshot.time_s)
+            way = Way(points, "", is_goal_moving=True)
+        return way if way.points else None
 
     def start(self, snapshot: Snapshot) -> Motion:
         """Returns the motion in which the next trajectory begins; see `next_start`."""

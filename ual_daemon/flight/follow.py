@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias
 
 from typing_extensions import override
 
 from ual.errors import UalTimeoutError
+from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.arrival import Arrival
 from ual_daemon.flight.manoeuvre import TIMEOUT_FACTOR, TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, why_not_ours
@@ -18,6 +19,7 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import LONGEST_STOP_S, Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Motion, Trajectory
+from ual_daemon.trajectory.outline import outline
 
 MakeTracker: TypeAlias = Callable[[Trajectory, float, ToleranceSettings], TrajectoryReference | Pursuit]
 """Makes the tracker that flies a trajectory from a time on, within a tolerance."""
@@ -46,6 +48,7 @@ class FollowTrajectory(Manoeuvre):
         self._task = task
         end = trajectory.end()
         self._trajectory = trajectory
+        self._outline: Sequence[Vector3] | None = None
         self._tolerance = tolerance
         # Set before the first step, so that a command that comes before it begins with the motion of this reference.
         self._reference = None if planned_s is None else tracker(trajectory, planned_s, tolerance)
@@ -103,3 +106,9 @@ class FollowTrajectory(Manoeuvre):
     @override
     def current_reference(self) -> Reference | None:
         return self._reference
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        if self._outline is None:
+            self._outline = outline(self._trajectory)
+        return self._outline

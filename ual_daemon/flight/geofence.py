@@ -128,6 +128,13 @@ class Geofence:
         own = snapshot.own_fence
         return narrowed[1] if own is None else self._within_own(narrowed[1], own, snapshot)
 
+    def edges(self, snapshot: Snapshot) -> Fence:
+        """Returns the fence as it is told to people. Raises as `fence`.
+
+        Its floor and its ceiling are where they are configured, without what the estimated height may be off.
+        """
+        return self.fence(snapshot).narrowed(*self._edges(self._datum(snapshot)))
+
     def _within_own(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
         """Returns the part of a fence that is inside the autopilot's own, with a reserve."""
         home = own_fence.home_of(snapshot)

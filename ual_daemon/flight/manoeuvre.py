@@ -7,11 +7,12 @@ once, how the manoeuvre ended. It never blocks and sends nothing itself.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
@@ -68,11 +69,13 @@ class Manoeuvre(ABC):
     """Something that the UAV does for some time.
 
     `declares` is the state that the estimator reports during it; None for the state that the data show.
-    `is_replaceable` says whether a new command may end it. `why_not_pausable` says why it cannot hold on its way; empty
-    if it can. `task` is None if it is not a task of the interface.
+    `is_goal_moving` says whether its way leads to a goal that moves. `is_replaceable` says whether a new command may
+    end it. `why_not_pausable` says why it cannot hold on its way; empty if it can. `task` is None if it is not a task
+    of the interface.
     """
 
     declares: State | None = None
+    is_goal_moving = False
     is_replaceable = True
     why_not_pausable = "only the safety pilot can abort it"
 
@@ -94,6 +97,11 @@ class Manoeuvre(ABC):
     def current_reference(self) -> Reference | None:
         """Returns the reference that it follows now; None if the autopilot flies by itself."""
         return None
+
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        """Returns its way from where it began to where it ends, as points; none where that is not known."""
+        del now_s
+        return ()
 
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
         """Takes note that the autopilot's estimate has jumped. Returns why it cannot go on; None if it can.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 
 from typing_extensions import override
 
+from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.follow import FollowTrajectory, MakeTracker
@@ -50,6 +51,11 @@ class ReturnToLaunch(FollowTrajectory):
         length_m = self._trajectory.length_m + self._descent_m
         landing = _LandAtHome(self._task, command, self._hold, snapshot, self._ground_z_m, length_m)
         return Step(handover=Handover(landing, partial(command.send, self._land)))
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        end = self._trajectory.end().position
+        return *super().way(now_s), Vector3(end.x, end.y, self._ground_z_m)
 
     @override
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from typing_extensions import override
@@ -211,6 +212,10 @@ class TakeOff(Manoeuvre):
         self._ground, self._top = (each.moved(jump.offset, jump.yaw_rad) for each in (self._ground, self._top))
         self._has_jumped, self._climb = self._has_jumped or self._climb is not None, None
         return None
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        return self._ground.position, self._top.position
 
     @override
     def current_reference(self) -> Reference | None:

@@ -49,9 +49,10 @@ class Fence:
 
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
+        self.corners: tuple[tuple[float, float], ...] = tuple(corners)
         self._polygon = _polygon(corners) if corners else None
         self._is_convex = self._polygon is None or _is_convex(self._polygon)
-        self._disc: Disc | None = None
+        self.disc: Disc | None = None
         self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
 
     def narrowed(self, lowest_m: float, highest_m: float, disc: Disc | None = None) -> Fence:
@@ -59,8 +60,13 @@ class Fence:
         part = copy.copy(self)  # with the same polygon, which is expensive to prepare
         part._lowest_m = max(self._lowest_m, lowest_m - _MARGIN_M)  # noqa: SLF001  a Fence
         part._highest_m = min(self._highest_m, highest_m + _MARGIN_M)  # noqa: SLF001  a Fence
-        part._disc = disc or self._disc  # noqa: SLF001  a Fence
+        part.disc = disc or self.disc
         return part
+
+    @property
+    def lowest_m(self) -> float:
+        """The bottom of the height band."""
+        return self._lowest_m + _MARGIN_M
 
     @property
     def highest_m(self) -> float:
@@ -69,7 +75,7 @@ class Fence:
 
     def is_inside(self, point: Vector3) -> bool:
         """Returns whether a point lies inside, or on the edge."""
-        is_over_disc = self._disc is None or self._disc.beyond_m(point) <= 0.0
+        is_over_disc = self.disc is None or self.disc.beyond_m(point) <= 0.0
         return is_over_disc and self._is_in_band(point) and self._is_over_polygon(point)
 
     def exit_point(self, polyline: Iterable[Vector3]) -> Vector3 | None:
@@ -103,7 +109,7 @@ class Fence:
         """Returns how far outside a point is; 0 inside."""
         below, above = self._lowest_m - point.z, point.z - self._highest_m
         vertical = max(0.0, below, above)
-        sideways = 0.0 if self._disc is None else max(0.0, self._disc.beyond_m(point))
+        sideways = 0.0 if self.disc is None else max(0.0, self.disc.beyond_m(point))
         if self._polygon is not None:
             from shapely import Point
 
@@ -115,8 +121,8 @@ class Fence:
         if not self.is_inside(point):
             return 0.0
         clear = min(point.z - self._lowest_m, self._highest_m - point.z)
-        if self._disc is not None:
-            clear = min(clear, -self._disc.beyond_m(point))
+        if self.disc is not None:
+            clear = min(clear, -self.disc.beyond_m(point))
         if self._polygon is None:
             return clear
         from shapely import Point
@@ -165,7 +171,7 @@ class Fence:
         if begin > end:
             return False
         c, d = a + (b - a) * begin, a + (b - a) * end
-        if self._disc is not None and self._disc.nearest_m(c, d) > 0.0:
+        if self.disc is not None and self.disc.nearest_m(c, d) > 0.0:
             return False
         if self._polygon is None:
             return True

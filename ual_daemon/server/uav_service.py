@@ -52,6 +52,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         self._external_poses = vehicle.external_poses
         self._updates = updates
         self._planning = Planning()
+        self._routing = Planning()  # so that whoever only looks takes no place from whoever flies
 
     # Names and order are those of the contract.
 
@@ -77,6 +78,16 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     @override
     def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
         return pb.ListFramesResponse(frames=[_convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
+
+    @override
+    def GetGeofence(self, request: pb.GetGeofenceRequest, context: object) -> pb.GetGeofenceResponse:
+        return pb.GetGeofenceResponse(geofence=_convert.geofence_to_proto(self._vehicle.geofence()))
+
+    @override
+    async def GetRoute(self, request: pb.GetRouteRequest, context: object) -> pb.GetRouteResponse:
+        # The outline of a path with thousands of waypoints takes a while: nothing that flies or serves waits for it.
+        route = await ended(self._routing.begin("route", self._vehicle.route))
+        return pb.GetRouteResponse(route=None if route is None else _convert.route_to_proto(route))
 
     @override
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:

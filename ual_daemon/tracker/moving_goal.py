@@ -159,6 +159,13 @@ class MovingGoal(Reference):
     def pose(self) -> Pose | None:
         return pose_of(self._motion)
 
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        try:
+            return self._motion.position, self._goal(now_s).position
+        except UalError:  # it is not known where the goal is
+            return ()
+
 
 def _lags(reference: Motion, snapshot: Snapshot) -> bool:
     """Whether the UAV is too far behind the reference."""

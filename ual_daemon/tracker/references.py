@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from typing_extensions import override
 
@@ -41,6 +41,11 @@ class Reference(ABC):
     @abstractmethod
     def pose(self) -> Pose | None:
         """Returns the pose that it commands now; None if it commands only a velocity."""
+
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        """Returns the way to where it leads, as points; none where it does not lead anywhere else than it commands."""
+        del now_s
+        return ()
 
 
 class Hold(Reference):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ual.errors import NotSupportedError
 from ual.geometry import Transform
 from ual.interface import Simulation
-from ual.types import Frame, Info, LeaseInfo, State, Telemetry
+from ual.types import Frame, Geofence, Info, LeaseInfo, Route, State, Telemetry
 from ual_daemon import __version__, logs, validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.payload import Payload
@@ -29,6 +29,7 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
 from ual_daemon.vehicle.external_poses import ExternalPoses
+from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
 from ual_daemon.vehicle.listeners import Listeners
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.telemetry import make_telemetry
@@ -251,6 +252,14 @@ class Vehicle:
     def frames(self) -> list[Frame]:
         """Returns all frames."""
         return self._resolver.tree.frames(self._resolver.body(self.backend.snapshot()))
+
+    def geofence(self) -> Geofence:
+        """Returns where the UAV may fly; see `geofence_in_map`, also for what is raised."""
+        return geofence_in_map(self._flight, self._resolver, self.backend.snapshot())
+
+    def route(self) -> Route | None:
+        """Returns the way that is flown; see `route_in_map`, also for what is raised. A long path takes 50 ms."""
+        return route_in_map(self._flight, self._resolver, self.backend.snapshot())
 
     def task(self, task_id: str) -> VehicleTask:
         """Returns a task by its identifier, running or ended lately.

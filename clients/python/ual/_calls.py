@@ -23,6 +23,7 @@ from ual.types import (
     ExternalPose,
     FollowPathRequest,
     Frame,
+    Geofence,
     GoToWaypointGeoRequest,
     GoToWaypointRequest,
     Info,
@@ -32,6 +33,7 @@ from ual.types import (
     Plan,
     RecoverFromManualRequest,
     ReturnToLaunchRequest,
+    Route,
     Setpoint,
     TakeOffRequest,
     TaskInfo,
@@ -149,6 +151,20 @@ def list_frames() -> Call[list[Frame]]:
         return [_convert.frame_from_proto(each) for each in response.frames]
 
     return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
+
+
+def get_geofence() -> Call[Geofence]:
+    def read(response: pb.GetGeofenceResponse) -> Geofence:
+        return _convert.geofence_from_proto(response.geofence)
+
+    return Call(Service.UAL, "GetGeofence", pb.GetGeofenceRequest(), read)
+
+
+def get_route() -> Call[Route | None]:
+    def read(response: pb.GetRouteResponse) -> Route | None:
+        return _convert.route_from_proto(response.route) if response.HasField("route") else None
+
+    return Call(Service.UAL, "GetRoute", pb.GetRouteRequest(), read)
 
 
 def add_frame(transform: Transform) -> Call[None]:

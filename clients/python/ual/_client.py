@@ -18,7 +18,7 @@ from ual._target import Target
 from ual._task import Task
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.simulation import Fault, SimulationPart
-from ual.types import ExternalPose, Frame, Info, LeaseInfo, Plan, TaskRequest, Telemetry
+from ual.types import ExternalPose, Frame, Geofence, Info, LeaseInfo, Plan, Route, TaskRequest, Telemetry
 
 T = TypeVar("T")
 
@@ -108,6 +108,14 @@ class Uav(interface.Uav):
     @override
     def frames(self) -> list[Frame]:
         return self._connection.run(_calls.list_frames())
+
+    @override
+    def geofence(self) -> Geofence:
+        return self._connection.run(_calls.get_geofence())
+
+    @override
+    def route(self) -> Route | None:
+        return self._connection.run(_calls.get_route())
 
     @override
     def add_frame(self, transform: Transform) -> None:

@@ -48,9 +48,11 @@ from ual.types import (
     AltitudeReference,
     Battery,
     Capability,
+    Circle,
     ExternalPose,
     FollowPathRequest,
     Frame,
+    Geofence,
     GeoPoint,
     GeoWaypoint,
     GoToWaypointGeoRequest,
@@ -66,6 +68,7 @@ from ual.types import (
     PathHeading,
     Plan,
     ReturnToLaunchRequest,
+    Route,
     State,
     TakeOffRequest,
     TaskInfo,
@@ -724,6 +727,46 @@ def frame_from_proto(message: pb.Frame) -> Frame:
         transform_from_proto(message.transform) if message.HasField("transform") else None,
         message.is_static,
     )
+
+
+def geofence_to_proto(fence: Geofence) -> pb.Geofence:
+    """Where a UAV may fly."""
+    circle = fence.circle
+    return pb.Geofence(
+        header=pb.Header(frame_id=fence.frame_id),
+        corners=[vector3_to_proto(corner) for corner in fence.corners],
+        circle=None if circle is None else pb.Circle(center=vector3_to_proto(circle.center), radius_m=circle.radius_m),
+        min_z_m=fence.min_z_m,
+        max_z_m=fence.max_z_m,
+    )
+
+
+def geofence_from_proto(message: pb.Geofence) -> Geofence:
+    """Where a UAV may fly."""
+    circle = message.circle
+    return Geofence(
+        message.header.frame_id,
+        tuple(vector3_from_proto(corner) for corner in message.corners),
+        Circle(vector3_from_proto(circle.center), circle.radius_m) if message.HasField("circle") else None,
+        message.min_z_m if message.HasField("min_z_m") else None,
+        message.max_z_m if message.HasField("max_z_m") else None,
+    )
+
+
+def route_to_proto(route: Route) -> pb.Route:
+    """The way that is flown."""
+    return pb.Route(
+        header=pb.Header(frame_id=route.frame_id),
+        points=[vector3_to_proto(point) for point in route.points],
+        task_id=route.task_id,
+        is_goal_moving=route.is_goal_moving,
+    )
+
+
+def route_from_proto(message: pb.Route) -> Route:
+    """The way that is flown."""
+    points = tuple(vector3_from_proto(point) for point in message.points)
+    return Route(message.header.frame_id, points, message.task_id, message.is_goal_moving)
 
 
 def info_to_proto(info: Info) -> pb.GetInfoResponse:

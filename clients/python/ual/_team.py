@@ -19,11 +19,13 @@ from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
 from ual.types import (
     Frame,
+    Geofence,
     Info,
     LeaseInfo,
     MotionRequest,
     Odometry,
     Plan,
+    Route,
     State,
     TaskInfo,
     TaskKind,
@@ -197,6 +199,14 @@ class Team(TaskCommands[dict[str, "TeamTask"]]):
     def frames(self) -> dict[str, list[Frame]]:
         """Returns all frames of each."""
         return self._loop.run(self._team.frames())
+
+    def geofence(self) -> dict[str, Geofence]:
+        """Returns where each may fly; see `ual.interface.Uav.geofence`."""
+        return self._loop.run(self._team.geofence())
+
+    def route(self) -> dict[str, Route | None]:
+        """Returns the way that each flies, if one is known; see `ual.interface.Uav.route`."""
+        return self._loop.run(self._team.route())
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 

@@ -36,6 +36,7 @@ from ual.types import (
     AltitudeReference,
     FollowPathRequest,
     Frame,
+    Geofence,
     GeoWaypoint,
     GoToWaypointGeoRequest,
     GoToWaypointRequest,
@@ -48,6 +49,7 @@ from ual.types import (
     Plan,
     RecoverFromManualRequest,
     ReturnToLaunchRequest,
+    Route,
     State,
     TakeOffRequest,
     TaskInfo,
@@ -699,6 +701,29 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def frames(self) -> list[Frame]:
         """Returns all frames, each with its parent."""
+
+    @abstractmethod
+    def geofence(self) -> Geofence:
+        """Returns where the UAV may fly now: the geofence, the floor, the ceiling, and the autopilot's own fence.
+
+        Raises:
+            WrongStateError: It is not known where they lie.
+            FrameLostError: It is not known any more.
+
+        """
+
+    @abstractmethod
+    def route(self) -> Route | None:
+        """Returns the way of the running task, or to the goal of `set_pose` in a frame that moves.
+
+        None where nothing is flown whose way is known: of a landing, which the autopilot flies, or of a velocity.
+
+        Raises:
+            WrongStateError: It is not known where the UAV's local frame lies in ``map``.
+            FrameLostError: It is not known any more.
+            ResourceExhaustedError: Too many ask at once.
+
+        """
 
     @abstractmethod
     def add_frame(self, transform: Transform) -> None:

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 from typing import TYPE_CHECKING
 
 from ual.errors import UalError
-from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped
+from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -339,6 +339,54 @@ class Frame:
     parent_frame_id: str
     transform: Transform | None
     is_static: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """An upright cylinder, seen from above; the z of its `center` says nothing."""
+
+    center: Vector3
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Geofence:
+    """Where a UAV may fly: inside all of the following at once. What is None, or empty, does not limit it.
+
+    Attributes:
+        frame_id: The frame of all others, ``map``.
+        corners: The corners of a polygon in order, as seen from above; their z says nothing.
+        circle: That of the autopilot's own fence, less the reserve that UAL keeps.
+        min_z_m: The highest of all lower edges: of the configured fence, of the floor, of the autopilot's own fence.
+        max_z_m: The lowest of all upper edges.
+
+    """
+
+    frame_id: str = "map"
+    corners: tuple[Vector3, ...] = ()
+    circle: Circle | None = None
+    min_z_m: float | None = None
+    max_z_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """The way that is flown, in `frame_id`.
+
+    Attributes:
+        frame_id: The frame of the points, ``map``.
+        points: From where the task begins to where it ends, within 0.1 m of the way where that needs no more than 2,000
+            points; else that many points on it. Of a goal that moves: from where the UAV is told to be now to where the
+            goal is now.
+        task_id: The task; empty where a reference leads there.
+        is_goal_moving: Whether the goal moves, and so the way to it.
+
+    """
+
+    frame_id: str
+    points: tuple[Vector3, ...]
+    task_id: str = ""
+    is_goal_moving: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,15 +22,23 @@ HERE = Path(__file__)
         ("127.0.0.1", HERE, None, None, "both or none"),
         ("127.0.0.1", None, HERE, None, "both or none"),
         ("127.0.0.1", HERE, HERE, None, "--tls-certificate"),
-        ("127.0.0.1", None, None, HERE, "--token-file is for a page with TLS"),
+        ("127.0.0.1", None, None, HERE, "letters and digits, at least 20"),
         ("127.0.0.1", HERE, HERE, HERE, "letters and digits, at least 20"),
     ],
 )
 def test_refused(host: str, certificate: Path | None, key: Path | None, token_file: Path | None, words: str) -> None:
     with pytest.raises(InvalidArgumentError, match=words):
-        access(host, 0, certificate, key, token_file)
+        access(host, 0, certificate, key, token_file, control=False)
 
 
 def test_addresses() -> None:
-    assert access("::1", 0, None, None, None).url(8080) == "http://[::1]:8080/"
+    assert access("::1", 0, None, None, None, control=False).url(8080) == "http://[::1]:8080/"
     assert Access("a.b", 0, "secret").url(1) == "http://a.b:1/?token=secret"
+
+
+def test_a_page_that_flies_has_a_token_that_is_new_each_time() -> None:
+    pages = [access("127.0.0.1", 0, None, None, None, control=True) for _ in range(2)]
+    assert all(len(page.token) >= 32 for page in pages)
+    assert pages[0].token != pages[1].token
+    assert pages[0].guard.refusal("/", {"host": "127.0.0.1:80"})
+    assert not pages[0].guard.refusal(f"/?token={pages[0].token}", {"host": "127.0.0.1:80"})

@@ -119,8 +119,14 @@ def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> Non
         with pytest.raises(InvalidStatus) as refused, forger(url, headers):
             pass
         assert refused.value.response.status_code == 403
-    with forger(url, {"Origin": url.rstrip("/")}) as page:
+    bare, _, token = url.partition("/?token=")
+    assert len(token) >= 32
+    with forger(url, {"Origin": bare}) as page:
         page.read_until("Log")
+    for headers in ({}, {"Cookie": "ual_view_token=x"}):  # another user of this computer
+        with pytest.raises(InvalidStatus) as refused, forger(bare, headers):
+            pass
+        assert refused.value.response.status_code == 403
 
 
 def test_the_page_is_shown_by_no_other_and_loads_nothing(start_view: StartView) -> None:
@@ -156,12 +162,13 @@ def test_beyond_loopback_it_takes_tls_and_a_token(certificate: tuple[Path, Path]
 
     with urllib.request.urlopen(url, context=context) as answer:
         assert answer.status == 200
-        assert f"ual_view_token={token}" in answer.headers["Set-Cookie"]
+        cookie = answer.headers["Set-Cookie"]
+        assert f"={token};" in cookie
     for wrong in (bare, f"{bare}?token=x"):
         assert status(urllib.request.Request(wrong), context) == 403
         with pytest.raises(InvalidStatus), forger(wrong, tls=context):
             pass
-    with forger(bare, {"Cookie": f"ual_view_token={token}"}, context) as page:
+    with forger(bare, {"Cookie": cookie.partition(";")[0]}, context) as page:
         page.read_until("Log")
 
 

@@ -12,6 +12,8 @@ _READING = (
     "StreamTelemetry",
     "GetTransform",
     "ListFrames",
+    "GetGeofence",
+    "GetRoute",
     "GetLease",
     "GetTask",
     "WatchTask",

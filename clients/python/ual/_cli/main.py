@@ -24,6 +24,7 @@ from ual._cli import (
     task,
     token,
     waypoints,
+    where,
 )
 from ual._cli.app import UalGroup
 from ual._cli.help import WIDEST
@@ -59,6 +60,7 @@ for command in (
     *task.COMMANDS,
     *path.COMMANDS,
     *frames.COMMANDS,
+    *where.COMMANDS,
     *waypoints.COMMANDS,
     *simulation.COMMANDS,
     *token.COMMANDS,

@@ -24,7 +24,20 @@ from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.interface import DryRun, TaskCommands
 from ual.simulation import Fault, SimulationPart
-from ual.types import ExternalPose, Frame, Info, LeaseInfo, MotionRequest, Odometry, Plan, State, TaskRequest, Telemetry
+from ual.types import (
+    ExternalPose,
+    Frame,
+    Geofence,
+    Info,
+    LeaseInfo,
+    MotionRequest,
+    Odometry,
+    Plan,
+    Route,
+    State,
+    TaskRequest,
+    Telemetry,
+)
 
 T = TypeVar("T")
 
@@ -200,6 +213,14 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
     async def frames(self) -> list[Frame]:
         """Returns all frames, each with its parent."""
         return await self._connection.run(_calls.list_frames())
+
+    async def geofence(self) -> Geofence:
+        """Returns where the UAV may fly; see `ual.interface.Uav.geofence`."""
+        return await self._connection.run(_calls.get_geofence())
+
+    async def route(self) -> Route | None:
+        """Returns the way that is flown, if one is known; see `ual.interface.Uav.route`."""
+        return await self._connection.run(_calls.get_route())
 
     async def add_frame(self, transform: Transform) -> None:
         """Adds a frame, or moves one that was added; see `ual.interface.Uav.add_frame`."""

@@ -18,6 +18,7 @@ from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands
 from ual.types import (
     Frame,
+    Geofence,
     Info,
     LandRequest,
     LeaseInfo,
@@ -25,6 +26,7 @@ from ual.types import (
     Odometry,
     Plan,
     ReturnToLaunchRequest,
+    Route,
     State,
     TaskRequest,
     Telemetry,
@@ -183,6 +185,14 @@ class Team(TaskCommands[All[Task]]):
     async def frames(self) -> dict[str, list[Frame]]:
         """Returns all frames of each."""
         return await self.ask(lambda _, uav: uav.frames())
+
+    async def geofence(self) -> dict[str, Geofence]:
+        """Returns where each may fly; see `ual.interface.Uav.geofence`."""
+        return await self.ask(lambda _, uav: uav.geofence())
+
+    async def route(self) -> dict[str, Route | None]:
+        """Returns the way that each flies, if one is known; see `ual.interface.Uav.route`."""
+        return await self.ask(lambda _, uav: uav.route())
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ual.conformance.check import LANDED, check
 from ual.conformance.flight import HEIGHT_M, CannotRunError, Flight, position, require
 from ual.errors import TaskAbortedError, WrongStateError
+from ual.geometry import Vector3
 from ual.interface import Task
 from ual.types import Capability, State, TaskKind, TaskStatus, Telemetry
 
@@ -27,11 +28,25 @@ def a_paused_task_holds_on_its_way_and_goes_on(flight: Flight) -> None:
         uav.pause()
         uav.pause()  # again
         _require_paused(flight, task)
+        _require_route(flight, task, start, goal.position)
         task.resume()
         require(not task.info().is_paused, "it is still paused")
         require(task.wait().status is TaskStatus.SUCCEEDED, "it did not go on")
         flight.require_straight(recorded(), start, goal.position)
     flight.require_at(goal, "at the waypoint")
+
+
+def _require_route(flight: Flight, task: Task, start: Vector3, goal: Vector3) -> None:
+    """Requires that the way of a go-to is told: the straight line from where it began to its goal, in `map`."""
+    route = flight.uav.route()
+    require(route is not None, "the way of the running task is not told")
+    assert route is not None
+    require(route.task_id == task.id and not route.is_goal_moving, "the way is not that of the task")
+    to_map = flight.uav.transform("map", f"{flight.uav.ns}/odom")
+    require(route.frame_id == "map" and len(route.points) == 2, "the way is not a line in map")
+    begins, ends = route.points
+    require((ends - to_map.apply(goal)).norm() <= flight.tolerances.position_m, "the way leads elsewhere")
+    require((begins - to_map.apply(start)).norm() <= 2 * flight.tolerances.position_m, "the way begins elsewhere")
 
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead at most")

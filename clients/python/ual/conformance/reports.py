@@ -102,6 +102,16 @@ def frames_form_a_tree(flight: Flight) -> None:
 
 
 @check(*READY)
+def the_geofence_is_told(flight: Flight) -> None:
+    """Where the UAV may fly is told in `map`, and makes sense."""
+    fence = flight.uav.geofence()
+    require(fence.frame_id == "map", f"the geofence is in {fence.frame_id}")
+    require(len(fence.corners) not in (1, 2), "the geofence has a polygon without an area")
+    if fence.min_z_m is not None and fence.max_z_m is not None:
+        require(fence.min_z_m < fence.max_z_m, "the top of the geofence is not above its bottom")
+
+
+@check(*READY)
 def a_new_frame_can_be_used(flight: Flight) -> None:
     """A frame that was added is there, transforms go both ways, and it can be moved."""
     uav, name = flight.uav, f"{flight.uav.ns}/check"

@@ -989,6 +989,110 @@ class Limits(google.protobuf.message.Message):
 Global___Limits: typing_extensions.TypeAlias = Limits
 
 @typing.final
+class Circle(google.protobuf.message.Message):
+    """An upright cylinder, seen from above."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    CENTER_FIELD_NUMBER: builtins.int
+    RADIUS_M_FIELD_NUMBER: builtins.int
+    radius_m: builtins.float
+    @property
+    def center(self) -> Global___Vector3: ...
+    def __init__(
+        self,
+        *,
+        center: Global___Vector3 | None = ...,
+        radius_m: builtins.float = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["center", b"center"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["center", b"center", "radius_m", b"radius_m"]) -> None: ...
+
+Global___Circle: typing_extensions.TypeAlias = Circle
+
+@typing.final
+class Geofence(google.protobuf.message.Message):
+    """Where the UAV may fly: inside all of the following at once. What is not set does not limit it."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HEADER_FIELD_NUMBER: builtins.int
+    CORNERS_FIELD_NUMBER: builtins.int
+    CIRCLE_FIELD_NUMBER: builtins.int
+    MIN_Z_M_FIELD_NUMBER: builtins.int
+    MAX_Z_M_FIELD_NUMBER: builtins.int
+    min_z_m: builtins.float
+    """The highest of all lower edges: of the configured fence, of the floor, and of the autopilot's own fence."""
+    max_z_m: builtins.float
+    """The lowest of all upper edges."""
+    @property
+    def header(self) -> Global___Header:
+        """The frame of all others, `map`."""
+
+    @property
+    def corners(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Vector3]:
+        """The corners of a polygon in order, as seen from above; their z says nothing. None: no polygon."""
+
+    @property
+    def circle(self) -> Global___Circle:
+        """Of the autopilot's own fence, less the reserve that UAL keeps."""
+
+    def __init__(
+        self,
+        *,
+        header: Global___Header | None = ...,
+        corners: collections.abc.Iterable[Global___Vector3] | None = ...,
+        circle: Global___Circle | None = ...,
+        min_z_m: builtins.float | None = ...,
+        max_z_m: builtins.float | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["_max_z_m", b"_max_z_m", "_min_z_m", b"_min_z_m", "circle", b"circle", "header", b"header", "max_z_m", b"max_z_m", "min_z_m", b"min_z_m"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_max_z_m", b"_max_z_m", "_min_z_m", b"_min_z_m", "circle", b"circle", "corners", b"corners", "header", b"header", "max_z_m", b"max_z_m", "min_z_m", b"min_z_m"]) -> None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_max_z_m", b"_max_z_m"]) -> typing.Literal["max_z_m"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_min_z_m", b"_min_z_m"]) -> typing.Literal["min_z_m"] | None: ...
+
+Global___Geofence: typing_extensions.TypeAlias = Geofence
+
+@typing.final
+class Route(google.protobuf.message.Message):
+    """The way that is flown."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    HEADER_FIELD_NUMBER: builtins.int
+    POINTS_FIELD_NUMBER: builtins.int
+    TASK_ID_FIELD_NUMBER: builtins.int
+    IS_GOAL_MOVING_FIELD_NUMBER: builtins.int
+    task_id: builtins.str
+    """The task; empty where a reference leads there."""
+    is_goal_moving: builtins.bool
+    """The goal moves, and so does the way to it."""
+    @property
+    def header(self) -> Global___Header:
+        """The frame of the points, `map`."""
+
+    @property
+    def points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Vector3]:
+        """From where the task begins to where it ends, within 0.1 m of the way where that needs no more than 2,000 points;
+        else that many points on it. Of a goal that moves: from where the UAV is told to be now to where the goal is now.
+        """
+
+    def __init__(
+        self,
+        *,
+        header: Global___Header | None = ...,
+        points: collections.abc.Iterable[Global___Vector3] | None = ...,
+        task_id: builtins.str = ...,
+        is_goal_moving: builtins.bool = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["header", b"header"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["header", b"header", "is_goal_moving", b"is_goal_moving", "points", b"points", "task_id", b"task_id"]) -> None: ...
+
+Global___Route: typing_extensions.TypeAlias = Route
+
+@typing.final
 class GetInfoRequest(google.protobuf.message.Message):
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1184,6 +1288,62 @@ class ListFramesResponse(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["frames", b"frames"]) -> None: ...
 
 Global___ListFramesResponse: typing_extensions.TypeAlias = ListFramesResponse
+
+@typing.final
+class GetGeofenceRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___GetGeofenceRequest: typing_extensions.TypeAlias = GetGeofenceRequest
+
+@typing.final
+class GetGeofenceResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    GEOFENCE_FIELD_NUMBER: builtins.int
+    @property
+    def geofence(self) -> Global___Geofence: ...
+    def __init__(
+        self,
+        *,
+        geofence: Global___Geofence | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["geofence", b"geofence"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["geofence", b"geofence"]) -> None: ...
+
+Global___GetGeofenceResponse: typing_extensions.TypeAlias = GetGeofenceResponse
+
+@typing.final
+class GetRouteRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___GetRouteRequest: typing_extensions.TypeAlias = GetRouteRequest
+
+@typing.final
+class GetRouteResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    ROUTE_FIELD_NUMBER: builtins.int
+    @property
+    def route(self) -> Global___Route:
+        """Not set where nothing is flown whose way is known: of a landing, which the autopilot flies, or of a velocity."""
+
+    def __init__(
+        self,
+        *,
+        route: Global___Route | None = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["route", b"route"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["route", b"route"]) -> None: ...
+
+Global___GetRouteResponse: typing_extensions.TypeAlias = GetRouteResponse
 
 @typing.final
 class AddFrameRequest(google.protobuf.message.Message):

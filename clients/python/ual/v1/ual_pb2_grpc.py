@@ -70,6 +70,16 @@ class UalServiceStub(object):
                 request_serializer=ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.SerializeToString,
                 response_deserializer=ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.FromString,
                 _registered_method=True)
+        self.GetGeofence = channel.unary_unary(
+                '/ual.v1.UalService/GetGeofence',
+                request_serializer=ual_dot_v1_dot_ual__pb2.GetGeofenceRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.GetGeofenceResponse.FromString,
+                _registered_method=True)
+        self.GetRoute = channel.unary_unary(
+                '/ual.v1.UalService/GetRoute',
+                request_serializer=ual_dot_v1_dot_ual__pb2.GetRouteRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_ual__pb2.GetRouteResponse.FromString,
+                _registered_method=True)
         self.Arm = channel.unary_unary(
                 '/ual.v1.UalService/Arm',
                 request_serializer=ual_dot_v1_dot_ual__pb2.ArmRequest.SerializeToString,
@@ -247,6 +257,22 @@ class UalServiceServicer(object):
     def RemoveFrame(self, request, context):
         """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
         Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetGeofence(self, request, context):
+        """Where the UAV may fly, in `map`, as it holds now: the configured geofence, the floor, the ceiling, and the
+        autopilot's own fence. Errors: WRONG_STATE (it is not known where they lie); FRAME_LOST.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetRoute(self, request, context):
+        """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+        RESOURCE_EXHAUSTED (too many ask at once).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -486,6 +512,16 @@ def add_UalServiceServicer_to_server(servicer, server):
                     servicer.RemoveFrame,
                     request_deserializer=ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.FromString,
                     response_serializer=ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.SerializeToString,
+            ),
+            'GetGeofence': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetGeofence,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.GetGeofenceRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.GetGeofenceResponse.SerializeToString,
+            ),
+            'GetRoute': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetRoute,
+                    request_deserializer=ual_dot_v1_dot_ual__pb2.GetRouteRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_ual__pb2.GetRouteResponse.SerializeToString,
             ),
             'Arm': grpc.unary_unary_rpc_method_handler(
                     servicer.Arm,
@@ -798,6 +834,60 @@ class UalService(object):
             '/ual.v1.UalService/RemoveFrame',
             ual_dot_v1_dot_ual__pb2.RemoveFrameRequest.SerializeToString,
             ual_dot_v1_dot_ual__pb2.RemoveFrameResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def GetGeofence(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/GetGeofence',
+            ual_dot_v1_dot_ual__pb2.GetGeofenceRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.GetGeofenceResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def GetRoute(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.UalService/GetRoute',
+            ual_dot_v1_dot_ual__pb2.GetRouteRequest.SerializeToString,
+            ual_dot_v1_dot_ual__pb2.GetRouteResponse.FromString,
             options,
             channel_credentials,
             insecure,

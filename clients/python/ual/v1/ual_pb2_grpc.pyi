@@ -196,6 +196,38 @@ _UalServiceRemoveFrameType = typing_extensions.TypeVar(
     ],
 )
 
+_UalServiceGetGeofenceType = typing_extensions.TypeVar(
+    '_UalServiceGetGeofenceType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetGeofenceRequest,
+        ual.v1.ual_pb2.GetGeofenceResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetGeofenceRequest,
+        ual.v1.ual_pb2.GetGeofenceResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetGeofenceRequest,
+        ual.v1.ual_pb2.GetGeofenceResponse,
+    ],
+)
+
+_UalServiceGetRouteType = typing_extensions.TypeVar(
+    '_UalServiceGetRouteType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetRouteRequest,
+        ual.v1.ual_pb2.GetRouteResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetRouteRequest,
+        ual.v1.ual_pb2.GetRouteResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetRouteRequest,
+        ual.v1.ual_pb2.GetRouteResponse,
+    ],
+)
+
 _UalServiceArmType = typing_extensions.TypeVar(
     '_UalServiceArmType',
     grpc.UnaryUnaryMultiCallable[
@@ -580,7 +612,7 @@ _UalServiceWatchTaskType = typing_extensions.TypeVar(
     ],
 )
 
-class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceSetExternalPoseType, _UalServiceStreamExternalPosesType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceAcquireLeaseType, _UalServiceKeepLeaseType, _UalServiceReleaseLeaseType, _UalServiceGetLeaseType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
+class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTelemetryType, _UalServiceStreamTelemetryType, _UalServiceGetTransformType, _UalServiceListFramesType, _UalServiceAddFrameType, _UalServiceRemoveFrameType, _UalServiceGetGeofenceType, _UalServiceGetRouteType, _UalServiceArmType, _UalServiceDisarmType, _UalServiceTakeOffType, _UalServiceLandType, _UalServiceGoToWaypointType, _UalServiceGoToWaypointGeoType, _UalServiceFollowPathType, _UalServiceReturnToLaunchType, _UalServiceSetPoseType, _UalServiceSetVelocityType, _UalServiceStreamSetpointsType, _UalServiceSetExternalPoseType, _UalServiceStreamExternalPosesType, _UalServiceRecoverFromManualType, _UalServiceSetHomeType, _UalServiceAbortType, _UalServicePauseType, _UalServiceResumeType, _UalServiceAcquireLeaseType, _UalServiceKeepLeaseType, _UalServiceReleaseLeaseType, _UalServiceGetLeaseType, _UalServiceGetTaskType, _UalServiceWatchTaskType]):
     """Flies one UAV."""
 
     @typing.overload
@@ -612,6 +644,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.RemoveFrameRequest,
             ual.v1.ual_pb2.RemoveFrameResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetGeofenceRequest,
+            ual.v1.ual_pb2.GetGeofenceResponse,
+        ],
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetRouteRequest,
+            ual.v1.ual_pb2.GetRouteResponse,
         ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ArmRequest,
@@ -742,6 +782,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
             ual.v1.ual_pb2.RemoveFrameResponse,
         ],
         grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetGeofenceRequest,
+            ual.v1.ual_pb2.GetGeofenceResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.ual_pb2.GetRouteRequest,
+            ual.v1.ual_pb2.GetRouteResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.ual_pb2.ArmRequest,
             ual.v1.ual_pb2.ArmResponse,
         ],
@@ -869,6 +917,16 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     RemoveFrame: _UalServiceRemoveFrameType
     """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
     Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
+    """
+
+    GetGeofence: _UalServiceGetGeofenceType
+    """Where the UAV may fly, in `map`, as it holds now: the configured geofence, the floor, the ceiling, and the
+    autopilot's own fence. Errors: WRONG_STATE (it is not known where they lie); FRAME_LOST.
+    """
+
+    GetRoute: _UalServiceGetRouteType
+    """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+    RESOURCE_EXHAUSTED (too many ask at once).
     """
 
     Arm: _UalServiceArmType
@@ -1015,6 +1073,14 @@ UalServiceAsyncStub: typing_extensions.TypeAlias = UalServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.RemoveFrameRequest,
         ual.v1.ual_pb2.RemoveFrameResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetGeofenceRequest,
+        ual.v1.ual_pb2.GetGeofenceResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.ual_pb2.GetRouteRequest,
+        ual.v1.ual_pb2.GetRouteResponse,
     ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.ual_pb2.ArmRequest,
@@ -1182,6 +1248,26 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.ual_pb2.RemoveFrameResponse, collections.abc.Awaitable[ual.v1.ual_pb2.RemoveFrameResponse]]:
         """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
         Errors: UNKNOWN_FRAME; INVALID_ARGUMENT (built in or configured, or other frames lie below it).
+        """
+
+    @abc.abstractmethod
+    def GetGeofence(
+        self,
+        request: ual.v1.ual_pb2.GetGeofenceRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.GetGeofenceResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetGeofenceResponse]]:
+        """Where the UAV may fly, in `map`, as it holds now: the configured geofence, the floor, the ceiling, and the
+        autopilot's own fence. Errors: WRONG_STATE (it is not known where they lie); FRAME_LOST.
+        """
+
+    @abc.abstractmethod
+    def GetRoute(
+        self,
+        request: ual.v1.ual_pb2.GetRouteRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.ual_pb2.GetRouteResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetRouteResponse]]:
+        """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+        RESOURCE_EXHAUSTED (too many ask at once).
         """
 
     @abc.abstractmethod

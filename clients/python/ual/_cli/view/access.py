@@ -27,7 +27,7 @@ class Access:
     @property
     def guard(self) -> Guard:
         """Judges the requests."""
-        return Guard(self.token)
+        return Guard(self.token, is_tls=self.tls is not None)
 
     def url(self, port: int) -> str:
         """Returns the address of the page, with its token: who knows it may open the page."""
@@ -36,8 +36,12 @@ class Access:
         return f"{'http' if self.tls is None else 'https'}://{host}:{port}/{token}"
 
 
-def access(host: str, port: int, certificate: Path | None, key: Path | None, token_file: Path | None) -> Access:
+def access(
+    host: str, port: int, certificate: Path | None, key: Path | None, token_file: Path | None, *, control: bool
+) -> Access:
     """Returns the access that the options say.
+
+    A page with `control` has a token on loopback, too: other users of the computer must not fly.
 
     Raises:
         InvalidArgumentError: It would be open to other computers without TLS, or the files are not what is needed.
@@ -48,11 +52,13 @@ def access(host: str, port: int, certificate: Path | None, key: Path | None, tok
     if certificate is None or key is None:
         if not is_loopback(host):
             raise _refused(f"--host {host} is not loopback: give --tls-certificate and --tls-key, too", "host")
-        if token_file is not None:
-            raise _refused("--token-file is for a page with TLS: without it, anybody on the way could read it", "token")
-        return Access(host, port)
-    token = secrets.token_urlsafe(_TOKEN_BYTES) if token_file is None else _read_token(token_file)
-    return Access(host, port, token, _context(certificate, key))
+        needs_token = control or token_file is not None
+        return Access(host, port, _token(token_file) if needs_token else "")
+    return Access(host, port, _token(token_file), _context(certificate, key))
+
+
+def _token(file: Path | None) -> str:
+    return secrets.token_urlsafe(_TOKEN_BYTES) if file is None else _read_token(file)
 
 
 def _read_token(file: Path) -> str:

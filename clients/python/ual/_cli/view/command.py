@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -12,7 +11,6 @@ from ual import _extras
 from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
 from ual._cli.view.access import access
-from ual._cli.view.fence import Fence
 from ual._cli.view.shown import MODEL_NAMES
 
 _PORT = 8080
@@ -49,25 +47,17 @@ class Model(click.ParamType[tuple[str, str]]):
     metavar="[UAV=]MODEL",
     help=f"{', '.join(MODEL_NAMES)}: of all UAVs, or of one. When not given, it follows from the backend.",
 )
-@click.option(
-    "--config",
-    "configs",
-    multiple=True,
-    type=_FILE,
-    help="A daemon's configuration file: its geofence is drawn. As often as wanted.",
-)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page is served.")
 @click.option("--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
 @click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
 @click.option("--tls-key", "key", type=_FILE, help="The key of the certificate (PEM).")
-@click.option("--token-file", type=_FILE, help="The token that a browser needs with TLS; a new one when not given.")
+@click.option("--token-file", type=_FILE, help="The token that a browser needs with --control or TLS; else a new one.")
 @pass_session
 def view(
     session: Session,
     addresses: tuple[str, ...],
     control: bool,
     models: tuple[tuple[str, str], ...],
-    configs: tuple[Path, ...],
     host: str,
     port: int,
     certificate: Path | None,
@@ -80,19 +70,11 @@ def view(
     their daemons start. A UAV that is lost turns grey at once. Needs ual-client[view].
     """
     _require_viser()
-    where = access(host, port, certificate, key, token_file)
+    where = access(host, port, certificate, key, token_file, control=control)
     from ual._cli.view import show
 
-    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models), _fences(configs))
+    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models))
     show.show(session, fleet, where, control=control)
-
-
-def _fences(configs: Sequence[Path]) -> list[Fence]:
-    if not configs:
-        return []
-    from ual._cli.view.fence_file import fences
-
-    return [fence for config in configs for fence in fences(config)]
 
 
 def _require_viser() -> None:

@@ -16,6 +16,7 @@ from ual._cli.view.picture import Moment
 from ual._cli.view.scene import xyz
 from ual._cli.view.shown import Shown
 from ual._client import Uav
+from ual.errors import LeaseLostError
 from ual.geometry import Vector3
 from ual.simulation import (
     BatteryLow,
@@ -114,7 +115,9 @@ class ControlPanel:
         self._add(gui, "Go to goal", None, self._go)
         self._add(gui, "Return home", None, lambda: self._propose(orders.return_to_launch()))
         self._add(gui, "Recover", None, lambda: self._propose(orders.recover()))
-        self._add(gui, "Set home of", None, lambda: self._run("set home", lambda uav: uav.set_home()))
+        self._add(gui, "Set home of", None, lambda: self._propose(orders.set_home()))
+        self._add(gui, "Take lease of", None, self._take_lease)
+        self._add(gui, "Release lease of", None, lambda: self._run("release the lease", self._release_lease))
 
     def _build_simulation(self, gui: viser.GuiApi) -> None:
         for what, act in (
@@ -154,6 +157,18 @@ class ControlPanel:
     def _propose(self, order: Order) -> None:
         if self._ns:
             self._desk.propose(self._ns, order)
+
+    def _take_lease(self) -> None:
+        member = self._fleet.members().get(self._ns)
+        if member is not None:
+            self._propose(orders.take_lease(member))
+
+    def _release_lease(self, uav: Uav) -> None:
+        member = self._fleet.members().get(uav.ns)
+        if member is None or member.lease is None:
+            raise LeaseLostError("these pages do not hold the lease")
+        member.lease.release()
+        member.lease = None
 
     def _confirmed(self) -> None:
         proposal = self._desk.proposal

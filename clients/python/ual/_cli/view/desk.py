@@ -1,6 +1,6 @@
 """Gives the orders of one page to the UAVs. A motion is asked about first (a dry run), and begins when it is confirmed.
 
-Each call has a thread of its own: an abort never waits for another call.
+Each call has a thread of its own, in bounded number: an abort never waits for another call.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ual._cli.output import error_text, plan_text
+from ual._cli.output import error_text
 from ual._cli.view.fleet import Fleet
 from ual._cli.view.journal import Journal
 from ual._cli.view.orders import Order
-from ual._cli.view.ways import Ways
 from ual._client import Uav
 from ual.errors import DaemonUnreachableError, UalError
 
+_MOST_ASKED, _MOST_RUN = 4, 32
+"""How many orders of a page may wait for their answers: questions, and what acts."""
 _VALID_S = 30.0
 """A proposal that is older is asked anew: the UAV may have moved."""
 
@@ -28,13 +29,13 @@ class Proposal:
 
     ns: str
     order: Order
-    plan: str
+    answer: str
     valid_until_s: float
 
     @property
     def text(self) -> str:
         """What would happen, for people."""
-        return f"{self.ns}: {self.order.what}: {self.plan}"
+        return f"{self.ns}: {self.order.what}: {self.answer}"
 
 
 class Desk:
@@ -43,25 +44,26 @@ class Desk:
     `proposal` is what waits to be confirmed. `said` is how the last order went; `count` changes with both.
     """
 
-    def __init__(self, fleet: Fleet, journal: Journal, ways: Ways) -> None:
+    def __init__(self, fleet: Fleet, journal: Journal) -> None:
         self.proposal: Proposal | None = None
         self.said = ""
         self.count = 0
         self._fleet = fleet
         self._journal = journal
-        self._ways = ways
         self._lock = threading.Lock()
         self._asked = 0
+        self._asking = threading.BoundedSemaphore(_MOST_ASKED)
+        self._running = threading.BoundedSemaphore(_MOST_RUN)
 
     def propose(self, ns: str, order: Order) -> None:
         """Asks whether a UAV would accept an order. What was proposed before is withdrawn."""
         number = self._withdraw("")
 
         def ask(uav: Uav) -> None:
-            plan = plan_text(order.ask(uav))
-            self._offer(number, Proposal(ns, order, plan, time.monotonic() + _VALID_S))
+            answer = order.ask(uav)
+            self._offer(number, Proposal(ns, order, answer, time.monotonic() + _VALID_S))
 
-        self._start(ns, order.what, ask)
+        self._start(ns, order.what, ask, self._asking)
 
     def confirm(self, proposal: Proposal) -> None:
         """Begins what was proposed, unless it is not the present proposal any more."""
@@ -69,7 +71,7 @@ class Desk:
             is_present = self.proposal is proposal and time.monotonic() < proposal.valid_until_s
         self._withdraw("" if is_present else f"{proposal.text}: too late, ask again")
         if is_present:
-            self._start(proposal.ns, proposal.order.what, lambda uav: self._begin(proposal, uav))
+            self._start(proposal.ns, proposal.order.what, lambda uav: self._begin(proposal, uav), self._running)
 
     def withdraw(self) -> None:
         """Withdraws the proposal."""
@@ -88,18 +90,19 @@ class Desk:
             act(uav)
             self._report(ns, f"{what}: done")
 
-        self._start(ns, what, do)
+        self._start(ns, what, do, self._running)
 
     def _begin(self, proposal: Proposal, uav: Uav) -> None:
         task = proposal.order.begin(uav)
-        if task is not None:
-            self._ways.begin(proposal.ns, task.id, proposal.order.way)
         self._report(proposal.ns, f"{proposal.order.what}: {'accepted' if task is not None else 'done'}")
 
-    def _start(self, ns: str, what: str, do: Callable[[Uav], None]) -> None:
-        threading.Thread(target=self._do, args=(ns, what, do), name=f"ual view {ns}", daemon=True).start()
+    def _start(self, ns: str, what: str, do: Callable[[Uav], None], free: threading.Semaphore) -> None:
+        if not free.acquire(blocking=False):
+            self._say(f"{ns}: {what}: NOT SENT: too many orders of this page wait for an answer")
+            return
+        threading.Thread(target=self._do, args=(ns, what, do, free), name=f"ual view {ns}", daemon=True).start()
 
-    def _do(self, ns: str, what: str, do: Callable[[Uav], None]) -> None:
+    def _do(self, ns: str, what: str, do: Callable[[Uav], None], free: threading.Semaphore) -> None:
         try:
             member = self._fleet.members().get(ns)
             if member is None:
@@ -108,6 +111,8 @@ class Desk:
         except UalError as error:
             self._journal.refused(ns, what, error, time.time())
             self._say(f"{ns}: {what}: REFUSED: {error_text(error)}")
+        finally:
+            free.release()
 
     def _report(self, ns: str, text: str) -> None:
         self._journal.write(ns, text, time.time())

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import TypeVar
 
 from ual._cli.app import Session
 from ual._cli.everyone import chosen_daemons
@@ -17,12 +18,16 @@ from ual._cli.watch_roster import Roster, kept_up_to_date
 from ual._client import Uav
 from ual._discovery import Registration
 from ual.errors import UalError
-from ual.types import Frame, Info
+from ual.interface import Lease
+from ual.types import Frame, Geofence, Info, Route, Telemetry
+
+T = TypeVar("T")
 
 RATE_HZ = 10.0
 _GONE_AFTER_S = 600.0
 """A UAV whose daemon has ended stays on the page for this time: it may still be in the air."""
 _LOOK_S = 0.5
+_FENCE_S = 2.0
 _RETRY_S = 1.0
 _LOST_AFTER_S = 1.5
 """So that the page greys a UAV within 2 s of its last sample."""
@@ -30,12 +35,21 @@ _LOST_AFTER_S = 1.5
 
 @dataclass
 class Member:
-    """What is known of one UAV beside its telemetry. `frames` is None where they are not known now."""
+    """What is known of one UAV beside its telemetry.
+
+    `frames`, `fence` and `route` are None where they are not known now, `route` also where no way is flown.
+    """
 
     uav: Uav
     info: Info
     frames: Sequence[Frame] | None = None
     task_id: str = ""
+    fence: Geofence | None = None
+    fence_due_s: float = 0.0
+    route: Route | None = None
+    route_due_s: float = 0.0
+    lease: Lease | None = None
+    """What the pages hold."""
 
 
 class Fleet:
@@ -101,19 +115,56 @@ class Fleet:
 
     def _look(self, ns: str, member: Member) -> None:
         """Asks for what the telemetry does not have. What is not answered is not known."""
-        try:
-            self._look_at_task(ns, member)
-            member.frames = member.uav.frames() if self.wants_frames else None
-        except UalError:
-            member.frames = None
-
-    def _look_at_task(self, ns: str, member: Member) -> None:
-        """Writes down how a task ended: the telemetry has only the one that runs."""
         seen = self.board.seen().get(ns)
-        task = None if seen is None or seen.telemetry is None else seen.telemetry.task
-        before, member.task_id = member.task_id, "" if task is None else task.id
+        telemetry = None if seen is None else seen.telemetry
+        with suppress(UalError):
+            self._look_at_task(ns, member, telemetry)
+        member.frames = _answer(member.uav.frames) if self.wants_frames else None
+        now_s = time.monotonic()
+        if now_s >= member.fence_due_s:
+            member.fence, member.fence_due_s = _answer(member.uav.geofence), now_s + _FENCE_S
+        self._look_at_route(member, telemetry, now_s)
+        self._look_at_lease(ns, member)
+
+    def _look_at_lease(self, ns: str, member: Member) -> None:
+        """Writes down that the lease of the pages was lost. They fly without one from then on, if others let them."""
+        lease = member.lease
+        if lease is None or lease.lost is None:
+            return
+        self._journal.write(ns, error_text(lease.lost), time.time())
+        member.lease = None
+        lease.release()
+
+    def _look_at_task(self, ns: str, member: Member, telemetry: Telemetry | None) -> None:
+        """Writes down how a task ended: the telemetry has only the one that runs."""
+        before, member.task_id = member.task_id, _task_id(telemetry)
         if before and before != member.task_id:
             self._journal.ended(ns, member.uav.task(before).info(), time.time())
+
+    def _look_at_route(self, member: Member, telemetry: Telemetry | None, now_s: float) -> None:
+        """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
+        route = member.route
+        if telemetry is None or telemetry.reference_pose is None:
+            member.route = None
+            return
+        is_other = route is None or route.task_id != _task_id(telemetry)
+        if route is not None and not is_other and not route.is_goal_moving:
+            return
+        if is_other and now_s < member.route_due_s:
+            return
+        member.route, member.route_due_s = _answer(member.uav.route), now_s + _LOOK_S
+
+
+def _task_id(telemetry: Telemetry | None) -> str:
+    return "" if telemetry is None or telemetry.task is None else telemetry.task.id
+
+
+def _answer(ask: Callable[[], T]) -> T | None:
+    """Returns what a daemon answers; None where it does not, or does not know."""
+    try:
+        return ask()
+    except UalError:
+        return None
 
 
 class Named:

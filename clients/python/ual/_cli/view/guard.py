@@ -1,4 +1,4 @@
-"""Who may open the page: this computer's own browsers, or beyond loopback those with the token, over TLS. No viser.
+"""Who may open the page: this computer's own browsers, those with the token where there is one. No viser.
 
 A page of another site must neither read this one nor click on it: a browser names the site in `Origin`, and would
 show this page within the other one if it were allowed to.
@@ -31,28 +31,31 @@ class Guard:
     """Judges requests.
 
     Args:
-        token: What a browser must know; empty on loopback, where whoever is there can call the daemons, too.
+        token: What a browser must know; empty for a page on loopback that only shows.
+        is_tls: Whether it is served by TLS. Without it, it is for this computer only.
 
     """
 
     token: str = ""
+    is_tls: bool = False
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> str:
         """Returns why a request is refused; nothing where it is not. The names of `headers` are in lower case."""
         host, origin = headers.get("host", ""), headers.get("origin")
-        if not self.token and not is_loopback(_hostname(host)):
+        if not self.is_tls and not is_loopback(_hostname(host)):
             return f"Host {host!r}: this page is for this computer only"
         if origin is not None and _netloc(origin) != host.lower():
             return f"Origin {origin!r}: a page of another site"
-        if self.token and not (self._is_token(_asked(path)) or self._is_token(_cookie(headers.get("cookie", "")))):
+        if self.token and not (self._is_token(_asked(path)) or self._is_token(_cookie(headers))):
             return "no token, or a wrong one: open the address that `ual view` printed"
         return ""
 
-    def cookie(self, path: str) -> str | None:
+    def cookie(self, path: str, headers: Mapping[str, str]) -> str | None:
         """Returns the cookie to set where a request brings the right token in its address."""
         if not (self.token and self._is_token(_asked(path))):
             return None
-        return f"{COOKIE}={self.token}; Path=/; HttpOnly; Secure; SameSite=Strict"
+        secure = " Secure;" if self.is_tls else ""
+        return f"{_cookie_name(headers)}={self.token}; Path=/; HttpOnly;{secure} SameSite=Strict"
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(errors="replace"), self.token.encode())
@@ -86,9 +89,18 @@ def _asked(path: str) -> str:
     return parse_qs(path.partition("?")[2]).get("token", [""])[0]
 
 
-def _cookie(text: str) -> str:
+def _cookie_name(headers: Mapping[str, str]) -> str:
+    """Returns the name of the cookie: a browser gives the cookies of a host to all of its ports."""
     try:
-        found = SimpleCookie(text).get(COOKIE)
+        port = urlsplit(f"//{headers.get('host', '')}").port
+    except ValueError:
+        port = None
+    return COOKIE if port is None else f"{COOKIE}_{port}"
+
+
+def _cookie(headers: Mapping[str, str]) -> str:
+    try:
+        found = SimpleCookie(headers.get("cookie", "")).get(_cookie_name(headers))
     except CookieError:
         return ""
     return "" if found is None else found.value

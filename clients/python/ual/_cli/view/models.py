@@ -58,6 +58,11 @@ def helipad() -> Mesh:
     return joined([*bars, box(0.6, 0.1, 0.02).moved(0.0, 0.0, 0.01)])
 
 
+def goal() -> Mesh:
+    """Returns a cross of three bars, each half a metre long: where a way ends."""
+    return joined([box(0.5, 0.05, 0.05), box(0.05, 0.5, 0.05), box(0.05, 0.05, 0.5)])
+
+
 MODELS: dict[str, Callable[[], Model]] = dict(
     zip(MODEL_NAMES, (quadrotor, hexarotor, manipulator, crazyflie), strict=True)
 )

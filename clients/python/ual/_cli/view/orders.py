@@ -5,24 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ual._cli.output import vector_text
+from ual._cli.output import plan_text, vector_text
+from ual._cli.view.fleet import Member
 from ual._client import Uav
+from ual.errors import WrongStateError
 from ual.geometry import Pose, PoseStamped, Vector3
 from ual.interface import Task
-from ual.types import Plan
+from ual.types import State
 
 _FARTHEST_M = 5_000.0
+_HOLDER = "ual view"
 
 
 @dataclass(frozen=True)
 class Order:
-    """A motion: what it is, for people; the question; and what begins it.
+    """What is asked about first: what it is, for people; the question, which returns what would happen; and what begins
+    it.
 
     `way` is where a straight flight ends, in `map`.
     """
 
     what: str
-    ask: Callable[[Uav], Plan]
+    ask: Callable[[Uav], str]
     begin: Callable[[Uav], Task | None]
     way: Vector3 | None = None
 
@@ -31,7 +35,7 @@ def take_off(height_m: float) -> Order:
     """Returns the order to take off to a height above the ground."""
     return Order(
         f"take off to {height_m:g} m",
-        lambda uav: uav.dry_run.take_off(height_m),
+        lambda uav: plan_text(uav.dry_run.take_off(height_m)),
         lambda uav: uav.take_off(height_m, blocking=False),
     )
 
@@ -41,7 +45,7 @@ def go_to(goal: Vector3) -> Order:
     pose = PoseStamped(Pose.at(*goal), "map")
     return Order(
         f"go to {vector_text(goal)} in map",
-        lambda uav: uav.dry_run.go_to_waypoint(pose),
+        lambda uav: plan_text(uav.dry_run.go_to_waypoint(pose)),
         lambda uav: uav.go_to_waypoint(pose, blocking=False),
         goal,
     )
@@ -51,7 +55,7 @@ def return_to_launch() -> Order:
     """Returns the order to fly home and land there."""
     return Order(
         "return to launch",
-        lambda uav: uav.dry_run.return_to_launch(),
+        lambda uav: plan_text(uav.dry_run.return_to_launch()),
         lambda uav: uav.return_to_launch(blocking=False),
     )
 
@@ -60,9 +64,35 @@ def recover() -> Order:
     """Returns the order to take control back from the safety pilot."""
     return Order(
         "recover from manual",
-        lambda uav: uav.dry_run.recover_from_manual(),
+        lambda uav: plan_text(uav.dry_run.recover_from_manual()),
         lambda uav: uav.recover_from_manual(),
     )
+
+
+def set_home() -> Order:
+    """Returns the order to make the place where it stands its home."""
+
+    def ask(uav: Uav) -> str:
+        state = uav.state()
+        if state not in (State.LANDED_DISARMED, State.LANDED_ARMED):
+            raise WrongStateError(f"home is set on the ground, and it is {state.name}", {"state": state.name})
+        return "odom moves here, and with it every goal, frame and fence that is given in it"
+
+    return Order("set home", ask, lambda uav: uav.set_home())
+
+
+def take_lease(member: Member) -> Order:
+    """Returns the order to make the pages the only ones that fly a UAV."""
+
+    def ask(uav: Uav) -> str:
+        held = uav.lease_info()
+        of = "" if held is None else f" {held.holder} loses it."
+        return f"nobody else flies it then.{of} What is under way is aborted: the UAV holds, but a landing goes on"
+
+    def begin(uav: Uav) -> None:
+        member.lease = uav.lease(_HOLDER, take=True)
+
+    return Order("take the lease", ask, begin)
 
 
 def on_ground(origin: Sequence[float], direction: Sequence[float], ground_m: float) -> Vector3 | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import viser
@@ -48,19 +49,20 @@ class Scene:
     Args:
         scene: viser's.
         model_of: Returns the name of the model of a UAV.
-        goal_of: Returns where a UAV flies straight to, where that is known.
+        way_of: Returns the way that a UAV flies, in `map`, where that is known.
 
     """
 
     def __init__(
-        self, scene: viser.SceneApi, model_of: Callable[[str], str], goal_of: Callable[[str], Vector3 | None]
+        self, scene: viser.SceneApi, model_of: Callable[[str], str], way_of: Callable[[str], Sequence[Vector3]]
     ) -> None:
         self._scene = scene
         self._model_of = model_of
-        self._goal_of = goal_of
+        self._way_of = way_of
         self._numbers: dict[str, int] = {}
         self._squadrons = {name: Squadron(scene, f"/models/{name}", make()) for name, make in MODELS.items()}
         self._homes = Batch(scene, "/homes", models.helipad())
+        self._goals = Batch(scene, "/goals", models.goal())
         self._marks: dict[str, Marks] = {}
         draw_ground(scene)
 
@@ -71,9 +73,12 @@ class Scene:
             squadron.update([uav for ns, uav in moment.uavs.items() if names[ns] == name])
         homes = [Pose(uav.odom.translation, uav.odom.rotation) for uav in moment.uavs.values() if uav.odom is not None]
         self._homes.draw(homes, [_GHOST] * len(homes))
-        self._draw_marks(moment, names)
+        ways = {ns: () if uav.is_lost else self._way_of(ns) for ns, uav in moment.uavs.items()}
+        goals = [Pose(way[-1]) for way in ways.values() if way]
+        self._goals.draw(goals, [_ORANGE] * len(goals))
+        self._draw_marks(moment, names, ways)
 
-    def _draw_marks(self, moment: Moment, names: Mapping[str, str]) -> None:
+    def _draw_marks(self, moment: Moment, names: Mapping[str, str], ways: Mapping[str, Sequence[Vector3]]) -> None:
         for ns in self._marks.keys() - moment.uavs.keys():
             self._marks.pop(ns).remove()
         most = max(_FEWEST_PIECES, _ALL_PIECES // max(1, len(moment.uavs)))
@@ -82,7 +87,7 @@ class Scene:
                 # A UAV that is back gets its old path: viser remembers each path that was ever used.
                 self._marks[ns] = Marks(self._scene, f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}")
             top_m = self._squadrons[names[ns]].model.top_m
-            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], self._goal_of(ns), top_m)
+            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], top_m)
 
 
 class Squadron:
@@ -164,7 +169,7 @@ class Batch:
 
 
 class Marks:
-    """What one UAV has of its own: its label, its trail, and the straight way that it flies."""
+    """What one UAV has of its own: its label, its trail, and the way that it flies."""
 
     def __init__(self, scene: viser.SceneApi, path: str) -> None:
         self._root = scene.add_frame(path, show_axes=False)
@@ -174,14 +179,14 @@ class Marks:
         self._shown: Pose | None = None
         self._count = 0
 
-    def update(self, uav: Shown, trail: list[tuple[Vector3, Vector3]], goal: Vector3 | None, top_m: float) -> None:
+    def update(self, uav: Shown, trail: list[tuple[Vector3, Vector3]], way: Sequence[Vector3], top_m: float) -> None:
         """Draws them as they are now."""
         self._name(uav, top_m)
         self._count += 1
         if self._count % _TRAIL_EVERY:
             return
         self._trail.draw(trail)
-        self._way.draw([] if uav.body is None or goal is None or uav.is_lost else [(uav.body.position, goal)])
+        self._way.draw(list(pairwise(way)))
 
     def remove(self) -> None:
         """Takes them out of the scene."""

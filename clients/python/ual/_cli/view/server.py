@@ -94,7 +94,7 @@ def _checked(guard: Guard, answer: _Answer) -> _Answer:
         if refusal:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"ual view: {refusal}\n")
         response = answer(connection, request)
-        return None if response is None else _with_headers(response, guard.cookie(request.path))
+        return None if response is None else _with_headers(response, guard.cookie(request.path, headers))
 
     return checked
 

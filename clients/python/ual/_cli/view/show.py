@@ -14,7 +14,6 @@ from ual._cli.app import Session
 from ual._cli.view.access import Access
 from ual._cli.view.control_panel import ControlPanel
 from ual._cli.view.desk import Desk
-from ual._cli.view.fence import Fence
 from ual._cli.view.fences import Fences
 from ual._cli.view.fleet import RATE_HZ, Fleet
 from ual._cli.view.journal import Journal
@@ -24,7 +23,6 @@ from ual._cli.view.picture import Moment, Picture
 from ual._cli.view.scene import Scene
 from ual._cli.view.server import serving
 from ual._cli.view.shown import MODEL_NAMES
-from ual._cli.view.ways import Ways
 from ual.geometry import Vector3
 
 _PERIOD_S = 1.0 / RATE_HZ
@@ -41,7 +39,6 @@ class Choice:
 
     addresses: Sequence[str] = ()
     models: Mapping[str, str] = field(default_factory=dict)
-    fences: Sequence[Fence] = ()
 
 
 def show(session: Session, choice: Choice, where: Access, *, control: bool) -> None:
@@ -62,7 +59,7 @@ class Viewer:
         server: viser's.
         fleet: The UAVs.
         journal: The log.
-        choice: The models and fences.
+        choice: Which UAVs, and their models.
         control: Whether the pages may fly.
 
     """
@@ -75,10 +72,9 @@ class Viewer:
         self._journal = journal
         self._is_control = control
         self._picture = Picture(fleet.board, journal)
-        self._ways = Ways()
         self._choice = choice
-        self._fences = Fences(server.scene, choice.fences, fleet)
-        self._scene = Scene(server.scene, self._model_of, self._goal_of)
+        self._fences = Fences(server.scene, fleet)
+        self._scene = Scene(server.scene, self._model_of, self._way_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
@@ -100,8 +96,8 @@ class Viewer:
         """Draws one picture."""
         moment = self._picture.look(time.monotonic(), time.time())
         self._scene.update(moment)
-        self._fences.update(moment)
         if with_panels:
+            self._fences.update()
             self._update_pages(moment)
 
     def _update_pages(self, moment: Moment) -> None:
@@ -109,10 +105,10 @@ class Viewer:
             pages = list(self._pages.values())
         for page in pages:
             page.update(moment)
-        self._fleet.wants_frames = self._fences.need_frames or any(page.wants_frames for page in pages)
+        self._fleet.wants_frames = any(page.wants_frames for page in pages)
 
     def _open(self, client: viser.ClientHandle) -> None:
-        desk = Desk(self._fleet, self._journal, self._ways) if self._is_control else None
+        desk = Desk(self._fleet, self._journal) if self._is_control else None
         control = None if desk is None else ControlPanel(desk, self._fleet)
         page = Page(client, self._fleet, self._journal, control)
         with self._lock:
@@ -128,6 +124,6 @@ class Viewer:
         backend = "" if member is None else member.info.backend
         return named or (backend if backend in MODELS else MODEL_NAMES[0])
 
-    def _goal_of(self, ns: str) -> Vector3 | None:
-        seen = self._fleet.board.seen().get(ns)
-        return self._ways.goal(ns, None if seen is None else seen.telemetry)
+    def _way_of(self, ns: str) -> Sequence[Vector3]:
+        member = self._fleet.members().get(ns)
+        return () if member is None or member.route is None else member.route.points

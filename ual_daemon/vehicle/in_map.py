@@ -1,0 +1,62 @@
+"""What is reported in ``map``, for those who draw it: where the UAV may fly, and the way that it flies."""
+
+from __future__ import annotations
+
+import math
+
+from ual.errors import WrongStateError
+from ual.geometry import Transform, Vector3
+from ual.types import Circle, Geofence, Route
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.flight import Flight
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.frames.tree import MAP
+
+_LEVEL = 1e-6
+
+
+def geofence_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
+    """Returns the geofence, the floor and the ceiling, and the autopilot's own fence, as one.
+
+    Raises:
+        WrongStateError: It is not known where they lie.
+        FrameLostError: It is not known any more.
+
+    """
+    edges = flight.geofence.edges(snapshot)
+    to_map = _level_to_map(resolver)
+    disc, base_m = edges.disc, to_map.translation.z
+    return Geofence(
+        MAP,
+        tuple(to_map.apply(Vector3(x, y, 0.0)) for x, y in edges.corners),
+        None if disc is None else Circle(to_map.apply(Vector3(disc.x, disc.y, 0.0)), max(0.0, disc.radius_m)),
+        _finite(base_m + edges.lowest_m),
+        _finite(base_m + edges.highest_m),
+    )
+
+
+def route_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) -> Route | None:
+    """Returns the way that is flown; None where none is known.
+
+    Raises:
+        WrongStateError: It is not known where the local frame lies in ``map``.
+        FrameLostError: It is not known any more.
+
+    """
+    way = flight.way(snapshot)
+    if way is None:
+        return None
+    to_map = resolver.frame_to_local(MAP).inverse()
+    return Route(MAP, tuple(map(to_map.apply, way.points)), way.task_id, way.is_goal_moving)
+
+
+def _level_to_map(resolver: FrameResolver) -> Transform:
+    to_map = resolver.frame_to_local(MAP).inverse()
+    up = to_map.rotation.rotate(Vector3(0.0, 0.0, 1.0))
+    if math.hypot(up.x, up.y) > _LEVEL:
+        raise WrongStateError(f"the geofence cannot be told in {MAP}: the UAV's local frame is not level there")
+    return to_map
+
+
+def _finite(height_m: float) -> float | None:
+    return height_m if math.isfinite(height_m) else None
