@@ -353,13 +353,10 @@ class Circle:
 class Geofence:
     """Where a UAV may fly: inside all of the following at once. What is None, or empty, does not limit it.
 
-    Attributes:
-        frame_id: The frame of all others, ``map``.
-        corners: The corners of a polygon in order, as seen from above; their z says nothing.
-        circle: That of the autopilot's own fence, less the reserve that UAL keeps.
-        min_z_m: The highest of all lower edges: of the configured fence, of the floor, of the autopilot's own fence.
-        max_z_m: The lowest of all upper edges.
-
+    All is in `frame_id`, ``map``. `corners` are those of a polygon in order, as seen from above; their z says nothing.
+    `circle` is that of the autopilot's own fence, less the reserve that UAL keeps. `min_z_m` is the highest of all
+    lower edges (of the configured fence, of the floor, of the autopilot's own fence), `max_z_m` the lowest of all upper
+    ones.
     """
 
     frame_id: str = "map"
@@ -371,16 +368,11 @@ class Geofence:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """The way that is flown, in `frame_id`.
+    """The way that is flown, in `frame_id`, ``map``.
 
-    Attributes:
-        frame_id: The frame of the points, ``map``.
-        points: From where the task begins to where it ends, within 0.1 m of the way where that needs no more than 2,000
-            points; else that many points on it. Of a goal that moves: from where the UAV is told to be now to where the
-            goal is now.
-        task_id: The task; empty where a reference leads there.
-        is_goal_moving: Whether the goal moves, and so the way to it.
-
+    `points` lead from where the task begins to where it ends, within 0.1 m of the way where that needs no more than
+    2,000 points; else they are that many on it. Of a goal that moves (`is_goal_moving`) they lead from where the UAV is
+    told to be now to where the goal is now. `task_id` is empty where a reference leads there.
     """
 
     frame_id: str

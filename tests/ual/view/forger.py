@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ssl
+import struct
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -16,6 +17,7 @@ from websockets.typing import Subprotocol
 from tests.conftest import LIMIT_S
 
 _HEAD = 16
+_ALIGNED = 8
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -37,6 +39,8 @@ class Forger:
         self._connection = connection
         self.elements: dict[str, dict[str, Any]] = {}
         self.enabled_clicks: list[Any] = []
+        self.nodes: dict[str, dict[str, Any]] = {}
+        """What is in the scene, by name."""
         self.send(**CAMERA)  # only then the server takes it for a page
 
     def send(self, **message: object) -> None:
@@ -55,22 +59,51 @@ class Forger:
         while not any(text in str(value) for each in self.elements.values() for value in each.values()):
             self.read(deadline_s - time.monotonic())
 
+    def read_until_lines(self, name: str) -> list[tuple[float, ...]]:
+        """Reads until lines of this name are drawn, and returns their points."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not self.nodes.get(name, {}).get("visible"):
+            self.read(deadline_s - time.monotonic())
+        return list(struct.iter_unpack("<3f", self.nodes[name]["points"]))
+
     def read(self, timeout_s: float) -> None:
         """Reads one bundle of messages."""
         data = self._connection.recv(timeout_s)
         assert isinstance(data, bytes)
         size = int.from_bytes(data[8:_HEAD], "little")
         bundle = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[_HEAD : _HEAD + size]))
+        buffers, offset = [], _HEAD + size
+        for length in bundle["binaryBufferLengths"]:
+            offset += -offset % _ALIGNED
+            buffers.append(data[offset : offset + length])
+            offset += length
         for message in bundle["messages"]:
-            self._take(message)
+            self._take(_filled(message, buffers))
 
     def _take(self, message: dict[str, Any]) -> None:
         if message["type"] == "ScenePointerEnableMessage":
             self.enabled_clicks += message["modifiers"]
+        elif "name" in message and "props" in message:
+            self.nodes[message["name"]] = dict(message["props"])
+        elif message["type"] == "SceneNodeUpdateMessage":
+            self.nodes[message["name"]].update(message["updates"])
+        elif message["type"] == "SetSceneNodeVisibilityMessage" and message["name"] in self.nodes:
+            self.nodes[message["name"]]["visible"] = message["visible"]
         elif message["type"] == "GuiUpdateMessage" and message["uuid"] in self.elements:
             self.elements[message["uuid"]].update(message["updates"])
         elif message["type"].startswith("Gui") and "props" in message:
             self.elements[message["uuid"]] = {**message["props"], "type": message["type"]}
+
+
+def _filled(value: Any, buffers: list[bytes]) -> Any:
+    """A message with its arrays, which come behind all messages of a bundle."""
+    if isinstance(value, list):
+        return [_filled(each, buffers) for each in value]
+    if not isinstance(value, dict):
+        return value
+    if "__binary_index" in value:
+        return buffers[value["__binary_index"]]
+    return {key: _filled(each, buffers) for key, each in value.items()}
 
 
 @contextmanager

@@ -113,6 +113,20 @@ def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
         page.read_until_text("### uav\\_1: LANDED\\_ARMED")
 
 
+def test_the_way_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDaemon, start_view: StartView) -> None:
+    fence = ("--set", "geofence.polygon=[[-5, -5], [9, -5], [9, 9], [-5, 9]]", "--set", "geofence.max_height_m=8")
+    daemon = start_daemon("--auto-arm", *fence)
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view()) as page, Uav(daemon.ns) as uav:
+        corners = page.read_until_lines("/fence/0")
+        assert len(corners) == 24
+        assert {point[2] for point in corners} == {0.0, 8.0}
+        assert {point[:2] for point in corners} == {(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)}
+        uav.take_off(2.0, blocking=False)
+        ends = page.read_until_lines("/uav/0/way")
+        assert ends[-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.3)
+
+
 def test_a_page_of_another_site_gets_no_connection(start_view: StartView) -> None:
     url = start_view("--control")
     for headers in ({"Origin": "https://evil.example"}, {"Origin": "null"}):

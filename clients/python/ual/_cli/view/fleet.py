@@ -152,7 +152,9 @@ class Fleet:
             return
         if is_other and now_s < member.route_due_s:
             return
-        member.route, member.route_due_s = _answer(member.uav.route), now_s + _LOOK_S
+        member.route = _answer(member.uav.route)
+        # What hovers seldom begins to follow a goal that moves.
+        member.route_due_s = now_s + (_LOOK_S if _task_id(telemetry) else _FENCE_S)
 
 
 def _task_id(telemetry: Telemetry | None) -> str:
