@@ -38,6 +38,9 @@ with UAL("light", extensions={"arm": {"speed_rad_s": 50.0}}) as uav:
     there = threading.Event()
     with uav.subscribe(lambda _: there.set() if "uav_1/arm/tool" in {f.frame_id for f in uav.frames()} else None):
         assert there.wait(30.0)
+for thread in threading.enumerate():
+    if thread is not threading.main_thread():
+        thread.join(30.0)
 print([thread.name for thread in threading.enumerate()])
 """
 

@@ -60,6 +60,9 @@ with UAL("light", extensions={"gimbal": {"speed_rad_s": 1000.0}}, backend_settin
     uav.go_to_waypoint(ual.Pose.at(4.0, 6.0, 4.0, yaw_rad=0.0))
     print(comes_to_see())
     uav.land()
+for thread in threading.enumerate():
+    if thread is not threading.main_thread():
+        thread.join(30.0)
 print([thread.name for thread in threading.enumerate()])
 """
 

@@ -157,7 +157,8 @@ def browser(profile: Path) -> Iterator[Page]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        with closing(connect(_page_address(profile, process), max_size=None, compression=None)) as connection:
+        address = _page_address(profile, process)
+        with closing(connect(address, max_size=None, compression=None, open_timeout=LIMIT_S)) as connection:
             yield Page(connection, process.pid)
     finally:
         process.terminate()

@@ -113,6 +113,8 @@ def forger(url: str, headers: Mapping[str, str] | None = None, tls: ssl.SSLConte
 
     address = url.replace("http", "ws", 1)
     protocol = Subprotocol(f"viser-v{viser.__version__}")
-    opened = connect(address, subprotocols=[protocol], ssl=tls, additional_headers=headers, max_size=None)
+    opened = connect(
+        address, subprotocols=[protocol], ssl=tls, additional_headers=headers, max_size=None, open_timeout=LIMIT_S
+    )
     with closing(opened) as connection:
         yield Forger(connection)
