@@ -87,7 +87,7 @@ class Scene:
                 # A UAV that is back gets its old path: viser remembers each path that was ever used.
                 self._marks[ns] = Marks(self._scene, f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}")
             top_m = self._squadrons[names[ns]].model.top_m
-            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], top_m)
+            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], most // 2, top_m)
 
 
 class Squadron:
@@ -179,14 +179,16 @@ class Marks:
         self._shown: Pose | None = None
         self._count = 0
 
-    def update(self, uav: Shown, trail: list[tuple[Vector3, Vector3]], way: Sequence[Vector3], top_m: float) -> None:
-        """Draws them as they are now."""
+    def update(
+        self, uav: Shown, trail: list[tuple[Vector3, Vector3]], way: Sequence[Vector3], most: int, top_m: float
+    ) -> None:
+        """Draws them as they are now: at most so many pieces of the way, those ahead of it."""
         self._name(uav, top_m)
         self._count += 1
         if self._count % _TRAIL_EVERY:
             return
         self._trail.draw(trail)
-        self._way.draw(list(pairwise(way)))
+        self._way.draw(list(pairwise(_ahead(way, uav.body, most))))
 
     def remove(self) -> None:
         """Takes them out of the scene."""
@@ -237,6 +239,15 @@ def xyz(place: Vector3) -> tuple[float, float, float]:
 def wxyz(rotation: Quaternion) -> tuple[float, float, float, float]:
     """Returns a rotation in viser's order."""
     return rotation.w, rotation.x, rotation.y, rotation.z
+
+
+def _ahead(way: Sequence[Vector3], body: Pose | None, most: int) -> Sequence[Vector3]:
+    """Returns the part of a way that begins where the UAV is, in at most so many pieces."""
+    if len(way) <= most + 1:
+        return way
+    nearest = 0 if body is None else min(range(len(way)), key=lambda i: (way[i] - body.position).norm())
+    begin = max(0, min(nearest - 1, len(way) - 1 - most))
+    return way[begin : begin + most + 1]
 
 
 def _positions(poses: Sequence[Pose]) -> Points:
