@@ -3,46 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from itertools import pairwise
+from collections.abc import Callable, Collection
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
-from typing_extensions import override
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess
 from ual import _discovery, conformance
 from ual.conformance import Check, CheckFailedError, Flight
 from ual.conformance.flight import CannotRunError
+from ual.conformance.runner import LONGEST_GAP_S
 from ual.interface import Uav
-from ual.types import Telemetry
 
-_LONGEST_GAP_S = 0.5
-"""Samples come 50 times a second of the vehicle's time. With a longer gap, a check judged what it did not see."""
 _ATTEMPTS = 5
 
 
-class PatientFlight(Flight):
-    """A flight that knows whether its last check saw enough of the vehicle."""
-
-    was_starved = False
-
-    @override
-    @contextmanager
-    def observing(self) -> Iterator[None]:
-        with super().observing():
-            assert self._observer is not None
-            samples = self._observer.samples
-            try:
-                yield
-            finally:
-                self.was_starved = _longest_gap_s(samples) > _LONGEST_GAP_S
-
-
-def run_check(flight: PatientFlight, check: Check) -> None:
+def run_check(flight: Flight, check: Check) -> None:
     """Runs a check; runs it again if it failed while this computer was too busy to receive what the vehicle sent.
 
     The daemon may have been too busy, too: it then says that it hears nothing.
@@ -52,13 +31,13 @@ def run_check(flight: PatientFlight, check: Check) -> None:
             return conformance.run_check(flight, check)
         except (CheckFailedError, ual.WrongStateError, ual.LinkLostError) as error:
             # A command that came too late is refused in its new state.
-            if not (flight.was_starved or _is_silence(error)):
+            if not (flight.longest_silence_s > LONGEST_GAP_S or _is_silence(error)):
                 raise
     return conformance.run_check(flight, check)
 
 
 def run_check_or_skip(
-    flight: PatientFlight, check: Check, not_here: Collection[str], on_refused: Callable[[], None] = lambda: None
+    flight: Flight, check: Check, not_here: Collection[str], on_refused: Callable[[], None] = lambda: None
 ) -> None:
     """Runs a check as `run_check`; it may be skipped only where its name is among those that cannot run here.
 
@@ -99,7 +78,3 @@ def wait_until_ready(uav: Uav, is_known: Callable[[Uav], bool] = lambda _: True)
 
 def _is_silence(error: BaseException) -> bool:
     return isinstance(error, ual.LinkLostError) or isinstance(error.__cause__, ual.LinkLostError)
-
-
-def _longest_gap_s(samples: Sequence[Telemetry]) -> float:
-    return max((later.stamp_s - earlier.stamp_s for earlier, later in pairwise(list(samples))), default=0.0)

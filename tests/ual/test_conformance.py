@@ -10,9 +10,9 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess, daemon_environment
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import run_check
 from ual import conformance
-from ual.conformance import Check, Tolerances
+from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
@@ -54,14 +54,14 @@ WAYS = [
 
 
 @pytest.fixture(scope="module", params=WAYS)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav: Uav = request.param(stack, tmp_path_factory.mktemp("ual"))
-        yield PatientFlight(uav, Tolerances.of_simulation())
+        yield Flight(uav, Tolerances.of_simulation())
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check) -> None:
+def test_conformance(flight: Flight, check: Check) -> None:
     try:
         run_check(flight, check)
     except CannotRunError as error:
@@ -72,6 +72,6 @@ def test_what_differs_over_a_unix_socket(tmp_path: Path) -> None:
     """Calls of each kind: behind the socket all is as over TCP."""
     names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off holds_a_pose_reference lands"
     with ExitStack() as stack:
-        flight = PatientFlight(over_unix_socket(stack, tmp_path), Tolerances.of_simulation())
+        flight = Flight(over_unix_socket(stack, tmp_path), Tolerances.of_simulation())
         for name in names.split():
             run_check(flight, next(check for check in conformance.CHECKS if check.name == name))

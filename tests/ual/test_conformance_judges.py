@@ -14,6 +14,7 @@ import pytest
 from ual import conformance
 from ual.conformance import CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
+from ual.conformance.runner import LONGEST_GAP_S
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
@@ -278,7 +279,28 @@ def test_an_error_fails_the_check_and_the_run_goes_on(sabotaged: Sabotaged) -> N
     checks = [CHECKS["frames_form_a_tree"], CHECKS["says_who_it_is"]]
     results = list(conformance.run(Flight(cast("Uav", sabotaged)), checks))
     assert [result.outcome for result in results] == [Outcome.FAILED, Outcome.PASSED]
-    assert results[0].why == "INTERNAL: lost"
+    assert results[0].why.startswith("INTERNAL: lost")
+
+
+def test_a_check_that_saw_too_little_says_so(sabotaged: Sabotaged) -> None:
+    """The first sample comes, then none for longer than a check can do without."""
+
+    def subscribe(callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> object:
+        first: list[float] = []
+
+        def late(sample: Telemetry) -> None:
+            first.append(sample.stamp_s)
+            if not 0.0 < sample.stamp_s - first[0] < LONGEST_GAP_S + 0.1:
+                callback(sample)
+
+        return sabotaged.uav.subscribe(late, rate_hz)
+
+    sabotaged.replaced["subscribe"] = subscribe
+    sabotaged.replaced["abort"] = lambda **_: None
+    [result] = conformance.run(Flight(cast("Uav", sabotaged)), [CHECKS["an_abort_stops"]])
+    assert result.outcome is Outcome.FAILED
+    assert "expected TaskAbortedError" in result.why
+    assert "(no telemetry for " in result.why
 
 
 def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -86,7 +87,10 @@ class Observer:
 
     uav: Uav
     samples: list[Telemetry] = field(default_factory=list)
+    longest_silence_s: float = 0.0
+    """The longest time for which no sample came, by this computer's clock or by their stamps."""
     _changed: threading.Condition = field(default_factory=threading.Condition)
+    _came_s: float | None = None
 
     @contextmanager
     def open(self) -> Iterator[Observer]:
@@ -110,7 +114,12 @@ class Observer:
             yield self.samples[number]
 
     def _take(self, telemetry: Telemetry) -> None:
+        now_s = time.monotonic()
         with self._changed:
+            if self._came_s is not None:
+                missed_s = telemetry.stamp_s - self.samples[-1].stamp_s
+                self.longest_silence_s = max(self.longest_silence_s, now_s - self._came_s, missed_s)
+            self._came_s = now_s
             self.samples.append(telemetry)
             self._changed.notify_all()
 
@@ -131,6 +140,8 @@ class Flight:
         is_exact = _offers(uav, SimulationPart.NOISE)
         self.tolerances = tolerances or (Tolerances.of_simulation() if is_exact else Tolerances())
         self._ask_operator = ask_operator
+        self.longest_silence_s = 0.0
+        """The longest time for which nothing was seen of the UAV in the last check."""
         self._observer: Observer | None = None
         self._place = Vector3()
         self._yaw_rad = 0.0
@@ -144,6 +155,7 @@ class Flight:
             try:
                 yield
             finally:
+                self.longest_silence_s = observer.longest_silence_s
                 self._observer = None
 
     # What the UAV does

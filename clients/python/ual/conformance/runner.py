@@ -10,6 +10,9 @@ from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Run
 from ual.errors import UalError
 from ual.types import State
 
+LONGEST_GAP_S = 0.5
+"""Samples come 50 times a second. With a longer gap, a check judges what it did not see."""
+
 
 def why_not(flight: Flight, check: Check, may_move: bool = True) -> str:
     """Returns why a check cannot run with this UAV; empty if it can."""
@@ -72,13 +75,19 @@ def run(
         except CannotRunError as error:
             outcome, why = Outcome.SKIPPED, str(error)
         except CheckFailedError as error:
-            outcome, why = Outcome.FAILED, str(error)
+            outcome, why = Outcome.FAILED, f"{error}{_unseen(flight)}"
             over = f"nothing is flown after {check.name}" if isinstance(error, RunEndedError) else ""
         except UalError as error:
-            outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}"
+            outcome, why = Outcome.FAILED, f"{error.reason}: {error.message}{_unseen(flight)}"
         yield Result(check, outcome, why, time.monotonic() - started_s)
     if may_move and not over:
         _land(flight)
+
+
+def _unseen(flight: Flight) -> str:
+    """Returns that the check saw too little to judge by, if it is so; else nothing."""
+    silence_s = flight.longest_silence_s
+    return f" (no telemetry for {silence_s:.1f} s: a busy computer or a bad link)" if silence_s > LONGEST_GAP_S else ""
 
 
 def _land(flight: Flight) -> None:

@@ -10,11 +10,11 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess, daemon_environment
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import run_check
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer, wait_until
 from ual import conformance
-from ual.conformance import Check, Tolerances
+from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
@@ -57,17 +57,17 @@ WAYS = [
 
 
 @pytest.fixture(scope="module", params=WAYS)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     make: Callable[[ExitStack, str, Path], Uav] = request.param
     with ExitStack() as stack:
         server = stack.enter_context(AirsimServer([Vehicle("Drone1")], clock_speed=6.0))
         uav = make(stack, server.url, tmp_path_factory.mktemp("ual"))
         wait_until(uav.is_ready, "it is not ready")
-        yield PatientFlight(uav, TOLERANCES)
+        yield Flight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check) -> None:
+def test_conformance(flight: Flight, check: Check) -> None:
     try:
         run_check(flight, check)
     except CannotRunError:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from ual import conformance
-from ual.conformance import Check, Tolerances
+from ual.conformance import Check, Flight, Tolerances
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -41,13 +41,13 @@ WAYS = [grouped(make, make.__name__, f"crazyflie_{make.__name__}") for make in (
 
 
 @pytest.fixture(scope="module", params=WAYS)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav = request.param(stack, tmp_path_factory.mktemp("ual"))
         wait_until_ready(uav)
-        yield PatientFlight(uav, TOLERANCES)
+        yield Flight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check) -> None:
+def test_conformance(flight: Flight, check: Check) -> None:
     run_check_or_skip(flight, check, NOT_HERE)

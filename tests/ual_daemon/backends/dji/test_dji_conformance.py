@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from ual import conformance
-from ual.conformance import Check, Tolerances
+from ual.conformance import Check, Flight, Tolerances
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -55,14 +55,14 @@ WAYS = tuple(
 
 
 @pytest.fixture(scope="module", params=WAYS)
-def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav = request.param(stack, tmp_path_factory.mktemp("ual"))
         wait_until_ready(uav)
-        yield PatientFlight(uav, TOLERANCES)
+        yield Flight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check, request: pytest.FixtureRequest) -> None:
+def test_conformance(flight: Flight, check: Check, request: pytest.FixtureRequest) -> None:
     not_here = NOT_HERE | (NOT_BEHIND_OSDK if "osdk" in request.node.name else set())
     run_check_or_skip(flight, check, not_here)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
 from ual import conformance
-from ual.conformance import Check, Tolerances
+from ual.conformance import Check, Flight, Tolerances
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -63,13 +63,13 @@ def is_known(uav: Uav) -> bool:
 
 
 @pytest.fixture(scope="module")
-def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
         wait_until_ready(uav, is_known)
-        yield PatientFlight(uav, TOLERANCES)
+        yield Flight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check, kind: str) -> None:
+def test_conformance(flight: Flight, check: Check, kind: str) -> None:
     run_check_or_skip(flight, check, NOT_HERE[kind], flight.uav.recover_from_manual)

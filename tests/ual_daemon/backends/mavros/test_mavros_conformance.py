@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import PatientFlight, grouped, run_check_or_skip, served, wait_until_ready
+from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
 from tests.simulators.lockstep_mavros import LockstepMavrosArduPilot, LockstepMavrosPx4
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import LIMIT_M_S, TOLERANCES, is_known
 from tests.ual_daemon.backends.mavlink.test_autopilot_conformance import NOT_HERE as NOT_OVER_MAVLINK
 from ual import conformance
-from ual.conformance import Check
+from ual.conformance import Check, Flight
 from ual.interface import Uav
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -45,13 +45,13 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="module")
-def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PatientFlight]:
+def flight(kind: str, make: Make, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     with ExitStack() as stack:
         uav = make(stack, kind, tmp_path_factory.mktemp("ual"))
         wait_until_ready(uav, is_known)
-        yield PatientFlight(uav, TOLERANCES)
+        yield Flight(uav, TOLERANCES)
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: PatientFlight, check: Check, kind: str) -> None:
+def test_conformance(flight: Flight, check: Check, kind: str) -> None:
     run_check_or_skip(flight, check, NOT_HERE[kind], flight.uav.recover_from_manual)

@@ -16,12 +16,12 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
-from tests.patient_checks import PatientFlight, run_check
+from tests.patient_checks import run_check
 from tests.ual.recording.waiting import wait_until
 from ual import conformance
 from ual._access import audit as chain
 from ual._recording.reader import Message, Recording
-from ual.conformance import Tolerances
+from ual.conformance import Flight, Tolerances
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
 from ual.types import State
@@ -100,7 +100,7 @@ def test_every_call_of_a_flight_is_recorded(
     names = "says_who_it_is telemetry_flows bad_frames_are_refused takes_off flies_by_velocity lands"
     checks = [each for each in conformance.CHECKS if each.name in names.split()]
     with ual.Uav("uav_1", address=daemon.address) as uav:
-        flight = PatientFlight(uav, Tolerances.of_simulation())
+        flight = Flight(uav, Tolerances.of_simulation())
         for check in checks:
             run_check(flight, check)
         with pytest.raises(UalError, match=r"LANDED"):
