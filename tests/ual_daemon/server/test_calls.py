@@ -300,9 +300,13 @@ def test_metadata_that_are_too_large_are_refused(transport: Choice, caplog: pyte
             # gRPC's own clients do not send them. gRPC's server looks at each frame of them by itself.
             large = {b"x%03d" % number: b"y" * 100 for number in range(400)}
             method = {b":path": b"/ual.v1.UalService/SetHome"}
-            answer = await asyncio.to_thread(answer_to, it.address, {**method, **large})
-            assert b"grpc-status\x018" in answer  # RESOURCE_EXHAUSTED
-            assert b"at most 16384 are accepted" in answer
+            for _ in range(5):  # one in some 400 is refused by gRPC's own server, without a word
+                answer = await asyncio.to_thread(answer_to, it.address, {**method, **large})
+                assert b"grpc-status\x018" in answer  # RESOURCE_EXHAUSTED
+                if b"at most 16384 are accepted" in answer:
+                    break
+            else:
+                raise AssertionError("nobody says how large they may be")
             assert not it.vehicle.callers
             assert b"grpc-status\x010" in await asyncio.to_thread(answer_to, it.address, method)
 
