@@ -16,11 +16,18 @@ In addition, the acceleration leads by as long as the vehicle takes to tilt.
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
+
+from msgspec import Meta
 
 from ual.geometry import Pose, Vector3
+from ual_daemon import logs
 from ual_daemon.backends.values import PositionSetpoint
+
+_log = logging.getLogger(__name__)
 
 GRAVITY_M_S2 = 9.81
 MOST_DRAG_1_S = 1.5
@@ -40,9 +47,16 @@ _JUMP_M = 0.5
 """A position that moves farther than its velocity says, between two of them, has jumped."""
 _PRIOR_M2_S = 1.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
-estimate stays close to no drag."""
+estimate stays close to what was expected."""
+_TOLD_M2_S = 10.0
+"""The variance from which on the drag is worth to be told."""
+_TOLD_STEP_1_S = 0.1
 _LEAST_UPRIGHT = 0.5
 """The cosine of the tilt beyond which it does not fly as a multirotor does."""
+
+
+Drag = Annotated[float, Meta(ge=0.0, le=MOST_DRAG_1_S)]
+"""The setting of a backend: the drag to begin with, 1/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +75,14 @@ class _Smooth:
 class FeedForward:
     """Learns from the pose and the velocity of one vehicle in its local frame (x east, y north, z up).
 
-    `learn` belongs to the thread that receives; `apply` is for any.
+    `expected_drag_1_s` counts until its drag is learned. What is learned is logged (``drag_learned``). `learn` belongs
+    to the thread that receives; `apply` is for any.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, expected_drag_1_s: float = 0.0) -> None:
         self._smooth: _Smooth | None = None
-        self._sums = _Sums()
-        self.drag_1_s = 0.0
+        self._sums = _Sums(expected_drag_1_s)
+        self.drag_1_s = self._told_1_s = expected_drag_1_s
         """Deceleration by drag for each m/s."""
         self.velocity_error = Vector3()
         """The estimated velocity minus the velocity of the estimated position, m/s."""
@@ -103,6 +118,12 @@ class FeedForward:
         if new.velocity.horizontal_norm() > _LEAST_SPEED_M_S:
             self._sums.add(new.velocity, unexplained, passed_s)
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
+            self._tell()
+
+    def _tell(self) -> None:
+        if abs(self.drag_1_s - self._told_1_s) > _TOLD_STEP_1_S and self._sums.variance() > _TOLD_M2_S:
+            self._told_1_s = self.drag_1_s
+            logs.event(_log, logging.INFO, "drag_learned", drag_1_s=round(self.drag_1_s, 2))
 
     def apply(self, setpoint: PositionSetpoint, now_s: float) -> PositionSetpoint:
         """Returns the setpoint with what was learned."""
@@ -132,10 +153,12 @@ def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool
 class _Sums:
     """The least-squares line of horizontal acceleration over velocity, of the last `_MEMORY_S`.
 
-    Both axes have one slope; each has its own offset, the constant part (wind).
+    Both axes have one slope; each has its own offset, the constant part (wind). `expected` is the slope before there is
+    any.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, expected: float) -> None:
+        self._expected = expected
         self._weight = self._vv = self._va = 0.0
         self._v = self._a = Vector3()
 
@@ -148,7 +171,11 @@ class _Sums:
         self._vv = self._vv * keep + v.dot(v) * weight_s
         self._va = self._va * keep + v.dot(a) * weight_s
 
+    def variance(self) -> float:
+        """Returns the variance of the velocities, times the time that they stand for."""
+        return self._vv - self._v.dot(self._v) / self._weight
+
     def slope(self) -> float:
-        """Returns the slope, drawn toward zero while the velocities have varied little."""
-        variance = self._vv - self._v.dot(self._v) / self._weight
-        return (self._va - self._v.dot(self._a) / self._weight) / (variance + _PRIOR_M2_S)
+        """Returns the slope, drawn toward what was expected while the velocities have varied little."""
+        covariance = self._va - self._v.dot(self._a) / self._weight
+        return (covariance + self._expected * _PRIOR_M2_S) / (self.variance() + _PRIOR_M2_S)

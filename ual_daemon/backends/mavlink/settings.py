@@ -7,6 +7,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from ual_daemon.backends.autopilots.feed_forward import Drag
 from ual_daemon.settings import Settings
 
 SECTION = "mavlink"
@@ -22,7 +23,8 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot that is received
     (None: the first heard). `component_id` is ours, beside the autopilot in its system; two programs on one vehicle
     need different ones. `pose_rate_hz` is the rate at which position and attitude are requested. With
-    `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`.
+    `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;
+    `drag_1_s` is the drag that it begins with.
     `signing_key_file` holds the key of an autopilot that signs its messages: see `signing.read_key`.
     """
 
@@ -31,6 +33,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     component_id: MavlinkId = 191
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=200.0)] = 50.0
     learns_feed_forward: bool = True
+    drag_1_s: Drag = 0.0
     signing_key_file: str | None = None
 
 

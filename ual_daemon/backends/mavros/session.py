@@ -62,7 +62,8 @@ class Session:
         self.telemetry = Telemetry(autopilot, boots_count, utc_s)
         self.freshness = FRESHNESS
         self._call = call
-        self._feed_forward = FeedForward() if settings.learns_feed_forward and autopilot.takes_feed_forward else None
+        learns = settings.learns_feed_forward and autopilot.takes_feed_forward
+        self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
         self._commands = Commands(autopilot.name, call, sent.duration_s)
         self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from ual_daemon.backends.autopilots.feed_forward import Drag
 from ual_daemon.settings import Settings
 
 SECTION = "mavros"
@@ -16,9 +17,11 @@ class MavrosSettings(Settings, frozen=True, kw_only=True):
 
     `node` is the name of MAVROS' node, within the namespace of the URL. `pose_rate_hz` is the rate at which position
     and attitude are requested from the autopilot. With `learns_feed_forward` PX4's drag and the error of its estimate
-    are learned and compensated: see `ual_daemon.backends.autopilots.feed_forward`.
+    are learned and compensated: see `ual_daemon.backends.autopilots.feed_forward`; `drag_1_s` is the drag that it
+    begins with.
     """
 
     node: Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$")] = "mavros"
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=100.0)] = 50.0
     learns_feed_forward: bool = True
+    drag_1_s: Drag = 0.0

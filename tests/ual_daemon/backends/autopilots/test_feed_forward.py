@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 import pytest
@@ -73,6 +74,28 @@ def test_hovering_teaches_nothing_of_drag() -> None:
     for step in range(1000):
         learner.learn(step * STEP_S, Pose(STILL, tilted(Vector3(0.5, 0.0, 0.0))), Vector3(0.1, 0.0, 0.0))
     assert learner.drag_1_s == 0.0
+
+
+def test_a_drag_that_is_expected_counts_from_the_first_setpoint_on() -> None:
+    fast = PositionSetpoint(STILL, 0.0, Vector3(4.0, -2.0, 1.0))
+    assert FeedForward(0.5).apply(fast, 0.0).acceleration == Vector3(2.0, -1.0, 0.0)
+
+
+@pytest.mark.parametrize("drag_1_s", [0.0, 0.3, 1.0])
+def test_a_drag_that_was_expected_wrongly_is_learned_all_the_same(
+    drag_1_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    learner = FeedForward(0.6)
+    with caplog.at_level(logging.INFO):
+        fly(learner, drag_1_s)
+    assert learner.drag_1_s == pytest.approx(drag_1_s, abs=0.05)
+    assert "drag_learned" in caplog.text
+
+
+def test_a_drag_that_was_expected_rightly_is_not_told_again(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO):
+        fly(FeedForward(0.5), 0.5)
+    assert not caplog.records
 
 
 def test_a_velocity_that_the_position_contradicts_is_corrected() -> None:
