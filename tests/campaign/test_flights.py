@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -14,6 +13,7 @@ from tests.campaign.places import Origin
 from tests.campaign.plan import OURS, Fault, Plan, Step
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
 from tests.campaign.rig import Options, Rig
+from tests.ports import free_port
 from tests.simulators.process import autopilot_process
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.pilot import SafetyPilot
@@ -48,12 +48,6 @@ def px4(folder: Path) -> Iterator[Rig]:
         rig = Rig(Options("px4", urls[0], pilot, urls[1], "", folder, origin, "ual_daemon"))
         yield rig
         rig.close()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_flight_that_the_pilot_takes_over_is_clean(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
+from tests.ports import free_port
 from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
 from ual import _convert, _discovery
 from ual._access import certificates
@@ -39,11 +40,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 StartGateway = Callable[..., str]
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        return int(found.getsockname()[1])
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ import pytest
 
 from tests.conftest import LIMIT_S, DaemonProcess
 from tests.examples.installing import EXAMPLES, install, run, search_path
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
-from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, free_port, opened, wait_for
+from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened, wait_for
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 

@@ -17,6 +17,7 @@ import yaml
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
+from tests.ports import free_port
 from ual import _discovery, _rpc_errors
 from ual.errors import TaskAbortedError
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
@@ -52,11 +53,6 @@ def flying(daemon: DaemonProcess, height_m: float = 2.0) -> ual_pb2_grpc.UalServ
     stub = stub_of(daemon)
     stub.TakeOff(pb.TakeOffRequest(height_m=height_m), timeout=LIMIT_S)
     return stub
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        return int(found.getsockname()[1])
 
 
 # --- Starting ---------------------------------------------------------------------------------------------------------

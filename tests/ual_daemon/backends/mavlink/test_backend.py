@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay
 from ual.errors import LinkLostError, NotSupportedError
@@ -37,12 +38,6 @@ def wait_for(condition: Callable[[], T], what: str) -> T:
         assert time.monotonic() < deadline_s, f"{what} did not come"
         time.sleep(0.005)
     return found
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Autopilot:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
-from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, free_port, opened, wait_for
+from tests.ual_daemon.backends.mavlink.test_backend import PATIENCE_S, Autopilot, Pair, opened, wait_for
 from ual.errors import InvalidArgumentError, LinkLostError, PermissionDeniedError, RejectedByAutopilotError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend

@@ -19,6 +19,7 @@ import pytest
 from typing_extensions import override
 
 from tests.conftest import open_terminal
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links import Connection, make_link
@@ -84,11 +85,6 @@ def listener(port: int = 0) -> socket.socket:
     sock.listen()
     sock.settimeout(PATIENCE_S)
     return sock
-
-
-def free_port() -> int:
-    with listener() as probe:
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture
