@@ -190,7 +190,7 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(
 
     with caplog.at_level(logging.ERROR, "ual_daemon"):
         asyncio.run(run())
-    (record,) = caplog.records
+    (record,) = told(caplog)
     assert record.exc_info is not None
     assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
 
