@@ -11,6 +11,14 @@ from pathlib import Path
 from tests.conftest import LIMIT_S
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+THREADS_LEFT = """
+import threading
+for thread in threading.enumerate():
+    if thread is not threading.main_thread():
+        thread.join(30.0)
+print([thread.name for thread in threading.enumerate()])
+"""
+"""The last lines of a program: the names of the threads that do not end, when those that are ending have ended."""
 
 
 def install(package: str, folder: Path) -> Path:

@@ -16,7 +16,7 @@ from grpc_reflection.v1alpha import reflection_pb2, reflection_pb2_grpc
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from tests.examples.installing import install, run, search_path
+from tests.examples.installing import THREADS_LEFT, install, run, search_path
 
 IN_PROCESS = """
 import threading
@@ -38,10 +38,6 @@ with UAL("light", extensions={"arm": {"speed_rad_s": 50.0}}) as uav:
     there = threading.Event()
     with uav.subscribe(lambda _: there.set() if "uav_1/arm/tool" in {f.frame_id for f in uav.frames()} else None):
         assert there.wait(30.0)
-for thread in threading.enumerate():
-    if thread is not threading.main_thread():
-        thread.join(30.0)
-print([thread.name for thread in threading.enumerate()])
 """
 
 REMOTE = """
@@ -126,7 +122,7 @@ def daemon(installed: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.Fix
 
 
 def test_in_the_process(installed: Path) -> None:
-    first, moved, refused, not_loaded, threads = run(IN_PROCESS, installed)
+    first, moved, refused, not_loaded, threads = run(IN_PROCESS + THREADS_LEFT, installed)
     assert first == "Joints(shoulder_rad=0.0, elbow_rad=0.0, is_moving=False)"
     assert moved == REACHED
     assert refused.startswith("INVALID_ARGUMENT shoulder_rad: 3 is not within 1.5708 rad")

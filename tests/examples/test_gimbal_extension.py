@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S, DaemonProcess
-from tests.examples.installing import EXAMPLES, install, run, search_path
+from tests.examples.installing import EXAMPLES, THREADS_LEFT, install, run, search_path
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
 from tests.ual_daemon.backends.mavlink.test_backend import Autopilot, Pair, opened, wait_for
@@ -61,10 +61,6 @@ with UAL("light", extensions={"gimbal": {"speed_rad_s": 1000.0}}, backend_settin
     uav.go_to_waypoint(ual.Pose.at(4.0, 6.0, 4.0, yaw_rad=0.0))
     print(comes_to_see())
     uav.land()
-for thread in threading.enumerate():
-    if thread is not threading.main_thread():
-        thread.join(30.0)
-print([thread.name for thread in threading.enumerate()])
 """
 
 REMOTE = """
@@ -92,7 +88,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_in_the_process(installed: Path) -> None:
-    assert run(IN_PROCESS, installed, limit_s=2 * LIMIT_S) == [
+    assert run(IN_PROCESS + THREADS_LEFT, installed, limit_s=2 * LIMIT_S) == [
         "Attitude(pitch_rad=-0.5, yaw_rad=0.3)",
         "INVALID_ARGUMENT pitch_rad",
         "INVALID_ARGUMENT yaw_rad",

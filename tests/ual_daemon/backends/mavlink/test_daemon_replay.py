@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import socket
-
 from tests.conftest import StartDaemon
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.traces import load, replay
 
 
 def test_a_recorded_flight_comes_out_of_the_daemon_as_it_was(start_daemon: StartDaemon) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     daemon = start_daemon("--url", f"udpin://127.0.0.1:{port}", backend="mavlink")
     daemon.wait_for("state", new="UNINITIALIZED")
     replay(load("px4_auto_takeoff_loiter_rtl"), port, speed_factor=8.0)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import signal
-import socket
 from pathlib import Path
 
 from tests.conftest import StartDaemon
+from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.traces import load, replay
 from tests.ual_daemon.backends.replay.test_replay import Watched
 from ual._recording.reader import Recording
@@ -36,9 +36,7 @@ def told(sample: Telemetry) -> tuple[object, ...]:
 
 def record(start_daemon: StartDaemon, directory: Path) -> Path:
     """Records a flight that is sent again, faster than it was, until it is not heard any more."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     url = f"udpin://127.0.0.1:{port}"
     daemon = start_daemon("--url", url, "--record", str(directory), "--record-raw", backend="mavlink")
     daemon.wait_for("state", new="UNINITIALIZED")
