@@ -300,7 +300,15 @@ def test_a_check_that_saw_too_little_says_so(sabotaged: Sabotaged) -> None:
     [result] = conformance.run(Flight(cast("Uav", sabotaged)), [CHECKS["an_abort_stops"]])
     assert result.outcome is Outcome.FAILED
     assert "expected TaskAbortedError" in result.why
-    assert "(no telemetry for " in result.why
+    assert "(without telemetry or an answer for " in result.why
+
+
+def test_a_command_that_takes_long_to_arrive_counts_as_silence(sabotaged: Sabotaged) -> None:
+    flight = Flight(cast("Uav", sabotaged))
+    with flight.observing():
+        seen = flight.wait(lambda _: True, "a sample")
+        flight.give_at_once(lambda: flight.let_pass(2 * LONGEST_GAP_S), seen)
+    assert flight.longest_silence_s >= 2 * LONGEST_GAP_S
 
 
 def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:

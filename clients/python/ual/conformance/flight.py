@@ -141,7 +141,7 @@ class Flight:
         self.tolerances = tolerances or (Tolerances.of_simulation() if is_exact else Tolerances())
         self._ask_operator = ask_operator
         self.longest_silence_s = 0.0
-        """The longest time for which nothing was seen of the UAV in the last check."""
+        """The longest time for which nothing was seen of the UAV in the last check, or a command was on its way."""
         self._observer: Observer | None = None
         self._place = Vector3()
         self._yaw_rad = 0.0
@@ -220,6 +220,14 @@ class Flight:
     def is_slow(self, sample: Telemetry) -> bool:
         """Whether it moves slower than `Tolerances.speed_m_s`."""
         return speed(sample) < self.tolerances.speed_m_s
+
+    def give_at_once(self, command: Callable[[], object], seen: Telemetry) -> None:
+        """Gives a command that is worth nothing later than what was seen. The vehicle's time from then on, until it was
+        accepted, counts as silence.
+        """
+        assert self._observer is not None
+        command()
+        self._observer.longest_silence_s = max(self._observer.longest_silence_s, self.now_s() - seen.stamp_s)
 
     # Bringing it to where a check starts
 

@@ -90,8 +90,7 @@ def lands(flight: Flight) -> None:
 
 def _lands_until_aborted(flight: Flight) -> None:
     task = flight.uav.land(blocking=False)
-    flight.wait_for_state(State.LANDING)
-    flight.uav.abort()
+    flight.give_at_once(flight.uav.abort, flight.wait_for_state(State.LANDING))
     flight.refuses(TaskAbortedError, task.wait, "waiting for the landing that was aborted")
     flight.wait_for_state(State.FLYING_AUTO)
     flight.require_stays("after an aborted landing")

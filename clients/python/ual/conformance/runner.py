@@ -87,7 +87,9 @@ def run(
 def _unseen(flight: Flight) -> str:
     """Returns that the check saw too little to judge by, if it is so; else nothing."""
     silence_s = flight.longest_silence_s
-    return f" (no telemetry for {silence_s:.1f} s: a busy computer or a bad link)" if silence_s > LONGEST_GAP_S else ""
+    if silence_s <= LONGEST_GAP_S:
+        return ""
+    return f" (without telemetry or an answer for {silence_s:.1f} s: a busy computer or a bad link)"
 
 
 def _land(flight: Flight) -> None:
