@@ -50,10 +50,8 @@ def telemetry_flows(flight: Flight) -> None:
     """A subscription gets samples with rising numbers and times, and none after it has ended."""
     received: list[Telemetry] = []
     with flight.uav.subscribe(received.append):
-        first = flight.wait(lambda _: True, "telemetry")
-        flight.wait(lambda sample: sample.sequence >= first.sequence + _SAMPLES, f"{_SAMPLES} samples")
+        flight.wait(lambda _: len(received) >= _SAMPLES, f"{_SAMPLES} samples of a second subscription", 60.0)
     count = len(received)
-    require(count > 0, "a second subscription received nothing")
     for before, after in itertools.pairwise(received):
         require(after.sequence > before.sequence, "the sequence does not rise")
         require(after.stamp_s >= before.stamp_s, "the stamps go back")
