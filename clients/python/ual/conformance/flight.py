@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from ual.errors import NotSupportedError, UalError
+from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
 from ual.interface import Uav
 from ual.simulation import SimulationPart
@@ -301,17 +301,28 @@ class Flight:
             if self.has_pilot:
                 self.uav.simulation.pilot_disarm()
             elif self.info.is_arming_allowed:
-                self.uav.disarm()
+                self._disarm()
             else:
                 self._ask("disarm the UAV")
         self.wait_for_state(State.LANDED_DISARMED, limit_s=_OPERATOR_S)
+
+    def _disarm(self) -> None:
+        try:
+            self.uav.disarm()
+        except RejectedByAutopilotError as error:  # as a Crazyflie that arms itself
+            raise CannotRunError(f"it cannot be disarmed: {error.message}") from error
 
     def _be_armed(self) -> None:
         self._come_down()
         if self.uav.state() is State.LANDED_ARMED:
             if self.now_s() - self._armed_s <= _FRESHLY_ARMED_S:
                 return
-            self._be_disarmed()
+            try:
+                self._be_disarmed()
+            except CannotRunError:  # it stays armed, or arms itself again some seconds after a landing
+                self.let_pass(_DISARM_S)
+                self.wait_for_state(State.LANDED_ARMED)
+                return
         if self.has_pilot:
             self.uav.simulation.pilot_arm()
         elif self.info.is_arming_allowed:

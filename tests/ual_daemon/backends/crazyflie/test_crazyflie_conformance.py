@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.patient_checks import grouped, run_check_or_skip, served, wait_until_ready
+from tests.simulators.crazyflie import Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
+from tests.simulators.ports import MemoryPort
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.interface import Uav
+from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 
@@ -37,6 +40,7 @@ def over_grpc(stack: ExitStack, directory: Path) -> Uav:
     return served(stack, directory, "lockstep_crazyflie", "--allow-arming")
 
 
+ON_GROUND = [check for check in conformance.CHECKS if State.FLYING_AUTO not in check.starts]
 WAYS = [grouped(make, make.__name__, f"crazyflie_{make.__name__}") for make in (over_class, over_grpc)]
 
 
@@ -46,6 +50,25 @@ def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         uav = request.param(stack, tmp_path_factory.mktemp("ual"))
         wait_until_ready(uav)
         yield Flight(uav, TOLERANCES)
+
+
+@pytest.fixture(scope="module")
+def flight_of_one_that_arms_itself() -> Iterator[Flight]:
+    port = MemoryPort()
+    crazyflie = Crazyflie(port, arms_itself=True)
+    with UAL(LockstepCrazyflie(BackendOptions("uav_1"), crazyflie, port), allow_arming=True) as uav:
+        wait_until_ready(uav)
+        yield Flight(uav, TOLERANCES)
+
+
+@pytest.mark.xdist_group("crazyflie_that_arms_itself")
+@pytest.mark.parametrize("check", ON_GROUND, ids=lambda check: check.name)
+def test_one_that_arms_itself_skips_only_what_needs_it_disarmed(
+    flight_of_one_that_arms_itself: Flight, check: Check
+) -> None:
+    run_check_or_skip(
+        flight_of_one_that_arms_itself, check, NOT_HERE | {"arms_and_disarms", "takes_off_only_when_armed"}
+    )
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
