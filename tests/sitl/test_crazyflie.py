@@ -72,23 +72,22 @@ def test_conformance(flight: Flight, check: Check) -> None:
 
 
 def test_a_daemon_that_is_killed_in_a_hover_is_followed_by_one_that_lands(url: str, tmp_path: Path) -> None:
-    daemon = begin_daemon(url, tmp_path)
-    with ual.Uav(address=daemon.address) as uav:
-        wait_for(uav, State.LANDED_DISARMED, State.LANDED_ARMED)
-        if uav.state() is State.LANDED_DISARMED:
-            uav.arm()
-        uav.take_off(HEIGHT_M)
-        deadline_s = time.monotonic() + READY_S
-        while not uav.telemetry().flight_mode.startswith("hover"):
-            assert time.monotonic() < deadline_s
-            time.sleep(0.02)
-    daemon.process.kill()
-    daemon.close()
-    daemon = begin_daemon(url, tmp_path)
-    try:
+    with ExitStack() as stack:
+        daemon = begin_daemon(url, tmp_path)
+        stack.callback(daemon.close)
         with ual.Uav(address=daemon.address) as uav:
+            wait_for(uav, State.LANDED_DISARMED, State.LANDED_ARMED)
+            if uav.state() is State.LANDED_DISARMED:
+                uav.arm()
+            uav.take_off(HEIGHT_M)
+            deadline_s = time.monotonic() + READY_S
+            while not uav.telemetry().flight_mode.startswith("hover"):
+                assert time.monotonic() < deadline_s
+                time.sleep(0.02)
+        daemon.process.kill()
+        again = begin_daemon(url, tmp_path)
+        stack.callback(again.close)
+        with ual.Uav(address=again.address) as uav:
             wait_for(uav, State.FLYING_AUTO)
             assert abs(uav.telemetry().pose.position.z - HEIGHT_M) < 0.3  # type: ignore[union-attr]
             uav.land()
-    finally:
-        daemon.close()
