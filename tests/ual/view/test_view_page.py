@@ -13,8 +13,9 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from tests.conftest import DaemonProcess, StartDaemon
+from tests.ual.recording.waiting import wait_until
 from tests.ual.view.conftest import StartView
-from ual import State, Uav
+from ual import LeaseHeldError, State, Uav
 from ual.simulation import LinkLost
 
 pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
@@ -83,6 +84,26 @@ def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, s
         assert commands_in(daemon) == []  # a dry run begins nothing
         page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
         daemon.wait_for("command", command="take_off")
+
+
+def test_a_page_takes_and_releases_the_lease_after_it_was_confirmed(
+    daemon: DaemonProcess, start_view: StartView
+) -> None:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view("--control")) as page, Uav(daemon.ns) as other:
+        take = page.read_until(f"Take lease of {daemon.ns}")
+        release = page.read_until(f"Release lease of {daemon.ns}")
+        page.send(type="GuiUpdateMessage", uuid=take, updates={"value": True})
+        confirm = page.read_until(f"Confirm: {daemon.ns}: take the lease")
+        assert other.lease_info() is None
+        page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
+        wait_until(lambda: other.lease_info() is not None)
+        with pytest.raises(LeaseHeldError):
+            other.take_off(2.0)
+        page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
+        wait_until(lambda: other.lease_info() is None)
+        page.send(type="GuiUpdateMessage", uuid=release, updates={"value": True})
+        page.read_until_text("these pages do not hold the lease")
 
 
 @pytest.mark.parametrize("height_m", ["high", None, [], 1e300, -5.0, {"a": 1}])
