@@ -60,27 +60,7 @@ def wait_until_ready(uav: Uav) -> None:
         time.sleep(0.02)
 
 
-@pytest.fixture(scope="module", params=[over_class, over_grpc], ids=lambda way: way.__name__)
-def flight(request: pytest.FixtureRequest, url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    connect: Callable[[ExitStack, str, Path], Uav] = request.param
-    with ExitStack() as stack:
-        uav = connect(stack, url, tmp_path_factory.mktemp("ual"))
-        wait_until_ready(uav)
-        flight = Flight(uav, Tolerances())
-        yield flight
-        with flight.observing():
-            flight.bring_to([State.LANDED_DISARMED])
-
-
-@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: Flight, check: Check) -> None:
-    try:
-        conformance.run_check(flight, check)
-    except CannotRunError as error:
-        assert check.name in NOT_HERE
-        pytest.skip(str(error))
-
-
+# Before the checks, whose daemon would be a second one on the same link.
 def test_a_daemon_that_is_killed_in_flight_leaves_it_hovering_and_the_next_one_says_so(
     url: str, tmp_path: Path
 ) -> None:
@@ -102,3 +82,24 @@ def test_a_daemon_that_is_killed_in_flight_leaves_it_hovering_and_the_next_one_s
             again.simulation.pilot_disarm()
         again.go_to_waypoint(goal)
         again.land()
+
+
+@pytest.fixture(scope="module", params=[over_class, over_grpc], ids=lambda way: way.__name__)
+def flight(request: pytest.FixtureRequest, url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    connect: Callable[[ExitStack, str, Path], Uav] = request.param
+    with ExitStack() as stack:
+        uav = connect(stack, url, tmp_path_factory.mktemp("ual"))
+        wait_until_ready(uav)
+        flight = Flight(uav, Tolerances())
+        yield flight
+        with flight.observing():
+            flight.bring_to([State.LANDED_DISARMED])
+
+
+@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
+def test_conformance(flight: Flight, check: Check) -> None:
+    try:
+        conformance.run_check(flight, check)
+    except CannotRunError as error:
+        assert check.name in NOT_HERE
+        pytest.skip(str(error))

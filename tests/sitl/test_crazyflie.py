@@ -50,27 +50,7 @@ def wait_for(uav: Uav, *states: State) -> None:
         time.sleep(0.02)
 
 
-@pytest.fixture(scope="module", params=["class", "grpc"])
-def flight(request: pytest.FixtureRequest, url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    with ExitStack() as stack:
-        if request.param == "class":
-            uav: Uav = stack.enter_context(UAL("crazyflie", "uav_1", url=url, allow_arming=True))
-        else:
-            daemon = begin_daemon(url, tmp_path_factory.mktemp("ual"))
-            stack.callback(daemon.close)
-            uav = stack.enter_context(ual.Uav(address=daemon.address))
-        wait_for(uav, State.LANDED_DISARMED, State.LANDED_ARMED, State.FLYING_AUTO)
-        yield Flight(uav)
-
-
-@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
-def test_conformance(flight: Flight, check: Check) -> None:
-    try:
-        conformance.run_check(flight, check)
-    except (CannotRunError, NotSupportedError) as error:
-        pytest.skip(str(error))
-
-
+# Before the checks, whose daemon would be a second one on the same link.
 def test_a_daemon_that_is_killed_in_a_hover_is_followed_by_one_that_lands(url: str, tmp_path: Path) -> None:
     with ExitStack() as stack:
         daemon = begin_daemon(url, tmp_path)
@@ -91,3 +71,24 @@ def test_a_daemon_that_is_killed_in_a_hover_is_followed_by_one_that_lands(url: s
             wait_for(uav, State.FLYING_AUTO)
             assert abs(uav.telemetry().pose.position.z - HEIGHT_M) < 0.3  # type: ignore[union-attr]
             uav.land()
+
+
+@pytest.fixture(scope="module", params=["class", "grpc"])
+def flight(request: pytest.FixtureRequest, url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+    with ExitStack() as stack:
+        if request.param == "class":
+            uav: Uav = stack.enter_context(UAL("crazyflie", "uav_1", url=url, allow_arming=True))
+        else:
+            daemon = begin_daemon(url, tmp_path_factory.mktemp("ual"))
+            stack.callback(daemon.close)
+            uav = stack.enter_context(ual.Uav(address=daemon.address))
+        wait_for(uav, State.LANDED_DISARMED, State.LANDED_ARMED, State.FLYING_AUTO)
+        yield Flight(uav)
+
+
+@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda check: check.name)
+def test_conformance(flight: Flight, check: Check) -> None:
+    try:
+        conformance.run_check(flight, check)
+    except (CannotRunError, NotSupportedError) as error:
+        pytest.skip(str(error))
