@@ -45,6 +45,10 @@ class CannotRunError(Exception):
     """A check cannot run here; the message says why."""
 
 
+class StaysArmedError(CannotRunError):
+    """The autopilot refuses to be disarmed on the ground, as a Crazyflie that arms itself does."""
+
+
 def require(condition: bool, otherwise: str) -> None:
     """Fails the check unless the condition holds."""
     if not condition:
@@ -309,8 +313,8 @@ class Flight:
     def _disarm(self) -> None:
         try:
             self.uav.disarm()
-        except RejectedByAutopilotError as error:  # as a Crazyflie that arms itself
-            raise CannotRunError(f"it cannot be disarmed: {error.message}") from error
+        except RejectedByAutopilotError as error:
+            raise StaysArmedError(f"it cannot be disarmed: {error.message}") from error
 
     def _be_armed(self) -> None:
         self._come_down()
@@ -319,7 +323,7 @@ class Flight:
                 return
             try:
                 self._be_disarmed()
-            except CannotRunError:  # it stays armed, or arms itself again some seconds after a landing
+            except StaysArmedError:  # some seconds after a landing it may disarm, and arm itself again
                 self.let_pass(_DISARM_S)
                 self.wait_for_state(State.LANDED_ARMED)
                 return
