@@ -1,6 +1,6 @@
 """Flies a square with several UAVs at once, in the formation in which they stand.
 
-``python examples/formation.py uav_1 uav_2 uav_3``; ``--arm`` arms them, where their daemons may.
+``python examples/formation.py uav_1 uav_2 uav_3``; ``--arm`` arms those that are not, where their daemons may.
 """
 
 import argparse
@@ -9,6 +9,11 @@ import ual
 
 HEIGHT_M = 1.0
 CORNERS = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
+
+
+async def arm_if_disarmed(_name: str, uav: ual.aio.Uav) -> None:
+    if await uav.state() is ual.State.LANDED_DISARMED:
+        await uav.arm()
 
 
 async def land_if_flying(_name: str, uav: ual.aio.Uav) -> None:
@@ -34,7 +39,7 @@ def main() -> None:
     arguments = parser.parse_args()
     with ual.Team(arguments.names) as team:
         if arguments.arm:
-            team.arm()
+            team.each(arm_if_disarmed)
         fly(team)
     print("all landed")
 

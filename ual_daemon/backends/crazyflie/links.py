@@ -6,6 +6,7 @@ UDP needs no cflib, whose client cannot be used on it (docs/decisions/0023): it 
 from __future__ import annotations
 
 import importlib
+import logging
 import queue
 import select
 import socket
@@ -210,6 +211,8 @@ def load_cflib() -> Any:  # noqa: ANN401  a module without types
         crtp = importlib.import_module("cflib.crtp")
     except ImportError as error:
         raise ConfigError(f"Crazyradio and USB need cflib ({error}); {_EXTRA}", "url") from error
+    # It tells at INFO what each scan does, once a second while nothing is found; links say themselves what they do.
+    logging.getLogger("cflib").setLevel(logging.WARNING)
     if not crtp.CLASSES:
         crtp.init_drivers()
     return crtp
@@ -236,17 +239,23 @@ def make_link(url: str) -> Link:
 
 
 def scan() -> list[str]:
-    """Returns the URLs of the Crazyflies that are found. Takes some seconds.
+    """Returns the URLs of the Crazyflies that are found, at least one. Takes some seconds.
 
     Raises:
         ConfigError: cflib is missing.
-        LinkError: The scan failed.
+        LinkError: The scan failed or found none.
     """
     crtp = load_cflib()
     try:
-        return [str(found[0]) for found in crtp.scan_interfaces()]
+        radios = len(importlib.import_module("cflib.drivers.crazyradio").get_serials())
+        # Without a dongle the radio's driver prints so on the standard output, at every scan.
+        drivers = [driver() for driver in crtp.CLASSES if radios or driver.__name__ != "RadioDriver"]
+        found = [str(url) for driver in drivers for url, _ in driver.scan_interface(None)]
     except Exception as error:
         raise LinkError(str(error) or repr(error)) from error
+    if not found:
+        raise LinkError("no Crazyflie found" + ("" if radios else ", and no Crazyradio"))
+    return found
 
 
 class ScannedLink(Link):
@@ -261,9 +270,8 @@ class ScannedLink(Link):
     @override
     def open(self) -> None:
         found = scan()
-        if len(found) != 1:
-            listed = f"several Crazyflies: give --url, one of {', '.join(found)}" if found else "no Crazyflie found"
-            raise LinkError(listed)
+        if len(found) > 1:
+            raise LinkError(f"several Crazyflies: give --url, one of {', '.join(found)}")
         link = make_link(found[0])
         link.open()
         self._link = link

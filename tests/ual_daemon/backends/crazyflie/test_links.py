@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import socket
 import sys
@@ -11,6 +12,7 @@ from typing import Any
 
 import pytest
 from cflib.crtp.crtpstack import CRTPPacket
+from cflib.drivers import crazyradio
 
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
@@ -94,12 +96,27 @@ class Driver:
 class Crtp:
     """Stands in for the module `cflib.crtp`."""
 
-    CLASSES = ("a driver",)
-
-    def __init__(self, found: tuple[str, ...] = ()) -> None:
+    def __init__(self) -> None:
         self.driver = Driver()
-        self.found = found
+        self.found: tuple[str, ...] = ()
         self.error = ""
+
+    @property
+    def CLASSES(self) -> list[type]:  # noqa: N802  as cflib calls it
+        """Its drivers: each finds the Crazyflies of its own scheme."""
+
+        def scan_interface(scheme: str) -> list[list[str]]:
+            return [[url, ""] for url in self.found if url.startswith(scheme)]
+
+        class RadioDriver:
+            def scan_interface(self, _: None) -> list[list[str]]:
+                return scan_interface("radio:")
+
+        class UsbDriver:
+            def scan_interface(self, _: None) -> list[list[str]]:
+                return scan_interface("usb:")
+
+        return [RadioDriver, UsbDriver]
 
     def get_link_driver(self, url: str, _: object, on_error: Callable[[str], None]) -> Driver:
         if self.error:
@@ -107,14 +124,12 @@ class Crtp:
         self.on_error = on_error
         return self.driver
 
-    def scan_interfaces(self) -> list[list[str]]:
-        return [[url, ""] for url in self.found]
-
 
 @pytest.fixture
 def crtp(monkeypatch: pytest.MonkeyPatch) -> Crtp:
     stand_in = Crtp()
     monkeypatch.setattr(links, "load_cflib", lambda: stand_in)
+    monkeypatch.setattr(crazyradio, "get_serials", lambda: ("a dongle",))
     return stand_in
 
 
@@ -167,8 +182,29 @@ def test_several_crazyflies_are_listed(crtp: Crtp) -> None:
     with pytest.raises(LinkError, match=f"several Crazyflies: give --url, one of {RADIO}, usb://0"):
         ScannedLink().open()
     crtp.found = ()
-    with pytest.raises(LinkError, match="no Crazyflie found"):
+    with pytest.raises(LinkError, match=r"^no Crazyflie found$"):
         ScannedLink().open()
+
+
+def test_without_a_dongle_the_radio_is_not_scanned_and_the_lack_is_said(
+    crtp: Crtp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crazyradio, "get_serials", tuple)
+    crtp.found = (RADIO,)
+    with pytest.raises(LinkError, match=r"^no Crazyflie found, and no Crazyradio$"):
+        ScannedLink().open()
+    crtp.found = (RADIO, "usb://0")
+    assert links.scan() == ["usb://0"]
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's UDP driver leaves sockets open
+def test_a_scan_of_the_real_drivers_prints_and_logs_nothing(
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crazyradio, "get_serials", tuple)
+    with contextlib.suppress(LinkError):
+        links.scan()
+    assert (capfd.readouterr(), caplog.records) == (("", ""), [])
 
 
 @pytest.mark.parametrize("url", [RADIO, "usb://0", None])
