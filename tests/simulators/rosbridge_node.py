@@ -2,7 +2,6 @@
 
 It serves a simulated DJI aircraft.
 
-
 It is a client of the bridge that advertises, publishes and serves; messages that the bridge must know are those of
 std_msgs, geometry_msgs, sensor_msgs and dji_osdk_ros.
 """
@@ -13,7 +12,8 @@ import json
 import sys
 import threading
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -40,7 +40,10 @@ class RosbridgeNode:
     def __init__(self, connection: ClientConnection, front: Front) -> None:
         self._connection = connection
         self._front = front
-        self._lock = threading.Lock()
+        self.lock = threading.RLock()
+        """Held while the aircraft is stepped, or executes a call."""
+        self.ended = threading.Event()
+        """The bridge has gone."""
 
     def advertise(self) -> None:
         """Announces topics and services, and subscribes."""
@@ -55,19 +58,21 @@ class RosbridgeNode:
         """Receives until the connection ends."""
         for text in self._connection:
             operation = json.loads(text)
-            with self._lock:
+            with self.lock:
                 self._execute(operation)
 
     def run(self) -> None:
         """Advances the aircraft in real time, until the connection ends."""
         begun_s = time.monotonic()
-        while True:
-            with self._lock:
-                messages = list(self._front.step(time.monotonic() - begun_s))
-            for topic, message in messages:
-                if topic != "/rosout":
-                    self._send({"op": "publish", "topic": topic, "msg": json_ready(stamped(message, 1))})
-            time.sleep(STEP_S)
+        with suppress(ConnectionClosed):
+            while True:
+                with self.lock:
+                    messages = list(self._front.step(time.monotonic() - begun_s))
+                for topic, message in messages:
+                    if topic != "/rosout":
+                        self._send({"op": "publish", "topic": topic, "msg": json_ready(stamped(message, 1))})
+                time.sleep(STEP_S / 4.0)
+        self.ended.set()
 
     def _execute(self, operation: dict[str, Any]) -> None:
         if operation["op"] == "publish":
@@ -87,16 +92,24 @@ class RosbridgeNode:
         self._connection.send(json.dumps(operation))
 
 
-def main(port: int, front: str) -> None:
-    """Connects, and serves until the bridge goes."""
+@contextmanager
+def served(port: int, front: Front) -> Iterator[RosbridgeNode]:
+    """Serves a front behind the bridge at a port of 127.0.0.1, on threads of its own, until the end or the bridge's."""
     with closing(connect(f"ws://127.0.0.1:{port}", compression=None)) as connection:
-        node = RosbridgeNode(connection, FRONTS[front](Aircraft()))
+        node = RosbridgeNode(connection, front)
         node.advertise()
-        threading.Thread(target=node.receive, daemon=True).start()
-        try:
-            node.run()
-        except ConnectionClosed:
-            return
+        threads = [threading.Thread(target=run, daemon=True) for run in (node.receive, node.run)]
+        for thread in threads:
+            thread.start()
+        yield node
+    for thread in threads:
+        thread.join()
+
+
+def main(port: int, name: str) -> None:
+    """Connects, and serves until the bridge goes."""
+    with served(port, FRONTS[name](Aircraft())) as node:
+        node.ended.wait()
 
 
 if __name__ == "__main__":
