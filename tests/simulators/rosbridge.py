@@ -118,6 +118,8 @@ class Bridge:
         """Returns a service of rosapi or a node."""
         if name == "/rosapi/topics":
             return self._list_topics
+        if name == "/rosapi/services":
+            return self._list_services
         return next((node.services[name] for node in self.nodes if name in node.services), None)
 
     def call(self, name: str, arguments: Message) -> Message:
@@ -136,6 +138,9 @@ class Bridge:
             raise RefusedError("Unable to communicate with master!")
         topics = self.topics()
         return {"topics": list(topics), "types": list(topics.values())}
+
+    def _list_services(self, _: Message) -> Message:
+        return {"services": ["/rosapi/topics", *(name for node in self.nodes for name in node.services)]}
 
     def deliver(self, topic: str, message: Message) -> None:
         """Gives a node what a client publishes."""

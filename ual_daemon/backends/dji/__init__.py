@@ -4,6 +4,7 @@ It has not flown a real aircraft yet. The modules, from the top down (a contract
 
 - ``backend``: the interface that the layers above call
 - ``commands``: services that are called one after another
+- ``discovery``: which wrapper there is, by its services
 - ``telemetry``: from messages to snapshots
 - ``authority``: who controls the aircraft, where the wrapper does not say it
 - ``wrappers``: names, types and numbers of the two wrappers

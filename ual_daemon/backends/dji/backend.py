@@ -16,9 +16,10 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.commands import Commands
+from ual_daemon.backends.dji.discovery import Discovery
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import Telemetry
-from ual_daemon.backends.dji.wrappers import JOY, WRAPPERS, Call, OsdkVehicleNode, Wrapper
+from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Wrapper
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
@@ -78,6 +79,7 @@ class DjiBackend(Backend):
         self._url = parse_url(options.url or DEFAULT_URL)
         self.clock = MonotonicClock()
         self._link = self._make_link()
+        self._discovery = Discovery(self._link)
         self._commands = Commands(self._link, self._words)
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
@@ -139,7 +141,7 @@ class DjiBackend(Backend):
     def _why_no_vehicle(self) -> str:
         if self._link.state is not LinkState.UP:
             return self._link.why_not
-        return f"{self._url} has no topics of psdk_ros2 or dji_osdk_ros in the namespace {self._url.namespace or '/'}"
+        return self._discovery.why_not
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -237,8 +239,11 @@ class DjiBackend(Backend):
 
     def _step(self) -> None:
         now_s = self.clock.now_s()
-        if self._telemetry is None and self._link.graph is not None:
-            self._find_wrapper()
+        if self._telemetry is None and self._link.is_up:
+            wrapper = self._discovery.find(now_s)
+            if wrapper is not None:
+                self._telemetry = Telemetry(wrapper, self._settings)
+                self._subscribe(wrapper, self._telemetry)
         telemetry = self._telemetry
         if telemetry is not None:
             self._confirm_landing(telemetry, now_s)
@@ -246,16 +251,6 @@ class DjiBackend(Backend):
         if (poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S) and self._on_update is not None:
             self._poses_count, self._updated_s = poses_count, now_s
             self._on_update(self.snapshot())
-
-    def _find_wrapper(self) -> None:
-        graph = self._link.graph
-        assert graph is not None
-        wrapper = next((each for each in WRAPPERS if each.is_there(graph, self._url.namespace)), None)
-        if wrapper is None:
-            return
-        logs.event(_log, logging.INFO, "wrapper_found", wrapper=wrapper.name)
-        self._telemetry = telemetry = Telemetry(wrapper, self._settings)
-        self._subscribe(wrapper, telemetry)
 
     def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
         for topic in wrapper.topics:

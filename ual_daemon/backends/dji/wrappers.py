@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
 from typing_extensions import override
 
-from ual_daemon.backends.rosbridge import Graph, Message
+from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.values import VelocitySetpoint
 
 JOY = "sensor_msgs/Joy"
@@ -30,7 +29,7 @@ class Call(NamedTuple):
     patience_s: float = 3.0
 
 
-class Wrapper(ABC):
+class Wrapper:
     """One wrapper."""
 
     name: str
@@ -54,10 +53,6 @@ class Wrapper(ABC):
     battery_scale: float = 1.0
     """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
     volt_scale: float = 1.0
-
-    @abstractmethod
-    def is_there(self, graph: Graph, namespace: str) -> bool:
-        """Whether its topics are there."""
 
     def setpoint(self, setpoint: VelocitySetpoint) -> Message:
         """Returns the message (or the arguments of the service) of a velocity."""
@@ -105,10 +100,6 @@ class PsdkRos2(Wrapper):
     confirm_landing = _trigger("start_confirm_landing")
     logger = "flight_control"
 
-    @override
-    def is_there(self, graph: Graph, namespace: str) -> bool:
-        return f"{namespace}/psdk_ros2/attitude" in graph.topics
-
 
 _OSDK_TOPICS = (
     Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "take_attitude"),
@@ -153,11 +144,6 @@ class OsdkVehicleNode(Wrapper):
     battery_scale, volt_scale = 0.01, 0.001
 
     @override
-    def is_there(self, graph: Graph, namespace: str) -> bool:
-        has_topics = f"{namespace}/dji_osdk_ros/attitude" in graph.topics
-        return has_topics and f"{namespace}/{OsdkSdkNode.setpoint_topic}" not in graph.topics
-
-    @override
     def setpoint(self, setpoint: VelocitySetpoint) -> dict[str, Any]:
         """North, east, up in m/s, and degrees clockwise a second: DJI's own axes."""
         velocity, yaw = setpoint.velocity, -math.degrees(setpoint.yaw_rate_rad_s)
@@ -180,11 +166,6 @@ class OsdkSdkNode(Wrapper):
     confirm_landing = None
     logger = "dji_sdk"
     battery_scale, volt_scale = 0.01, 0.001
-
-    @override
-    def is_there(self, graph: Graph, namespace: str) -> bool:
-        names = (f"{namespace}/dji_osdk_ros/attitude", f"{namespace}/{self.setpoint_topic}")
-        return all(each in graph.topics for each in names)
 
 
 WRAPPERS: tuple[Wrapper, ...] = (PsdkRos2(), OsdkSdkNode(), OsdkVehicleNode())

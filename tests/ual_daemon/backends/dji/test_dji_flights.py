@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import pytest
+from typing_extensions import override
 
 import ual
-from tests.simulators.dji import P_GPS, STEP_S
+from tests.simulators.dji import P_GPS, STEP_S, OsdkSdkNode
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
+from tests.simulators.rosbridge import Message, Service
 from ual.errors import RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Pose
 from ual.types import GpsFix, State
@@ -177,6 +179,30 @@ def test_a_topic_that_stops_is_noticed_and_healed(topic: str) -> None:
         until(lambda: uav.state() is State.UNINITIALIZED)
         backend.bridge.faults.silent_topics.clear()
         until(lambda: uav.state() is State.FLYING_AUTO)
+
+
+class _Beginning(OsdkSdkNode):
+    """It publishes before it subscribes and serves."""
+
+    @property
+    @override
+    def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:
+        return super().subscriptions if self.aircraft.now_s > 3.0 else {}
+
+    @property
+    @override
+    def services(self) -> Mapping[str, Service]:
+        return super().services if self.aircraft.now_s > 4.0 else {}
+
+
+class _LockstepBeginning(LockstepOsdk):
+    front = _Beginning
+
+
+def test_a_wrapper_that_has_just_begun_is_not_taken_for_another() -> None:
+    with ready(_LockstepBeginning) as (uav, backend):
+        assert backend.aircraft.now_s > 4.0
+        assert uav.info().autopilot == "DJI through dji_osdk_ros (dji_sdk_node)"
 
 
 def test_a_node_that_goes_and_comes_back() -> None:
