@@ -1,4 +1,4 @@
-"""How long no pose has come from outside: the reason why an autopilot that lives on them has no position."""
+"""How long no pose has come from outside, or why those that come are dropped: the reason of a lost position."""
 
 from __future__ import annotations
 
@@ -13,10 +13,16 @@ class ExternalSilence:
 
     def __init__(self) -> None:
         self._last_s: float | None = None
+        self._dropped = (-math.inf, "")
+        """When the newest pose was dropped, and why."""
 
     def heard(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
         self._last_s = now_s
+
+    def dropped(self, now_s: float, why: str) -> None:
+        """Notes that a pose came, but was dropped."""
+        self._dropped = (now_s, why)
 
     def passed_s(self, now_s: float) -> float:
         """Returns how long ago that was; infinity if it never was."""
@@ -24,5 +30,9 @@ class ExternalSilence:
 
     def words(self, now_s: float) -> str:
         """Returns what the reason of UNINITIALIZED adds, for people; empty while poses come, and if none ever came."""
-        passed_s = self.passed_s(now_s)
-        return f"; no poses from outside for {passed_s:.1f} s" if _NOTICED_S < passed_s < math.inf else ""
+        passed_s, (dropped_s, why) = self.passed_s(now_s), self._dropped
+        if passed_s <= _NOTICED_S:
+            return ""
+        if now_s - dropped_s <= _NOTICED_S:
+            return f"; the poses from outside are dropped: {why}"
+        return f"; no poses from outside for {passed_s:.1f} s" if passed_s < math.inf else ""

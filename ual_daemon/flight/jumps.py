@@ -16,6 +16,9 @@ T = TypeVar("T")
 
 JUMP_M = 1.0
 """What an estimate wanders by within its noise is less, and is flown out."""
+ANNOUNCED_JUMP_M = 0.2
+"""What counts as a jump for `ANNOUNCED_S` after one was announced: what the poses come from has moved."""
+ANNOUNCED_S = 3.0
 _NOISE_FACTOR = 4.0
 """An estimate whose steps are usually larger must jump by so many times as much."""
 _SMOOTHING = 0.05
@@ -104,7 +107,12 @@ class JumpDetector:
     def __init__(self) -> None:
         self._poses: Confirmation[_Seen] = Confirmation()
         self._usual_m = 0.0
+        self._announced_s = -math.inf
         self.is_suspected = self._poses.is_suspected
+
+    def announce(self, now_s: float) -> None:
+        """Takes note that the position will jump: smaller steps are looked for. Any thread may call."""
+        self._announced_s = now_s
 
     def observe(self, snapshot: Snapshot) -> Jump | None:
         """Returns by how much the estimate has jumped, with the second position there; None if it has not."""
@@ -127,8 +135,13 @@ class JumpDetector:
             poses.accept(new)
             return None
         step = _unexplained(last, new, passed_s)
-        free_m = max(JUMP_M, _NOISE_FACTOR * self._usual_m) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
+        free_m = self._free_m(new) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
         return Jump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
+
+    def _free_m(self, new: _Seen) -> float:
+        """Returns by how much the position may change without an explanation."""
+        is_announced = new.received_s - self._announced_s < ANNOUNCED_S
+        return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _NOISE_FACTOR * self._usual_m)
 
     def _is_continued(self, last: _Seen, new: _Seen) -> bool:
         """Whether the velocity explains the change of position well. In plain numbers, as each update calls it."""
@@ -140,7 +153,7 @@ class JumpDetector:
         half_s = passed_s / 2
         dx, dy, dz = nx - x - (vx + wx) * half_s, ny - y - (vy + wy) * half_s, nz - z - (vz + wz) * half_s
         size_m = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if size_m > max(JUMP_M, _NOISE_FACTOR * self._usual_m):
+        if size_m > self._free_m(new):
             return False
         self._usual_m += (size_m - self._usual_m) * _SMOOTHING
         return True

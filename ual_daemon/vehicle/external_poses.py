@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 
 from ual.errors import UalError
@@ -21,6 +22,8 @@ _log = logging.getLogger(__name__)
 CONTINUES_S = 0.5
 """A pose that a caller gives within this time of its last one belongs to a stream; the client has the same."""
 _MOST_STD_DEV = 1000.0
+_SPEED_FACTOR = 2.0
+"""By wind and in braking a UAV is faster than the limits with which the autopilot flies."""
 _NAME = "set_external_pose"
 _TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHORTEST_S:g} a second are passed on")
 
@@ -29,8 +32,15 @@ class ExternalPoses:
     """The poses from outside of one UAV. Any thread may call."""
 
     def __init__(
-        self, backend: Backend, resolver: FrameResolver, preconditions: Preconditions, silence: ExternalSilence
+        self,
+        backend: Backend,
+        resolver: FrameResolver,
+        preconditions: Preconditions,
+        silence: ExternalSilence,
+        on_moved: Callable[[float], None],
     ) -> None:
+        """`on_moved` is called with the present time when the source has moved: the position will jump."""
+        self._on_moved = on_moved
         self._backend = backend
         self._resolver = resolver
         self._preconditions = preconditions
@@ -79,9 +89,11 @@ class ExternalPoses:
             drop = self._judge(local, now_s, is_stream=is_stream)
             local = replace(local, resets_count=self._gate.resets_count)
         if drop is not None:
+            self._silence.dropped(now_s, drop.why)
             return drop
         if local.resets_count != resets_count:
             logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
+            self._on_moved(now_s)
         self._backend.set_external_pose(local)
         self._silence.heard(now_s)
         return None
@@ -98,7 +110,15 @@ class ExternalPoses:
             raise validation.refuse("pose.header.stamp", str(drop))
         if drop is None and self._gate.is_too_soon(local.time_s):
             return _TOO_SOON
-        return drop or self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0)
+        if drop is not None:
+            return drop
+        return self._gate.jump(local.pose, local.time_s, local.position_std_dev_m or 0.0, self._fastest_m_s())
+
+    def _fastest_m_s(self) -> float:
+        """Returns the highest speed at which the UAV may move."""
+        limits = self._backend.info().limits
+        fastest_m_s = max(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
+        return _SPEED_FACTOR * fastest_m_s
 
     def _to_local(self, measured: ExternalPose, now_s: float) -> values.ExternalPose:
         """Validates a pose, and converts it to the backend's frame and clock. `now_s` is that clock's present time."""

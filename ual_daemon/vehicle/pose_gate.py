@@ -15,9 +15,10 @@ SHORTEST_S = 0.004
 """Poses are passed on 250 times a second at most: no autopilot uses more, and links and computers have other work."""
 _TICK_S = 0.001
 """The time of a stamp is taken on another clock, so that the same stamp comes out a little differently each time."""
-_FASTEST_M_S = 30.0
+LEAST_SPEED_M_S = 5.0
+"""So fast a UAV may be carried, or pushed by wind, whatever it flies with."""
 _FASTEST_RAD_S = 35.0
-_MARGIN_M = 0.25
+MARGIN_M = 0.25
 _MARGIN_RAD = 0.35
 _SIGMAS = 3.0
 SETTLED_S = 1.0
@@ -65,27 +66,51 @@ class PoseGate:
         """Returns whether a timely pose comes so soon after the last one that the autopilot has no use for it."""
         return self._last is not None and time_s - self._last.time_s < SHORTEST_S
 
-    def jump(self, pose: Pose, time_s: float, std_dev_m: float) -> Drop | None:
-        """Notes a timely pose. Returns how it jumps, if it is not to be used; None if it is."""
-        seen = _Seen(pose, time_s)
-        last = self._last
-        if last is None or _is_flown(last, seen, std_dev_m):
+    def jump(self, pose: Pose, time_s: float, std_dev_m: float, fastest_m_s: float) -> Drop | None:
+        """Notes a timely pose. Returns how it jumps, if it is not to be used; None if it is.
+
+        `fastest_m_s` is the highest speed at which the UAV may move.
+        """
+        seen, last = _Seen(pose, time_s), self._last
+        if last is None or self._goes_on(last, seen, std_dev_m, max(fastest_m_s, LEAST_SPEED_M_S)):
             self._last, self._elsewhere = seen, None
-            return None
-        before, self._elsewhere = self._elsewhere, seen
-        if before is None or not _is_flown(before, seen, std_dev_m):
-            self._elsewhere_since_s = time_s
-        elif time_s - self._elsewhere_since_s >= SETTLED_S:
-            self._last, self._elsewhere = seen, None
-            self.resets_count += 1
             return None
         return Drop("it jumps as no vehicle flies", _apart(last, seen))
 
+    def _goes_on(self, last: _Seen, seen: _Seen, std_dev_m: float, fastest_m_s: float) -> bool:
+        """Whether a pose follows the last good one, or those that have gone on elsewhere for long."""
+        elsewhere = self._elsewhere
+        if elsewhere is None or not _is_nearer(elsewhere, last, seen):
+            if _is_flown(last, seen, std_dev_m, fastest_m_s):
+                return True
+            elsewhere = None
+        self._elsewhere = seen
+        if elsewhere is None or not _is_flown(elsewhere, seen, std_dev_m, fastest_m_s):
+            self._elsewhere_since_s = seen.time_s
+            return False
+        is_settled = seen.time_s - self._elsewhere_since_s >= SETTLED_S
+        self.resets_count += is_settled
+        return is_settled
 
-def _is_flown(begin: _Seen, end: _Seen, std_dev_m: float) -> bool:
+
+def _is_nearer(elsewhere: _Seen, last: _Seen, seen: _Seen) -> bool:
+    """Whether a pose goes on where dropped ones were, and does not come back to where the last good one was.
+
+    The time since the last good one does not count for it: while poses are dropped it grows, until any jump would be
+    one that a vehicle can have flown.
+    """
+    return _measure(elsewhere.pose, seen.pose) < _measure(last.pose, seen.pose)
+
+
+def _measure(begin: Pose, end: Pose) -> float:
+    """How far two poses are apart, in allowed margins of place and orientation."""
+    return (end.position - begin.position).norm() / MARGIN_M + _angle_rad(begin, end) / _MARGIN_RAD
+
+
+def _is_flown(begin: _Seen, end: _Seen, std_dev_m: float, fastest_m_s: float) -> bool:
     """Whether a vehicle can have moved from one to the other."""
     passed_s = end.time_s - begin.time_s
-    way_m = _MARGIN_M + _SIGMAS * std_dev_m + _FASTEST_M_S * passed_s
+    way_m = MARGIN_M + _SIGMAS * std_dev_m + fastest_m_s * passed_s
     if (end.pose.position - begin.pose.position).norm() > way_m:
         return False
     return _angle_rad(begin.pose, end.pose) <= _MARGIN_RAD + _FASTEST_RAD_S * passed_s

@@ -76,14 +76,18 @@ class Vehicle:
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
+        self._jumps = JumpDetector()
+        self._heading_jumps = HeadingJumpDetector()
         self.external_poses = ExternalPoses(
-            backend, self._resolver, Preconditions(backend, self._flight), self._flight.external_silence
+            backend,
+            self._resolver,
+            Preconditions(backend, self._flight),
+            self._flight.external_silence,
+            self._jumps.announce,
         )
         """The poses that are measured from outside."""
         self._subscribers: Listeners[_Subscriber] = Listeners()
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
-        self._jumps = JumpDetector()
-        self._heading_jumps = HeadingJumpDetector()
         self._sequence = 0
         self._last_state: State | None = None
 

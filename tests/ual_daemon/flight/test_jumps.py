@@ -81,6 +81,14 @@ def test_small_steps_are_no_jumps() -> None:
     assert jumps(seen(0.9 * (i // 10), 0.0, i * STEP_S) for i in range(100)) == []
 
 
+@pytest.mark.parametrize(("announced_s", "found"), [(0.9, [0.5]), (-5.0, [])])
+def test_a_small_step_is_a_jump_if_it_was_announced(announced_s: float, found: list[float]) -> None:
+    detector = JumpDetector()
+    detector.announce(announced_s)
+    seen_jumps = [detector.observe(seen(0.5 * (step > 50), 0.0, step * STEP_S)) for step in range(100)]
+    assert [jump.offset.x for jump in seen_jumps if jump is not None] == found
+
+
 @pytest.mark.parametrize("has_stamps", [False, True])
 def test_a_link_that_holds_positions_back_and_delivers_them_together_makes_no_jump(*, has_stamps: bool) -> None:
     speed_m_s = 12.0

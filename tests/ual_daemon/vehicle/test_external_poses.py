@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from threading import Thread
 
 import pytest
 
@@ -13,6 +14,7 @@ from ual.errors import (
     InvalidArgumentError,
     NotSupportedError,
     PermissionDeniedError,
+    TaskAbortedError,
     UnknownFrameError,
     WrongStateError,
 )
@@ -98,6 +100,47 @@ def test_it_flies_on_them(lab: Lab) -> None:
             break
     assert lab.uav.state() is State.FLYING_AUTO
     assert world.fleet.position[0][2] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("moved_m", [0.5, 0.9, 3.0])
+def test_a_source_that_moves_in_flight_ends_the_go_to_and_the_uav_stays(lab: Lab, moved_m: float) -> None:
+    """Its camera was knocked: all poses are elsewhere from then on."""
+    lab.uav.simulation.begin_fault(PositionLost())
+    world, uav, shift = lab.backend.world, lab.uav, Vector3()
+
+    def steps(count: int, done: Callable[[], bool] = lambda: False) -> None:
+        for _ in range(count):
+            lab.measure(Vector3(*world.fleet.position[0]) + shift)
+            if done():
+                return
+
+    steps(5)
+    uav.simulation.pilot_arm()
+    steps(2)
+    steps(1000, uav.take_off(2.0, blocking=False).done)
+    task = uav.go_to_waypoint(Pose.at(20.0, 0.0, 2.0), blocking=False)
+    steps(100)
+    shift = Vector3(0.0, moved_m, 0.0)
+    steps(200, task.done)
+    with pytest.raises(TaskAbortedError, match="jump"):
+        task.wait(0.0)
+    steps(150)  # its poses count again
+    assert lab.position().y == pytest.approx(moved_m, abs=0.1)
+    recovering = Thread(target=uav.recover_from_manual, kwargs={"force": True})
+    recovering.start()
+    while recovering.is_alive():
+        steps(1)
+    steps(150)
+    assert uav.state() is State.FLYING_AUTO
+    assert world.fleet.position[0][1] == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_reason_says_why_poses_are_dropped(lab: Lab) -> None:
+    lab.uav.simulation.begin_fault(PositionLost())
+    for _ in range(60):
+        lab.measure(Vector3(), age_s=0.3)
+    assert lab.uav.state() is State.UNINITIALIZED
+    assert lab.uav.telemetry().state_reason.endswith("; the poses from outside are dropped: it is old")
 
 
 def test_frames_are_converted_and_home_does_not_move_what_is_measured_in_map(lab: Lab) -> None:
