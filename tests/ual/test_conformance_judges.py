@@ -102,6 +102,13 @@ def stops_short_of_the_goal(sabotaged: Sabotaged) -> None:
     sabotaged.replaced["go_to_waypoint"] = go_to_waypoint
 
 
+def flies_as_fast_as_it_can(sabotaged: Sabotaged) -> None:
+    def go_to_waypoint(waypoint: PoseStamped | Pose, **how: Any) -> object:
+        return sabotaged.uav.go_to_waypoint(waypoint, **{**how, "max_speed_m_s": None})
+
+    sabotaged.replaced["go_to_waypoint"] = go_to_waypoint
+
+
 def takes_nan_for_nothing(sabotaged: Sabotaged) -> None:
     def set_pose(pose: PoseStamped | Pose) -> None:
         if not math.isnan(plain(pose).position.x):
@@ -215,6 +222,7 @@ def accepts_any_dry_run(sabotaged: Sabotaged) -> None:
         (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "3.5 m ahead"),
         (flies_around_the_corner, "goes_straight_to_a_waypoint", "beside the line"),
         (stops_short_of_the_goal, "goes_to_a_waypoint_in_map", "from the goal"),
+        (flies_as_fast_as_it_can, "keeps_below_a_speed", "the limit was 0.5"),
         (takes_nan_for_nothing, "bad_poses_are_refused", "but it was accepted"),
         (repeats_the_last_velocity_for_ever, "flies_a_velocity_and_stops_without", "stop without a new velocity"),
         (forgets_to_cancel, "an_abort_stops", "expected TaskAbortedError"),
@@ -241,6 +249,7 @@ def test_a_check_finds_what_is_wrong(
         (mixes_up_north_and_east, "flies_a_velocity_and_stops_without", "3.5 m ahead"),
         (flies_around_the_corner, "goes_straight_to_a_waypoint", "beside the line"),
         (repeats_the_last_velocity_for_ever, "flies_a_velocity_and_stops_without", "stop without a new velocity"),
+        (flies_as_fast_as_it_can, "keeps_below_a_speed", "the limit was 0.5"),
         (drifts_after_an_abort, "an_abort_stops", "m from its position"),
     ],
     ids=lambda value: getattr(value, "__name__", None),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from ual.conformance.check import check
-from ual.conformance.flight import Flight, position, require, speed, yaw_rad
+from ual.conformance.flight import Flight, position, require, yaw_rad
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual.types import Capability, PathHeading, State, Telemetry
 
@@ -17,6 +17,7 @@ _SLOW_M_S = 0.5
 _LEG_M = 2.5
 _LEGS = 4
 _SAMPLE_S = 0.5
+_SPEED_OVER_S = 1.0
 
 
 @check(_FLYING, capabilities=_POSITION, moves="2.5 m aside, slowly, and back")
@@ -34,11 +35,27 @@ def keeps_below_a_speed(flight: Flight) -> None:
         uav.follow_path([back], max_speed_m_s=_SLOW_M_S)
         uav.follow_path([away, back], leg_speeds_m_s=[_SLOW_M_S, _SLOW_M_S])
         samples = recorded()
-    fastest_m_s, allowed_m_s = max(map(speed, samples)), _SLOW_M_S + flight.tolerances.speed_m_s
+    fastest_m_s, allowed_m_s = _fastest_m_s(samples), _SLOW_M_S + flight.tolerances.speed_m_s
     require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, the limit was {_SLOW_M_S:g}")
     took_s, least_s = samples[-1].stamp_s - samples[0].stamp_s, _LEGS * _LEG_M / _SLOW_M_S
     require(took_s >= least_s - _SAMPLE_S, f"it took {took_s:.1f} s, but must take at least {least_s:.1f} s")
     flight.require_at(back, "at the end")
+
+
+def _fastest_m_s(samples: Sequence[Telemetry]) -> float:
+    """Returns the highest mean speed over a second, by the positions.
+
+    An estimate of the velocity may be wrong for some seconds, and by more than the limit that is checked: PX4's was off
+    by 0.4 to 0.8 m/s in its simulator (docs/backends/mavros.md).
+    """
+    fastest_m_s, begins = 0.0, iter(samples)
+    begin = next(begins)
+    for end in samples:
+        while end.stamp_s - begin.stamp_s >= _SPEED_OVER_S:
+            way_m = (position(end) - position(begin)).norm()
+            fastest_m_s = max(fastest_m_s, way_m / (end.stamp_s - begin.stamp_s))
+            begin = next(begins)
+    return fastest_m_s
 
 
 @check(_FLYING, capabilities=_POSITION, moves="along two sides of a square of 2.5 m, turning")
