@@ -17,10 +17,12 @@ from ual_daemon.tracker.references import Reference, measured_motion
 
 _SLOWEST_LANDING_M_S = 0.2
 _REFUSED = "the UAV holds its position: command land again, or let the safety pilot land it by hand"
+_REFUSED_WITHOUT_PILOT = "the UAV holds its position: command land again"
 _STUCK = (
     "its safety pilot takes over and lands it by hand; or select another mode of the autopilot at the ground station, "
     "and command land again"
 )
+_STUCK_WITHOUT_PILOT = "abort ends the landing, and the UAV holds its position; then command land again"
 
 
 class Land(Manoeuvre):
@@ -36,6 +38,8 @@ class Land(Manoeuvre):
         reference: Reference | None,
         start: Snapshot,
         name: str = "land",
+        *,
+        has_safety_pilot: bool = True,
     ) -> None:
         """`reference` is followed until the autopilot lands by itself; None where it flies by itself already."""
         super().__init__(name, task)
@@ -44,7 +48,9 @@ class Land(Manoeuvre):
         self._is_landing = False
         self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
         self._start_z = measured_motion(start).position.z
-        self._descent = WayWatch(task, _STUCK, is_up=False)
+        self._refused = _REFUSED if has_safety_pilot else _REFUSED_WITHOUT_PILOT
+        self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
+        self._descent = WayWatch(task, self._stuck, is_up=False)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -60,7 +66,7 @@ class Land(Manoeuvre):
             if control is Control.LAND or landed is LandedState.LANDING:
                 self._is_landing, self._reference = True, None
             elif (failure := self._command.failure(snapshot)) is not None:
-                return failed(with_advice(failure, _REFUSED))
+                return failed(with_advice(failure, self._refused))
             elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
                 return taken(snapshot, self.name)
             elif self._reference is not None:  # it must not lose its references before it lands by itself
@@ -68,7 +74,8 @@ class Land(Manoeuvre):
         elif control is not Control.LAND and landed is not LandedState.LANDING:
             return taken(snapshot, self.name)
         if self._is_too_late(snapshot):
-            return failed(UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {_STUCK}"))
+            words = f"land: the UAV has stopped descending, but reports no ground; {self._stuck}"
+            return failed(UalTimeoutError(words))
         if self._is_landing:
             self._descent.observe(measured_motion(snapshot).position.z, snapshot.time_s)
         return Step()

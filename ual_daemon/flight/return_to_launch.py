@@ -35,10 +35,12 @@ class ReturnToLaunch(FollowTrajectory):
         tolerance: ToleranceSettings,
         tracker: MakeTracker,
         planned_s: float,
+        *,
+        has_safety_pilot: bool,
     ) -> None:
         """`ground_z_m` is the ground at home in the local frame; `land` makes the autopilot land."""
         super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s)
-        self._land = land
+        self._land, self._has_safety_pilot = land, has_safety_pilot
         self._ground_z_m = ground_z_m
         self._descent_m = max(0.0, trajectory.end().position.z - ground_z_m)
 
@@ -49,7 +51,15 @@ class ReturnToLaunch(FollowTrajectory):
             return step
         command = AutopilotCommand("land", snapshot.time_s)
         length_m = self._trajectory.length_m + self._descent_m
-        landing = _LandAtHome(self._task, command, self._hold, snapshot, self._ground_z_m, length_m)
+        landing = _LandAtHome(
+            self._task,
+            command,
+            self._hold,
+            snapshot,
+            self._ground_z_m,
+            length_m,
+            has_safety_pilot=self._has_safety_pilot,
+        )
         return Step(handover=Handover(landing, partial(command.send, self._land)))
 
     @override
@@ -74,8 +84,10 @@ class _LandAtHome(Land):
         start: Snapshot,
         ground_z_m: float,
         length_m: float,
+        *,
+        has_safety_pilot: bool,
     ) -> None:
-        super().__init__(task, command, reference, start, name=_NAME)
+        super().__init__(task, command, reference, start, _NAME, has_safety_pilot=has_safety_pilot)
         self._task = task
         self._ground_z_m, self._length_m = ground_z_m, length_m
 

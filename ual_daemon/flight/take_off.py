@@ -42,6 +42,10 @@ _STUCK = (
     "let its safety pilot disarm it if it stands on the ground, or take over and land it if it flies, and look at its "
     "propellers, its load and its battery"
 )
+_STUCK_WITHOUT_PILOT = (
+    "abort ends the take-off; disarm the UAV if it stands on the ground, or land it if it flies, and look at its "
+    "propellers, its load and its battery"
+)
 
 
 class TakeOff(Manoeuvre):
@@ -60,6 +64,7 @@ class TakeOff(Manoeuvre):
         tolerance: ToleranceSettings,
         *,
         on_setpoints: bool,
+        has_safety_pilot: bool = True,
     ) -> None:
         """`on_setpoints` says whether the autopilot climbs by setpoints (PX4 in OFFBOARD), or by itself."""
         super().__init__("take_off", task)
@@ -77,7 +82,8 @@ class TakeOff(Manoeuvre):
         self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
-        self._climb_watch = WayWatch(task, _STUCK, is_up=True)
+        self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
+        self._climb_watch = WayWatch(task, self._stuck, is_up=True)
         self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
@@ -155,7 +161,7 @@ class TakeOff(Manoeuvre):
             return failed(
                 UalTimeoutError(
                     f"take_off: at {climbed_m:.2f} m after {self._longest_s:.0f} s, not at {self._height_m:g} m; "
-                    f"{_STUCK}"
+                    f"{self._stuck}"
                 )
             )
         return Step(setpoint)

@@ -55,6 +55,7 @@ class HomeFile:
         self._path = path
         self._lock = threading.Lock()
         self._written: SavedHome | None = None
+        self._number = 0
 
     def read(self) -> SavedHome | None:
         """Returns what was saved; None if there is nothing, or nothing that can be used."""
@@ -66,11 +67,16 @@ class HomeFile:
             logs.event(_log, logging.WARNING, "home_file_ignored", file=str(self._path), why=_why(error))
             return None
 
-    def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None) -> None:
-        """Saves where the frames are. Nothing happens if that was saved already."""
+    def write(self, vehicle: str, home: GeoPoint | None, start: GeoPoint | None, number: int) -> None:
+        """Saves where the frames are. Nothing happens if that was saved already, or something newer.
+
+        The `number` of what is newer is higher: calls may come from several threads, in any order.
+        """
         saved = SavedHome(vehicle, home, start, time.time())
         with self._lock:
-            last = self._written
+            if number < self._number:
+                return
+            self._number, last = number, self._written
             if last is not None and (last.vehicle, last.home, last.start) == (vehicle, home, start):
                 return
             self._written = saved

@@ -58,7 +58,7 @@ class LocalFrame:
         self._is_new_boot = False
         self._has_begun = False
         self._is_settled = False
-        self._is_kept, self._must_save = False, False
+        self._is_kept, self._must_save, self._saves_count = False, False, 0
         self._began_s: float | None = None
 
     def open(self) -> None:
@@ -227,7 +227,8 @@ class LocalFrame:
         if self._file is None or not vehicle:
             return None
         self._must_save = False
-        return partial(self._file.write, vehicle, self.home.geo, self.start.geo)
+        self._saves_count += 1
+        return partial(self._file.write, vehicle, self.home.geo, self.start.geo, self._saves_count)
 
     def _restore(self, snapshot: Snapshot) -> None:
         """Uses what was saved if it still holds."""

@@ -135,7 +135,16 @@ class Commands:
 
         def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
             command = AutopilotCommand("take off", start.time_s)
-            climb = TakeOff(task, command, start, height_m, bounds, self._tolerance, on_setpoints=on_setpoints)
+            climb = TakeOff(
+                task,
+                command,
+                start,
+                height_m,
+                bounds,
+                self._tolerance,
+                on_setpoints=on_setpoints,
+                has_safety_pilot=self._flight.has_safety_pilot,
+            )
             return Handover(climb, lambda: command.send(lambda: self._backend.take_off(height_m, bounds)))
 
         def begin() -> VehicleTask:
@@ -191,7 +200,8 @@ class Commands:
                 command = AutopilotCommand("land", snapshot.time_s)
                 is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
                 reference = self._flight.brake(snapshot) if is_ours else None
-                self._flight.begin(Land(task, command, reference, snapshot))
+                has_pilot = self._flight.has_safety_pilot
+                self._flight.begin(Land(task, command, reference, snapshot, has_safety_pilot=has_pilot))
                 command.send(self._send_landing)
                 accepted("land", task_id=task.id)
                 return task

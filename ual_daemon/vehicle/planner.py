@@ -218,7 +218,16 @@ class Planner:
         def home_by(task: VehicleTask, way: WayHome, planned_s: float) -> Manoeuvre:
             ground_z_m = way.home.position.z
             tolerance, tracker = self._tolerance, self._tracker()
-            return ReturnToLaunch(task, way.trajectory, ground_z_m, land, tolerance, tracker, planned_s)
+            return ReturnToLaunch(
+                task,
+                way.trajectory,
+                ground_z_m,
+                land,
+                tolerance,
+                tracker,
+                planned_s,
+                has_safety_pilot=self._flight.has_safety_pilot,
+            )
 
         def land() -> Future[None]:
             return backend.land(self._flight.limits.get())

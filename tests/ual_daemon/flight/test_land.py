@@ -77,6 +77,16 @@ def test_a_landing_that_is_stuck_says_so_and_what_can_be_done(flying: Autopilot,
     assert "command land again" in str(error)
 
 
+def test_where_there_is_no_safety_pilot_the_advice_is_to_abort(flying: Autopilot, ack: Future[None]) -> None:
+    landing = Land(flying.task(TaskKind.LAND), sent(ack, flying), None, flying.snapshot(), has_safety_pilot=False)
+    flying.control, flying.climb_m_s = Control.LAND, 0.0
+    for _ in range(120):
+        flying.step(landing)
+    assert landing.task is not None
+    assert "abort ends the landing" in landing.task.info().description
+    assert "pilot" not in landing.task.info().description
+
+
 def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack: Future[None]) -> None:
     landing = land(flying, ack)
     ack.set_exception(RejectedByAutopilotError("refused to land: DENIED", {"result": "DENIED"}))

@@ -875,7 +875,7 @@ def test_only_one_thread_at_a_time_calls_a_reference(flying: Stepped, monkeypatc
 
 def test_a_simulated_world_that_ends_with_the_daemon_has_no_home_of_before(tmp_path: Path) -> None:
     file = HomeFile(tmp_path / "uav_1.home")
-    file.write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None)  # a real UAV had the same namespace
+    file.write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None, 1)  # a real UAV had the same namespace
     backend = LightBackend(BackendOptions("uav_1", settings={"speed_factor": 0}))
     vehicle = Vehicle(backend, home_file=HomeFile(tmp_path / "uav_1.home"))
     vehicle.open()

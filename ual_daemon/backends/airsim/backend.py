@@ -28,6 +28,7 @@ from ual_daemon.backends.airsim.simulation import AirsimSimulation
 from ual_daemon.backends.airsim.snapshots import (
     API,
     COLLISION,
+    HOVER,
     LAND,
     REMOTE_CONTROL,
     make_snapshot,
@@ -122,7 +123,7 @@ class AirsimBackend(Backend):
         self._report: Report | None = None
         self._snapshot = Snapshot(0.0)
         self._landing: Landing | None = None
-        self._has_collided = self._is_silent = False
+        self._has_collided = self._is_holding = self._is_silent = False
         self._ground_z_m = 0.0
         self._disarmed_s = 0.0
         self._status_text = ""
@@ -171,7 +172,8 @@ class AirsimBackend(Backend):
 
     @override
     def send(self, setpoint: Setpoint) -> None:
-        if self._link.is_up and self._landing is None and not self._has_collided and not self._is_silent:
+        is_free = not (self._has_collided or self._is_holding or self._is_silent)
+        if self._link.is_up and self._landing is None and is_free:
             self._mailbox.put(setpoint)
 
     @override
@@ -197,18 +199,20 @@ class AirsimBackend(Backend):
         if pose is None or self._report is None or not self._report.has_api_control:
             return _refusal("Land: the API has no control of the vehicle")
         self._mailbox.drop()
-        self._has_collided = False
+        self._has_collided = self._is_holding = False
         self._landing = Landing(pose.value.position, self._ground_z_m, limits)
         return futures.done()
 
     @override
     def take_control(self) -> Future[None]:
-        self._landing, self._has_collided = None, False
+        self._landing, self._has_collided, self._is_holding = None, False, False
         return self._command(self._procedures.take_control)
 
     @override
     def hold(self) -> Future[None]:
-        return _refusal("Hold: simple_flight has no such mode; it hovers when nothing is sent")
+        self._is_holding = True
+        self._mailbox.drop()
+        return self._command(self._procedures.hover)
 
     @override
     def safety_pilot(self) -> SafetyPilot:
@@ -296,6 +300,8 @@ class AirsimBackend(Backend):
             return REMOTE_CONTROL
         if self._landing is not None:
             return LAND
+        if self._is_holding:
+            return HOVER
         return COLLISION if self._has_collided else API
 
     def _note_collision(self, report: Report, is_on_ground: bool) -> None:
@@ -306,7 +312,7 @@ class AirsimBackend(Backend):
             self._mailbox.drop()
             self._has_collided = not is_on_ground
         elif is_on_ground:
-            self._has_collided = False
+            self._has_collided = self._is_holding = False
 
     def _land(self, landing: Landing, report: Report, is_on_ground: bool, now_s: float) -> None:
         """Leads the landing on, and ends it once the vehicle is disarmed or another controls it."""
@@ -318,7 +324,7 @@ class AirsimBackend(Backend):
         if is_on_ground and (not landing.is_disarming or now_s - self._disarmed_s > _AGAIN_S):
             self._mailbox.drop()
             landing.is_disarming, self._disarmed_s = True, now_s
-            self._command(self._procedures.disarm)
+            self._command(self._procedures.disarm_landed)
 
     def _update(self) -> None:
         if self._on_update is not None:

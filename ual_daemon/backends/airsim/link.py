@@ -154,12 +154,21 @@ class SimulatorLink:
     def _lost(self, error: Exception) -> None:
         self._was_refused = self._was_refused or isinstance(error, ConnectionRefusedError)
         why = str(error) or repr(error)
-        if isinstance(error, (RemoteError, WrongVehicleError)) and why != self.why_not:
-            self.why_not = why
-            logs.event(_log, logging.WARNING, "vehicle_not_found", url=str(self._address), why=why)
+        if isinstance(error, OSError):
+            self.why_not = ""  # nobody answers: what was said of the vehicle is old
+        elif isinstance(error, (RemoteError, WrongVehicleError)):
+            self._say_why_not(why)
+        elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made anew
+            self._say_why_not(f"its answers are not those of AirSim: {why}")
         if self.is_up and not self._closing.is_set():
             logs.event(_log, logging.WARNING, "simulator_lost", url=str(self._address), why=why)
         self.is_up = False
+
+    def _say_why_not(self, why: str) -> None:
+        """Notes why the simulator, which answers, offers no vehicle."""
+        if why != self.why_not:
+            logs.event(_log, logging.WARNING, "vehicle_not_found", url=str(self._address), why=why)
+        self.why_not = why
 
 
 def _clock_speed(settings: str) -> float:

@@ -37,15 +37,19 @@ class Procedures:
         self._arm_or_disarm(connection, True)
 
     def disarm(self, connection: Connection) -> None:
-        """Disarms. The simulator does it in the air, too: the caller refuses that.
-
-        A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended
-        first, and the vehicle armed, which makes a second attempt possible.
-        """
+        """Disarms. The simulator does it in the air, too: the caller refuses that."""
         self._require_api_control(connection)
-        connection.call(bool, _ANSWER_S, "moveByVelocity", *move_arguments(_STILL, self._vehicle(), 0.0))
-        self._arm_or_disarm(connection, True)
-        self._arm_or_disarm(connection, False)
+        self._stop_motors(connection)
+
+    def disarm_landed(self, connection: Connection) -> None:
+        """Disarms after a landing. The safety pilot may have taken over meanwhile: API control is never enabled."""
+        self._require_own_control(connection)
+        self._stop_motors(connection)
+
+    def hover(self, connection: Connection) -> None:
+        """Stops the vehicle, which then hovers by itself."""
+        self._require_own_control(connection)
+        connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
 
     def take_control(self, connection: Connection) -> None:
         """Gives the API control, and hovers.
@@ -58,9 +62,7 @@ class Procedures:
     def place(self, connection: Connection, position: Vector3, yaw_rad: float) -> None:
         """Puts the vehicle somewhere, at rest, and disarms it."""
         self._require_api_control(connection)
-        connection.call(bool, _ANSWER_S, "moveByVelocity", *move_arguments(_STILL, self._vehicle(), 0.0))
-        self._arm_or_disarm(connection, True)
-        self._arm_or_disarm(connection, False)
+        self._stop_motors(connection)
         half = (math.pi / 2.0 - yaw_rad) / 2.0
         pose = {
             "position": _vector(position.y, position.x, -position.z),
@@ -98,6 +100,25 @@ class Procedures:
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
             raise RefusedError("API control is not allowed: see AllowAPIAlways in the simulator's settings.json")
         return True
+
+    def _require_own_control(self, connection: Connection) -> None:
+        """Checks that the API has control, and leaves it as it is.
+
+        Raises:
+            RefusedError: The safety pilot has it.
+        """
+        if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", self._vehicle()):
+            raise RefusedError("the safety pilot has the control (API control is off)")
+
+    def _stop_motors(self, connection: Connection) -> None:
+        """Disarms a vehicle on the ground.
+
+        A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended
+        first, and the vehicle armed, which makes a second attempt possible.
+        """
+        connection.call(bool, _ANSWER_S, "moveByVelocity", *move_arguments(_STILL, self._vehicle(), 0.0))
+        self._arm_or_disarm(connection, True)
+        self._arm_or_disarm(connection, False)
 
     def _arm_or_disarm(self, connection: Connection, arms: bool) -> None:
         if not connection.call(bool, _ANSWER_S, "armDisarm", arms, self._vehicle()):

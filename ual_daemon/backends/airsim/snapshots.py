@@ -12,6 +12,8 @@ API = Mode("API", Control.REFERENCES)
 LAND = Mode("LAND", Control.LAND)
 COLLISION = Mode("COLLISION", Control.OTHER, is_autonomous=True)
 """It hovers: no setpoints are sent to a vehicle that has hit something until control is taken again."""
+HOVER = Mode("HOVER", Control.OTHER, is_autonomous=True)
+"""It hovers by itself after `hold`: no setpoints are sent until control is taken again."""
 REMOTE_CONTROL = Mode("REMOTE_CONTROL", Control.OTHER)
 """API control is off: who holds the remote control flies, and without one the vehicle falls."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import LIMIT_S
 from tests.simulators.airsim import Vehicle
 from tests.simulators.airsim_server import AirsimServer, wait_until
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
@@ -17,6 +19,8 @@ from ual.geometry import Pose, Vector3
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.airsim import AirsimBackend
+from ual_daemon.backends.airsim.procedures import Procedures
+from ual_daemon.backends.airsim.rpc import Connection
 from ual_daemon.backends.base import BackendOptions
 
 RATE_HZ = 25.0
@@ -121,6 +125,47 @@ def test_a_daemon_that_ends_in_flight_leaves_it_hovering_and_the_next_one_knows_
         wait_for(uav, State.FLYING_AUTO)
         uav.go_to_waypoint(Pose.at(1.0, 0.0, 2.0))
         uav.land()
+
+
+def test_the_end_of_the_flight_is_a_clean_handover_to_a_vehicle_that_hovers(uav: UAL, server: AirsimServer) -> None:
+    uav.take_off(3.0)
+    task = uav.go_to_waypoint(Pose.at(30.0, 0.0, 3.0), blocking=False)
+    uav.vehicle.prepare_shutdown().result(LIMIT_S)
+    assert task.done()
+    wait_for(uav, State.FLYING_MANUAL)
+    assert uav.telemetry().flight_mode == "HOVER"
+    sent = calls(server, "moveByVelocity")
+    server.run(2.0)
+    assert calls(server, "moveByVelocity") == sent
+
+
+def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
+    uav: UAL, server: AirsimServer, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the report that shows the ground and the disarming that follows it."""
+    disarm, taken = Procedures.disarm_landed, threading.Event()
+
+    def after_the_take_over(self: Procedures, connection: Connection) -> None:
+        if not taken.is_set():
+            vehicle.enable_api_control(False)
+            server.calls.clear()
+            taken.set()
+        disarm(self, connection)
+
+    monkeypatch.setattr(Procedures, "disarm_landed", after_the_take_over)
+    uav.take_off(2.0)
+    uav.land(blocking=False)
+    wait_until(taken.is_set, "it has not landed")
+    server.run(2.0)
+    assert not vehicle.has_api_control
+    assert calls(server, "enableApiControl") == calls(server, "armDisarm") == 0
+
+
+def test_what_was_said_of_the_vehicles_ends_with_the_simulator(vehicle: Vehicle) -> None:
+    with AirsimServer([vehicle, Vehicle("Drone2")]) as server, connected(server.url) as uav:
+        wait_until(lambda: "set airsim.vehicle_name" in uav.telemetry().state_reason, "it does not ask for a name")
+        server.close()
+        wait_until(lambda: "nothing heard" in uav.telemetry().state_reason, "it speaks of vehicles still")
 
 
 def test_a_simulator_that_ended_is_found_again(vehicle: Vehicle) -> None:

@@ -386,9 +386,19 @@ def test_a_home_without_satellites_is_lost_by_a_restart(lost: Placed, home_file:
     assert tuple(lost.position()) == near(0, 0, 0)
 
 
+def test_an_older_home_does_not_replace_a_newer_one_however_late_it_is_written(tmp_path: Path) -> None:
+    file = HomeFile(tmp_path / "uav_1.home")
+    newer = GeoPoint(47.0, 8.0, 400.0)
+    file.write("PX4 1 ab", newer, None, 2)
+    file.write("PX4 1 ab", GeoPoint(46.0, 7.0, 300.0), None, 1)
+    saved = file.read()
+    assert saved is not None
+    assert saved.home == newer
+
+
 def test_the_file_of_another_user_or_a_link_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "uav_1.home"
-    HomeFile(path).write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None)
+    HomeFile(path).write("PX4 1 ab", GeoPoint(47.0, 8.0, 400.0), None, 1)
     saved = HomeFile(path).read()
     assert saved is not None
     assert saved.home == GeoPoint(47.0, 8.0, 400.0)
@@ -400,7 +410,7 @@ def test_the_file_of_another_user_or_a_link_is_not_read(tmp_path: Path, monkeypa
 
 
 def test_a_directory_that_cannot_be_written_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    HomeFile(tmp_path / "missing" / "uav_1.home").write("PX4 1 ab", None, None)
+    HomeFile(tmp_path / "missing" / "uav_1.home").write("PX4 1 ab", None, None, 1)
     assert [record.message for record in caplog.records] == ["home_not_saved"]
 
 
