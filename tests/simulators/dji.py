@@ -42,6 +42,8 @@ class Aircraft:
         self.obstacle_front_m = math.inf
         self.percentage = 0.9
         self.needs_confirmation = True
+        self.home_deg = ORIGIN[:2]
+        self.is_home_set = True
         self.setpoints: list[tuple[float, Vector, float]] = []
         """All velocities that came, with their times: north, east, down, and yaw rate to the right."""
         self.sticks: Vector = (0.0, 0.0, 0.0)
@@ -270,6 +272,8 @@ class Psdk(Front):
                 "rc_connection_status": ("psdk_interfaces/RCConnectionStatus", 1.0, self._rc),
                 "battery": ("sensor_msgs/BatteryState", 1.0, self._battery),
                 "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
+                "home_point": ("sensor_msgs/NavSatFix", 1.0, self._home),
+                "home_point_status": ("std_msgs/Bool", 1.0, lambda: one(a.is_home_set)),
                 "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(0)),
                 "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
             },
@@ -322,6 +326,11 @@ class Psdk(Front):
 
     def _battery(self) -> Message:
         return self.aircraft.stamped(percentage=self.aircraft.percentage, voltage=44.4, current=-10.0)
+
+    def _home(self) -> Message:
+        """In radians, as DJI has it: the wrapper does not convert it."""
+        latitude, longitude = map(math.radians, self.aircraft.home_deg)
+        return self.aircraft.stamped(latitude=latitude, longitude=longitude, altitude=0.0)
 
     def _obstacles(self) -> Message:
         names = ("down", "front", "right", "back", "left", "up")

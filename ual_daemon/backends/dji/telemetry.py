@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon import logs
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.authority import Authority
@@ -17,6 +19,8 @@ from ual_daemon.backends.dji.wrappers import Wrapper
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+
+_log = logging.getLogger(__name__)
 
 _REMOTE, _APP, _OURS = 0, 1, 4
 """Who controls the aircraft (`device_mode`)."""
@@ -56,6 +60,7 @@ class Telemetry:
         self._has_rc = True
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
+        self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
         self._altitude_m: float | None = None
         self._geoid_m: float | None = None
@@ -187,10 +192,28 @@ class Telemetry:
         self.height_m = number(message["data"])
 
     def take_home(self, message: Message, _: float) -> None:
-        """Takes where it would return to."""
-        home = GeoPoint(number(message["latitude"]), number(message["longitude"]))
-        if self._plausibility.accepts_geo_point(home):
-            self._home = home
+        """Takes where it would return to, in radians: the wrapper passes DJI's own numbers on."""
+        home = GeoPoint(*(math.degrees(number(message[name])) for name in ("latitude", "longitude")))
+        is_near = self._plausibility.accepts_geo_point(home) and self._is_near(home)
+        self._home = home if is_near else None
+
+    def take_home_status(self, message: Message, _: float) -> None:
+        """Takes whether its home is set; what it says of it before counts for nothing."""
+        self._is_home_set = bool(message["data"])
+
+    def _is_near(self, home: GeoPoint) -> bool:
+        """Whether it may have come from there."""
+        here, projection = self._geo, self.frame.projection
+        if here is None or projection is None:
+            return False
+        places = (projection.to_local(each.latitude_deg, each.longitude_deg, 0.0) for each in (here, home))
+        offset = next(places) - next(places)
+        if offset.horizontal_norm() <= _FARTHEST_HOME_M:
+            return True
+        if not self._is_home_rejected:
+            logs.event(_log, logging.WARNING, "home_too_far", distance_m=round(offset.horizontal_norm()))
+        self._is_home_rejected = True
+        return False
 
     def take_motor_error(self, message: Message, _: float) -> None:
         """Takes why the motors would not start; 0: they would."""
@@ -258,7 +281,7 @@ class Telemetry:
             projection=self.frame.projection,
             home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
             geoid_separation_m=self._geoid_m,
-            home_geo=self._home,
+            home_geo=self._home if self._is_home_set else None,
             battery=self._battery,
             gps=self._gps(),
             status_text=self.status_text,
@@ -318,6 +341,8 @@ class Telemetry:
 
 
 _LEVEL_S = 3.0
+_FARTHEST_HOME_M = 30_000.0
+"""Farther than its batteries reach."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0

@@ -87,6 +87,7 @@ class PsdkRos2(Wrapper):
         Topic("psdk_ros2/battery", "sensor_msgs/BatteryState", "take_battery"),
         Topic("psdk_ros2/height_above_ground", "std_msgs/Float32", "take_height"),
         Topic("psdk_ros2/home_point", "sensor_msgs/NavSatFix", "take_home"),
+        Topic("psdk_ros2/home_point_status", "std_msgs/Bool", "take_home_status"),
         Topic("psdk_ros2/motor_start_error", "std_msgs/UInt16", "take_motor_error"),
         Topic("psdk_ros2/relative_obstacle_info", "psdk_interfaces/RelativeObstacleInfo", "take_obstacles"),
         Topic("/rosout", "rcl_interfaces/Log", "take_log"),

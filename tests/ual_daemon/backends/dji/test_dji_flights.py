@@ -143,6 +143,26 @@ def test_the_app_that_flies_is_told() -> None:
         assert held_by.value == "ground station"
 
 
+def test_it_returns_to_the_home_of_the_aircraft() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        uav.go_to_waypoint(Pose.at(6.0, 4.0, 5.0))
+        uav.return_to_launch()
+        north, east, _ = backend.aircraft.body.position
+        assert math.hypot(north, east) < 1.0
+
+
+def test_a_home_that_is_not_set_or_not_near_is_not_used() -> None:
+    with ready() as (_, backend):
+        until(lambda: backend.snapshot().home_geo is not None)
+        backend.aircraft.is_home_set = False
+        until(lambda: backend.snapshot().home_geo is None)
+        backend.aircraft.is_home_set = True
+        until(lambda: backend.snapshot().home_geo is not None)
+        backend.aircraft.home_deg = (0.0, 0.0)
+        until(lambda: backend.snapshot().home_geo is None)
+
+
 def test_obstacle_avoidance_that_brakes_is_told() -> None:
     with ready() as (uav, backend):
         fly(uav)
