@@ -62,7 +62,7 @@ class Telemetry:
         self._home: GeoPoint | None = None
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
-        self._altitude_m: float | None = None
+        self._altitude: Sample[float] | None = None
         self._geoid_m: float | None = None
         self._stamp_s = 0.0
         self._heard_s: float | None = None
@@ -111,23 +111,28 @@ class Telemetry:
             return
         ellipsoid_m = None
         if self.wrapper.has_sea_level:
-            if self._altitude_m is None:
+            if self._altitude is None:
                 return
-            ellipsoid_m, altitude_m = altitude_m, self._altitude_m
+            ellipsoid_m, altitude_m = altitude_m, self._altitude.value
             self._geoid_m = ellipsoid_m - altitude_m
         position = self.frame.position(latitude_deg, longitude_deg, altitude_m, now_s, is_good=self._is_good(now_s))
         if position is None or self._orientation is None:
             return
         self.poses_count += 1
-        self._pose = Sample(Pose(position, self._orientation), self._attitude_s)
+        self._pose = Sample(Pose(position, self._orientation), self._oldest_s(now_s))
         self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
         self._stamp_s = stamp_s(message)
 
-    def take_altitude(self, message: Message, _: float) -> None:
+    def _oldest_s(self, now_s: float) -> float:
+        """Returns when the oldest part of a pose came, of which the position comes now."""
+        altitude_s = now_s if self._altitude is None else self._altitude.time_s
+        return min(now_s, self._attitude_s, altitude_s)
+
+    def take_altitude(self, message: Message, now_s: float) -> None:
         """Takes the fused altitude above mean sea level."""
         altitude_m = number(message["data"])
         if self._plausibility.accepts_altitude(altitude_m):
-            self._altitude_m = altitude_m
+            self._altitude = Sample(altitude_m, now_s)
 
     def take_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
@@ -299,6 +304,8 @@ class Telemetry:
         if level is None:
             return None
         why = f"the quality of the position is {level.value} of 5, and {self._settings.least_gps_level} is needed"
+        if self._velocity is None or now_s - self._velocity.time_s > _VELOCITY_S:
+            return Sample(Estimator(False, f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"), now_s)
         return Sample(Estimator(True) if self._is_good(now_s) else Estimator(False, why), level.time_s)
 
     def _gps(self) -> GpsInfo | None:
@@ -341,6 +348,8 @@ class Telemetry:
 
 
 _LEVEL_S = 3.0
+_VELOCITY_S = 1.0
+"""Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _FARTHEST_HOME_M = 30_000.0
 """Farther than its batteries reach."""
 _SKEW_S = 0.1

@@ -54,6 +54,10 @@ class Wrapper:
     """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
     volt_scale: float = 1.0
 
+    def topic_of(self, taken_by: str) -> str:
+        """Returns the topic that a method of `Telemetry` takes."""
+        return next(topic.name for topic in self.topics if topic.taken_by == taken_by)
+
     def setpoint(self, setpoint: VelocitySetpoint) -> Message:
         """Returns the message (or the arguments of the service) of a velocity."""
         velocity = setpoint.velocity

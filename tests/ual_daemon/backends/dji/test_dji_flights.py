@@ -190,7 +190,17 @@ def test_a_poor_position_makes_it_uninitialized() -> None:
 
 
 @pytest.mark.parametrize(
-    "topic", ["attitude", "gps_position_fused", "flight_status", "display_mode", "control_mode", "gps_control_level"]
+    "topic",
+    [
+        "attitude",
+        "gps_position_fused",
+        "altitude_sea_level",
+        "velocity_ground_fused",
+        "flight_status",
+        "display_mode",
+        "control_mode",
+        "gps_control_level",
+    ],
 )
 def test_a_topic_that_stops_is_noticed_and_healed(topic: str) -> None:
     with ready() as (uav, backend):
@@ -199,6 +209,21 @@ def test_a_topic_that_stops_is_noticed_and_healed(topic: str) -> None:
         until(lambda: uav.state() is State.UNINITIALIZED)
         backend.bridge.faults.silent_topics.clear()
         until(lambda: uav.state() is State.FLYING_AUTO)
+
+
+@pytest.mark.parametrize("topic", ["altitude_sea_level", "velocity_ground_fused"])
+def test_a_topic_that_stops_in_a_climb_ends_the_climb(topic: str) -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        task = uav.go_to_waypoint(Pose.at(0.0, 0.0, 30.0), blocking=False)
+        wait(backend, 2.0)
+        backend.bridge.faults.silent_topics.add(f"/psdk_ros2/{topic}")
+        with pytest.raises(TaskAbortedError):
+            task.wait(LIMIT_S)
+        wait(backend, 2.0)
+        height_m = backend.aircraft.height_m
+        wait(backend, 5.0)
+        assert backend.aircraft.height_m < height_m + 0.2
 
 
 class _Beginning(OsdkSdkNode):
