@@ -42,12 +42,15 @@ class Aircraft:
         self.obstacle_front_m = math.inf
         self.percentage = 0.9
         self.needs_confirmation = True
+        self.protects_landing = False
+        """Whether velocities lead it no lower than where a landing waits for its confirmation."""
         self.home_deg = ORIGIN[:2]
         self.is_home_set = True
         self.setpoints: list[tuple[float, Vector, float]] = []
         """All velocities that came, with their times: north, east, down, and yaw rate to the right."""
         self.sticks: Vector = (0.0, 0.0, 0.0)
         self.log: list[str] = []
+        self.confirmations_count = 0
         self._confirmed = False
         self._hold: Vector | None = None
         self._projection = EllipsoidProjection(*ORIGIN)
@@ -86,6 +89,7 @@ class Aircraft:
         self.display, self._confirmed, self._hold = AUTO_LANDING, not self.needs_confirmation, None
 
     def confirm_landing(self) -> None:
+        self.confirmations_count += 1
         self._check_sdk()
         if self.display != AUTO_LANDING:
             self._fail("it is not landing")
@@ -150,7 +154,7 @@ class Aircraft:
         newest = self.setpoints[-1] if self.setpoints else None
         if self.device == SDK and newest is not None and self.now_s - newest[0] < _STALE_S:
             self.display, self._hold = SDK_CONTROL, None
-            return Target(velocity=self._braked(newest[1]), yaw_rate_rad_s=newest[2])
+            return Target(velocity=self._protected(self._braked(newest[1])), yaw_rate_rad_s=newest[2])
         if self.device == RC and any(self.sticks):
             self._hold = None
             return Target(velocity=self.sticks)
@@ -172,6 +176,10 @@ class Aircraft:
         forward = velocity[0] * math.cos(self.body.yaw_rad) + velocity[1] * math.sin(self.body.yaw_rad)
         is_near = self.obstacle_front_m < 5.0 and forward > 0.0
         return (0.0, 0.0, velocity[2]) if is_near else velocity
+
+    def _protected(self, velocity: Vector) -> Vector:
+        is_held = self.protects_landing and self.height_m <= _CONFIRM_M and velocity[2] > 0.0
+        return (velocity[0], velocity[1], 0.0) if is_held else velocity
 
     # --- Messages that both wrappers have -----------------------------------------------------------------------------
 

@@ -15,32 +15,42 @@ from ual_daemon import logs
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.dji.authority import Holding
 from ual_daemon.backends.dji.commands import Commands
 from ual_daemon.backends.dji.discovery import Discovery
+from ual_daemon.backends.dji.landing import Descent, LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Wrapper
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
+    Control,
     Freshness,
+    LandedState,
+    Mode,
     PositionSetpoint,
+    Sample,
     Setpoint,
     SetpointLoss,
     Snapshot,
     Takes,
     VehicleInfo,
     VelocityGains,
+    VelocitySetpoint,
 )
 from ual_daemon.settings import convert
 
 _log = logging.getLogger(__name__)
 
 _Choose = Callable[[Wrapper], tuple[Call, ...]]
-_Choose1 = Callable[[Wrapper], Call]
 
 _UPDATE_S = 0.05
 _SILENCE_S = 3.0
 _CONFIRM_AGAIN_S = 1.0
+_STOP_AGAIN_S = 3.0
+_DESCENT_S = 0.018
+"""The interval of the velocities of a landing."""
+_WAITS = "it does not descend any further: land it by hand, as its landing protection may wait for the pilot"
 _RELEASE_S = 1.0
 """How long the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
@@ -86,7 +96,10 @@ class DjiBackend(Backend):
         self._poses_count = 0
         self._connections_count = 0
         self._updated_s = self._confirmed_s = float("-inf")
-        self._is_landing_asked = self._is_obtained = False
+        self._holding = Holding()
+        self._landing: LandingRequest | None = None
+        self._descent: Descent | None = None
+        self._descended_s = self._stopped_s = float("-inf")
         self._joystick: Future[Message] | None = None
         self._braked = ""
 
@@ -102,9 +115,9 @@ class DjiBackend(Backend):
 
     @override
     def close(self) -> None:
-        """Releases the control authority if it was obtained here and is ours still, and ends the link."""
+        """Releases the control authority if it was obtained here and was not lost since, and ends the link."""
         telemetry = self._telemetry
-        if telemetry is not None and self._is_obtained and telemetry.has_authority:
+        if telemetry is not None and self._holding.is_held:
             self._release(telemetry.wrapper.release)
         self._link.close()
 
@@ -135,8 +148,19 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
-        snapshot = telemetry.snapshot(now_s)
+        snapshot = self._with_descent(telemetry.snapshot(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
+
+    def _with_descent(self, snapshot: Snapshot) -> Snapshot:
+        """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""
+        descent, mode, landed = self._descent, snapshot.mode, snapshot.landed
+        if descent is None or mode is None or landed is None:
+            return snapshot
+        return snapshot._replace(
+            mode=Sample(Mode(f"landing ({mode.value.name})", Control.LAND), mode.time_s),
+            landed=Sample(LandedState.LANDING, landed.time_s),
+            status_text=_WAITS if descent.waits else snapshot.status_text,
+        )
 
     def _why_no_vehicle(self) -> str:
         if self._link.state is not LinkState.UP:
@@ -146,9 +170,14 @@ class DjiBackend(Backend):
     @override
     def send(self, setpoint: Setpoint) -> None:
         telemetry = self._telemetry
-        if telemetry is None or not self._link.is_up or not telemetry.has_authority:
+        if telemetry is None or not telemetry.has_authority or self._descent is not None:
             return
         assert not isinstance(setpoint, PositionSetpoint)  # VehicleInfo.takes
+        self._transmit(telemetry, setpoint)
+
+    def _transmit(self, telemetry: Telemetry, setpoint: VelocitySetpoint) -> None:
+        if not self._link.is_up or self._commands.is_blocked:
+            return
         message = telemetry.wrapper.setpoint(setpoint)
         if telemetry.wrapper.setpoint_topic:
             self._link.publish(telemetry.wrapper.setpoint_topic, message)
@@ -164,72 +193,96 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is not None and telemetry.why_not_start:
             return _refusal(telemetry.why_not_start)
-        return self._with_authority(lambda wrapper: wrapper.motors_on)
+        return self._with_authority(lambda wrapper: (wrapper.motors_on,))
 
     @override
     def disarm(self) -> Future[None]:
         telemetry = self._telemetry
         if telemetry is None or not telemetry.is_on_ground:
             return _refusal("Disarm: not on the ground")
-        return self._with_authority(lambda wrapper: wrapper.motors_off)
+        return self._with_authority(lambda wrapper: (wrapper.motors_off,))
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
         del height_m, limits  # it climbs to 1.2 m by itself, and UAL's setpoints fly the rest
-        return self._with_authority(lambda wrapper: wrapper.take_off)
+        return self._with_authority(lambda wrapper: (wrapper.take_off,))
 
     @override
     def land(self, limits: Limits) -> Future[None]:
-        del limits  # DJI's own landing takes no speed
-        self._is_landing_asked = True
-        return self._run(lambda wrapper: (wrapper.land,))
+        telemetry = self._telemetry
+        self._end_landing()
+        if telemetry is not None and telemetry.wrapper.land is None:
+            return self._descend(telemetry, limits)
+        request = self._landing = LandingRequest()  # DJI's own landing takes no speed
+        landing = self._run(lambda wrapper: () if wrapper.land is None else (wrapper.land,))
+        landing.add_done_callback(partial(self._landing_answered, request))
+        return landing
+
+    def _landing_answered(self, request: LandingRequest, answer: Future[None]) -> None:
+        if not answer.cancelled() and answer.exception() is None:
+            request.accept(self.clock.now_s())
+
+    def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
+        """Begins a landing by velocities."""
+        if telemetry.pose is None or not telemetry.has_authority or telemetry.is_on_ground:
+            return _refusal("Land: the aircraft does not follow this program")
+        self._descent = Descent(telemetry.pose.value.position, limits)
+        return futures.done()
+
+    def _end_landing(self) -> None:
+        """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
+        self._landing = self._descent = None
 
     @override
     def take_control(self) -> Future[None]:
-        return self._run(lambda wrapper: wrapper.obtain, obtains=True)
+        self._end_landing()
+        return self._with_authority(lambda _: (), is_known=False)
 
     @override
     def hold(self) -> Future[None]:
+        self._end_landing()
+        self._holding.drop()
         telemetry = self._telemetry
         if telemetry is not None:
             telemetry.authority.grant(is_granted=False)
         return self._run(lambda wrapper: (wrapper.release,))
 
-    def _with_authority(self, choose: _Choose1) -> Future[None]:
-        """Obtains the control authority first, where it is not known to be ours: DJI starts nothing without it."""
-        telemetry = self._telemetry
-        if telemetry is not None and telemetry.wrapper.says_authority and telemetry.has_authority:
-            return self._run(lambda wrapper: (choose(wrapper),))
-        return self._run(lambda wrapper: (*wrapper.obtain, choose(wrapper)), obtains=True)
-
-    def _run(self, choose: _Choose, *, obtains: bool = False) -> Future[None]:
+    def _run(self, choose: _Choose) -> Future[None]:
         telemetry = self._telemetry
         if telemetry is None:
             return futures.failed(LinkLostError(self._why_no_vehicle()))
         telemetry.words = ""
-        calls = choose(telemetry.wrapper)
-        if not obtains:
-            return self._commands.run(calls)
-        count = len(telemetry.wrapper.obtain)
-        whole: Future[None] = Future()
-        first = self._commands.run(calls[:count], partial(self._obtained, telemetry))
-        first.add_done_callback(lambda done: self._go_on(done, calls[count:], whole))
-        return whole
+        return self._commands.run(choose(telemetry.wrapper))
 
-    def _obtained(self, telemetry: Telemetry) -> None:
-        self._is_obtained = True
-        telemetry.authority.grant(is_granted=True)
+    def _with_authority(self, choose: _Choose, *, is_known: bool = True) -> Future[None]:
+        """Obtains the control authority first, unless it `is_known` to be ours: DJI starts nothing without it."""
+        telemetry = self._telemetry
+        if telemetry is None or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority):
+            return self._run(choose)
+        telemetry.words = ""
+        self._holding.ask(self.clock.now_s())
+        calls = (*telemetry.wrapper.obtain, *choose(telemetry.wrapper))
+        result = self._commands.run(calls, partial(self._obtained, telemetry))
+        result.add_done_callback(partial(self._let_go, telemetry))
+        return result
 
-    def _go_on(self, done: Future[None], calls: tuple[Call, ...], whole: Future[None]) -> None:
-        """Goes on with a command once the authority was obtained."""
-        error = done.exception()
-        if error is not None:
-            futures.end(whole, error)
-        elif not calls:
-            futures.end(whole)
-        elif not whole.cancelled():
-            rest = self._commands.run(calls)
-            rest.add_done_callback(lambda ended: futures.end(whole, ended.exception()))
+    def _obtained(self, telemetry: Telemetry, call: Call) -> None:
+        """Notes which of the services that obtain the control authority were executed."""
+        obtain = telemetry.wrapper.obtain
+        if call is obtain[0]:
+            self._holding.is_granted = True
+        if call is obtain[-1]:
+            telemetry.authority.grant(is_granted=True)
+
+    def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
+        """Releases the control authority where the rest of the command was refused."""
+        if result.cancelled() or not isinstance(result.exception(), RejectedByAutopilotError):
+            return
+        was_granted = self._holding.is_granted
+        self._holding.drop()
+        if was_granted:
+            telemetry.authority.grant(is_granted=False)
+            self._commands.run((telemetry.wrapper.release,)).add_done_callback(_log_refusal)
 
     def _words(self) -> str:
         telemetry = self._telemetry
@@ -246,7 +299,9 @@ class DjiBackend(Backend):
                 self._subscribe(wrapper, self._telemetry)
         telemetry = self._telemetry
         if telemetry is not None:
-            self._confirm_landing(telemetry, now_s)
+            if telemetry.is_authority_known:
+                self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
+            self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
         if (poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S) and self._on_update is not None:
             self._poses_count, self._updated_s = poses_count, now_s
@@ -266,17 +321,41 @@ class DjiBackend(Backend):
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
 
-    def _confirm_landing(self, telemetry: Telemetry, now_s: float) -> None:
+    def _lead_landing(self, telemetry: Telemetry, now_s: float) -> None:
+        """Goes on with a landing that was asked for."""
+        request, descent = self._landing, self._descent
+        if request is not None:
+            self._confirm(request, telemetry, now_s)
+        if descent is not None:
+            self._lead_descent(descent, telemetry, now_s)
+
+    def _confirm(self, request: LandingRequest, telemetry: Telemetry, now_s: float) -> None:
         """Confirms a landing that was asked for: near the ground the aircraft waits for that."""
-        if telemetry.is_on_ground:
-            self._is_landing_asked = False
         call = telemetry.wrapper.confirm_landing
-        height_m = telemetry.height_m
-        if not self._is_landing_asked or not telemetry.is_landing or call is None or height_m is None:
-            return
-        if height_m <= self._settings.confirm_landing_below_m and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
+        is_needed = request.needs_confirmation(telemetry, self._settings.confirm_landing_below_m, now_s)
+        if is_needed and call is not None and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
             self._confirmed_s = now_s
-            self._commands.run((call,))
+            self._commands.run((call,)).add_done_callback(_log_refusal)
+
+    def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
+        """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
+        if descent.has_ended(telemetry):
+            self._descent = None
+            return
+        setpoint = descent.setpoint(telemetry, now_s)
+        if setpoint is not None and now_s - self._descended_s >= _DESCENT_S:
+            self._descended_s = now_s
+            self._transmit(telemetry, setpoint)
+        if telemetry.is_on_ground and now_s - self._stopped_s >= _STOP_AGAIN_S:
+            self._stopped_s = now_s
+            self._commands.run((telemetry.wrapper.motors_off,)).add_done_callback(_log_refusal)
+
+
+def _log_refusal(answer: Future[None]) -> None:
+    """Logs what was refused of what nobody waits for."""
+    error = answer.exception()
+    if error is not None:
+        logs.event(_log, logging.WARNING, "refused", why=str(error))
 
 
 def _refusal(words: str) -> Future[None]:

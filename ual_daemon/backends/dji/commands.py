@@ -11,6 +11,12 @@ from ual_daemon.backends.dji.wrappers import Call
 from ual_daemon.backends.rosbridge import Message, RosbridgeLink
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 
+OnDone = Callable[[Call], None]
+
+
+def _ignore(_: Call) -> None:
+    """Nothing depends on it."""
+
 
 class Commands:
     """Calls the wrapper's services. Any thread may begin a command; the link's thread goes on with it."""
@@ -19,9 +25,15 @@ class Commands:
         """`words` returns what the wrapper says beside the refusal of a service, which has no words itself."""
         self._link = link
         self._words = words
+        self._blocking: Future[Message] | None = None
 
-    def run(self, calls: tuple[Call, ...], on_done: Callable[[], None] | None = None) -> Future[None]:
-        """Calls services in their order. `on_done` is called before the future ends well.
+    @property
+    def is_blocked(self) -> bool:
+        """Whether the wrapper serves nothing now, because a service that blocks it has not answered."""
+        return self._blocking is not None and not self._blocking.done()
+
+    def run(self, calls: tuple[Call, ...], on_done: OnDone = _ignore) -> Future[None]:
+        """Calls services in their order. `on_done` is called with each one that was executed.
 
         A service that does not answer leaves the future open: whether it was executed is not known.
         """
@@ -29,21 +41,19 @@ class Commands:
         self._next(calls, result, on_done)
         return result
 
-    def _next(self, calls: tuple[Call, ...], result: Future[None], on_done: Callable[[], None] | None) -> None:
+    def _next(self, calls: tuple[Call, ...], result: Future[None], on_done: OnDone) -> None:
         if result.cancelled():
             return
         if not calls:
-            if on_done is not None:
-                on_done()
             futures.end(result)
             return
         call = calls[0]
         answer = self._link.call_service(call.service, call.arguments, call.patience_s)
+        if call.blocks:
+            self._blocking = answer
         answer.add_done_callback(lambda done: self._take(done, calls, result, on_done))
 
-    def _take(
-        self, answer: Future[Message], calls: tuple[Call, ...], result: Future[None], on_done: Callable[[], None] | None
-    ) -> None:
+    def _take(self, answer: Future[Message], calls: tuple[Call, ...], result: Future[None], on_done: OnDone) -> None:
         error = answer.exception()
         if isinstance(error, ServiceTimeoutError):
             return
@@ -52,6 +62,7 @@ class Commands:
         elif not _is_done(answer.result()):
             self._refuse(result, calls[0], str(answer.result().get("message") or ""))
         else:
+            on_done(calls[0])
             self._next(calls[1:], result, on_done)
 
     def _refuse(self, result: Future[None], call: Call, words: str) -> None:

@@ -41,7 +41,8 @@ class Telemetry:
         self.status_text = ""
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
-        self.height_m: float | None = None
+        self.height: Sample[float] | None = None
+        """Height above the ground, or above where it took off."""
         self.poses_count = 0
         self._settings = settings
         self._orientation: Quaternion | None = None
@@ -160,7 +161,8 @@ class Telemetry:
             return
         self._display = Sample(mode, now_s)
         if not self.wrapper.says_authority:
-            follows = self.authority.observe(mode, now_s)
+            height_m = None if self.height is None else self.height.value
+            follows = self.authority.observe(mode, height_m, now_s)
             self._device = Sample(_OURS if follows else _REMOTE, now_s)
 
     def _is_still_landing(self, mode: int, now_s: float) -> bool:
@@ -192,9 +194,9 @@ class Telemetry:
             -number(message["current"]) * scale.volt_scale,
         )
 
-    def take_height(self, message: Message, _: float) -> None:
+    def take_height(self, message: Message, now_s: float) -> None:
         """Takes the height above the ground, or above where it took off."""
-        self.height_m = number(message["data"])
+        self.height = Sample(number(message["data"]), now_s)
 
     def take_home(self, message: Message, _: float) -> None:
         """Takes where it would return to, in radians: the wrapper passes DJI's own numbers on."""
@@ -243,9 +245,43 @@ class Telemetry:
         return self._device is not None and self._device.value == _OURS
 
     @property
+    def is_authority_known(self) -> bool:
+        """Whether it is known whom the aircraft follows."""
+        return self._device is not None
+
+    @property
+    def is_authority_lost(self) -> bool:
+        """Whether another one has the control authority, as far as the wrapper shows it."""
+        return not self.has_authority if self.wrapper.says_authority else self.authority.is_lost
+
+    def follows_us(self, now_s: float, limit_s: float) -> bool:
+        """Whether it was said within a time that the aircraft follows us."""
+        return self._device is not None and self.has_authority and now_s - self._device.time_s <= limit_s
+
+    @property
     def is_landing(self) -> bool:
-        """Whether it lands by itself."""
+        """Whether it lands by itself, and takes a confirmation."""
         return self._display is not None and self._display.value == modes.AUTO_LANDING
+
+    @property
+    def is_descending(self) -> bool:
+        """Whether it lands by itself, for whatever reason."""
+        return self._display is not None and self._display.value in modes.LANDING
+
+    @property
+    def flight_status(self) -> int | None:
+        """Whether it stands, runs its motors on the ground, or flies."""
+        return None if self._status is None else self._status.value
+
+    @property
+    def pose(self) -> Sample[Pose] | None:
+        """The newest pose."""
+        return self._pose
+
+    @property
+    def velocity(self) -> Sample[Vector3] | None:
+        """The newest velocity."""
+        return self._velocity
 
     @property
     def is_on_ground(self) -> bool:

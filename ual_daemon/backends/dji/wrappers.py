@@ -27,6 +27,8 @@ class Call(NamedTuple):
     service: str
     arguments: Message
     patience_s: float = 3.0
+    blocks: bool = False
+    """Whether the wrapper serves nothing else until it has answered."""
 
 
 class Wrapper:
@@ -45,9 +47,10 @@ class Wrapper:
     motors_on: Call
     motors_off: Call
     take_off: Call
-    land: Call
+    land: Call | None
+    """None: UAL descends by velocities."""
     confirm_landing: Call | None
-    """None: the aircraft lands without a confirmation."""
+    """None: no confirmation is given."""
     logger: str
     """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
     battery_scale: float = 1.0
@@ -125,7 +128,9 @@ _OSDK_TOPICS = (
 class OsdkVehicleNode(Wrapper):
     """dji-sdk/Onboard-SDK-ROS 4.1 on ROS 1, its node `dji_vehicle_node`: M210, M300.
 
-    Its services do not begin with the name of the package.
+    Its services do not begin with the name of the package. One thread serves them one after another, and its own
+    landing (task 6) answers only when the aircraft stands: nobody could confirm that landing, nor release the authority
+    or send a velocity meanwhile.
     """
 
     name = "dji_osdk_ros"
@@ -141,9 +146,8 @@ class OsdkVehicleNode(Wrapper):
     release = Call("obtain_release_control_authority", {"enable_obtain": False})
     motors_on = Call("flight_task_control", {"task": 7})
     motors_off = Call("flight_task_control", {"task": 8})
-    take_off = Call("flight_task_control", {"task": 4}, patience_s=30.0)
-    land = Call("flight_task_control", {"task": 6}, patience_s=120.0)
-    confirm_landing = Call("flight_task_control", {"task": 30})
+    take_off = Call("flight_task_control", {"task": 4}, patience_s=30.0, blocks=True)
+    land = confirm_landing = None
     joystick = "joystick_action"
     logger = "vehicle_node"
     battery_scale, volt_scale = 0.01, 0.001

@@ -12,12 +12,13 @@ import pytest
 from typing_extensions import override
 
 import ual
-from tests.simulators.dji import P_GPS, STEP_S, OsdkSdkNode
+from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, OsdkSdkNode, OsdkVehicleNode
+from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
-from tests.simulators.rosbridge import Message, Service
+from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual.errors import RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Pose
-from ual.types import GpsFix, State
+from ual.types import GpsFix, Limits, State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.values import Snapshot
@@ -106,6 +107,127 @@ def test_a_landing_is_confirmed_only_when_it_was_asked_for() -> None:
         assert uav.state() is State.LANDED_DISARMED
 
 
+@contextmanager
+def refused_landing(backend: LockstepDji) -> Iterator[None]:
+    """The aircraft refuses to land."""
+
+    def refuse() -> None:
+        raise RefusedError
+
+    land, backend.aircraft.land = backend.aircraft.land, refuse  # type: ignore[method-assign]
+    yield
+    backend.aircraft.land = land  # type: ignore[method-assign]
+
+
+def begin_landing_of_others(backend: LockstepDji) -> None:
+    with backend.lock:
+        aircraft = backend.aircraft
+        aircraft.display, aircraft._confirmed, aircraft._hold = AUTO_LANDING, False, None
+
+
+def test_a_landing_that_was_refused_is_not_confirmed_when_the_pilot_lands() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        with refused_landing(backend), pytest.raises(RejectedByAutopilotError):
+            uav.land()
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        begin_landing_of_others(backend)
+        wait(backend, 8.0)
+        assert backend.aircraft.confirmations_count == 0
+
+
+def test_a_landing_that_the_pilot_ended_confirms_no_later_one() -> None:
+    with ready() as (uav, backend):
+        fly(uav, 5.0)
+        task = uav.land(blocking=False)
+        wait(backend, 1.5)
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+        with pytest.raises(TaskAbortedError, match="safety pilot"):
+            task.wait(LIMIT_S)
+        with backend.lock:
+            backend.aircraft.obtain()  # another program
+            backend.aircraft.land()
+        wait(backend, 12.0)
+        assert backend.aircraft.confirmations_count == 0
+        assert 0.2 < backend.aircraft.height_m < 0.8
+
+
+def test_a_landing_that_was_replaced_by_control_is_not_confirmed() -> None:
+    with ready() as (uav, backend):
+        fly(uav, 5.0)
+        backend.land(Limits()).result(LIMIT_S)
+        until(lambda: uav.state() is State.LANDING)
+        with backend.lock:
+            backend.aircraft.display = P_GPS
+        backend.take_control().result(LIMIT_S)
+        begin_landing_of_others(backend)
+        wait(backend, 8.0)
+        assert backend.aircraft.confirmations_count == 0
+
+
+def test_an_old_height_confirms_no_landing() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        asked_s: list[float] = []
+
+        def refuse() -> None:
+            asked_s.append(backend.aircraft.now_s)
+            raise RefusedError
+
+        backend.aircraft.confirm_landing = refuse  # type: ignore[method-assign]
+        uav.land(blocking=False)
+        until(lambda: len(asked_s) >= 3)  # it is asked again and again
+        backend.bridge.faults.silent_topics.add("/psdk_ros2/height_above_ground")
+        silent_s = backend.aircraft.now_s
+        wait(backend, 5.0)
+        assert asked_s[-1] <= silent_s + 2.0
+
+
+def test_the_vehicle_node_is_never_blocked_by_a_landing() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        bridge = backend.bridge
+        assert isinstance(bridge, OneThreadBridge)
+        fly(uav)
+        task = uav.land(blocking=False)
+        until(lambda: uav.state() is State.LANDING)
+        longest = 0
+        while uav.state() is State.LANDING:
+            longest = max(longest, bridge.waiting_count)
+            wait(backend, STEP_S)
+        assert longest == 0
+        task.wait(LIMIT_S)
+        assert uav.state() is State.LANDED_DISARMED
+        assert backend.aircraft.device == 4
+    assert backend.aircraft.device == 0
+
+
+def test_the_pilot_ends_a_landing_by_velocities() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav)
+        task = uav.land(blocking=False)
+        wait(backend, 1.5)
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+            taken_s = backend.aircraft.now_s
+        with pytest.raises(TaskAbortedError, match="safety pilot"):
+            task.wait(LIMIT_S)
+        wait(backend, 3.0)
+        assert uav.state() is State.FLYING_MANUAL
+        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]
+
+
+def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav)
+        backend.aircraft.protects_landing = True
+        uav.land(blocking=False)
+        until(lambda: "land it by hand" in backend.snapshot().status_text)
+        assert uav.state() is State.LANDING
+
+
 @pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
 def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji]) -> None:
     with ready(kind) as (uav, backend):
@@ -120,6 +242,89 @@ def test_the_end_of_the_daemon_releases_the_authority() -> None:
         fly(uav)
     assert backend.aircraft.device == 0
     assert not backend.aircraft.body.is_on_ground
+
+
+def test_authority_that_the_pilot_took_is_not_released_in_the_flight_of_another() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        backend.aircraft.obtain()  # another program
+        until(lambda: uav.state() is State.FLYING_AUTO)
+    assert backend.aircraft.device == 4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_authority_is_released_after_a_landing(kind: type[LockstepDji]) -> None:
+    with ready(kind) as (uav, backend):
+        fly(uav)
+        uav.land()
+        wait(backend, 1.0)
+    assert backend.aircraft.device == 0
+
+
+@pytest.mark.parametrize("kind", [LockstepOsdk, LockstepOsdkVehicle])
+def test_authority_that_was_seen_lost_is_not_released(kind: type[LockstepDji]) -> None:
+    with ready(kind) as (uav, backend):
+        fly(uav)
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        backend.aircraft.obtain()  # another program
+    assert backend.aircraft.device == 4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_authority_is_released_where_the_rest_of_a_command_is_refused(kind: type[LockstepDji]) -> None:
+    with ready(kind) as (uav, backend):
+
+        def refuse() -> None:
+            raise RefusedError
+
+        backend.aircraft.start_motors = refuse  # type: ignore[method-assign]
+        with pytest.raises(RejectedByAutopilotError):
+            uav.arm()
+        until(lambda: backend.aircraft.device == 0)
+
+
+class _WithoutJoystick(OsdkVehicleNode):
+    """It refuses the mode in which it takes velocities."""
+
+    @property
+    @override
+    def services(self) -> Mapping[str, Service]:
+        return {**super().services, "/set_joystick_mode": lambda _: {"result": False}}
+
+
+class _LockstepWithoutJoystick(LockstepOsdkVehicle):
+    front = _WithoutJoystick
+
+
+def test_authority_is_released_where_velocities_are_refused() -> None:
+    with ready(_LockstepWithoutJoystick) as (uav, backend):
+        with pytest.raises(RejectedByAutopilotError):
+            uav.arm()
+        until(lambda: backend.aircraft.device == 0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("after_s", [1.2, 1.6, 4.0])
+def test_the_pilot_takes_over_in_a_take_off(kind: type[LockstepDji], after_s: float) -> None:
+    with ready(kind, 10.0) as (uav, backend):
+        uav.arm()
+        told = record_states(uav, backend)
+        task = uav.take_off(5.0, blocking=False)
+        wait(backend, after_s)
+        with backend.lock:
+            told.clear()
+            backend.aircraft.pilot_takes_over()
+            taken_s = backend.aircraft.now_s
+        with pytest.raises(TaskAbortedError, match="safety pilot"):
+            task.wait(LIMIT_S)
+        wait(backend, 2.0)
+        assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + 0.2
+        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]
 
 
 def test_a_flight_that_was_not_commanded_gets_nothing() -> None:
