@@ -30,6 +30,11 @@ class Authority:
         self._is_granted, self._has_followed, self._sent_s = is_granted, False, None
         self.is_lost = self.is_lost and not is_granted
 
+    def forget(self) -> None:
+        """Forgets what was granted: the pilot may have taken over unseen. An aircraft that follows an SDK shows it."""
+        self._is_granted = self._has_followed = self._is_taking_off = False
+        self._sent_s = self._lifted_s = None
+
     def note_setpoint(self, now_s: float) -> None:
         """Notes that a setpoint was sent."""
         if self._sent_s is None:
@@ -57,8 +62,8 @@ class Authority:
         is_ignored = self._sent_s is not None and now_s - self._sent_s > _FOLLOWS_S
         is_waiting = display_mode in (modes.P_GPS, modes.ENGINE_START) or display_mode in modes.TAKING_OFF
         is_cut_short = was_taking_off and height_m is not None and height_m < _CLIMBED_M
-        if display_mode in modes.TAKING_OFF:
-            self._sent_s = None
+        if display_mode in modes.TAKING_OFF:  # P_GPS comes after it, whatever showed on the ground
+            self._sent_s, self._has_followed = None, False
         elif self._has_followed or is_ignored or is_cut_short or not is_waiting:
             self._lose(display_mode)
         return self._is_granted

@@ -13,6 +13,7 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
+from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.authority import Holding
@@ -20,7 +21,7 @@ from ual_daemon.backends.dji.commands import Commands
 from ual_daemon.backends.dji.discovery import Discovery
 from ual_daemon.backends.dji.landing import Descent, LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
-from ual_daemon.backends.dji.telemetry import Telemetry
+from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Wrapper
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
@@ -45,6 +46,8 @@ _log = logging.getLogger(__name__)
 _Choose = Callable[[Wrapper], tuple[Call, ...]]
 
 _UPDATE_S = 0.05
+_BLIND_S, _CATCH_UP_S = 0.2, 0.1
+"""After this thread has not run for so long, it takes so long to read what waited. No setpoint leaves meanwhile."""
 _SILENCE_S = 3.0
 _CONFIRM_AGAIN_S = 1.0
 _STOP_AGAIN_S = 3.0
@@ -81,7 +84,7 @@ class DjiBackend(Backend):
     name = SECTION
     clock: MonotonicClock
     # The wrappers send some of this once a second, unless they are told to send it more often.
-    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
+    freshness = Freshness(link_s=LINK_S, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
 
     def __init__(self, options: BackendOptions) -> None:
         super().__init__(options)
@@ -94,7 +97,8 @@ class DjiBackend(Backend):
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
-        self._connections_count = 0
+        self._own_pause = OwnPause()
+        self._stepped_s = self._read_s = self._late_s = float("-inf")
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
         self._landing: LandingRequest | None = None
@@ -149,6 +153,7 @@ class DjiBackend(Backend):
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
         snapshot = self._with_descent(telemetry.snapshot(now_s))
+        snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
 
     def _with_descent(self, snapshot: Snapshot) -> Snapshot:
@@ -292,20 +297,45 @@ class DjiBackend(Backend):
 
     def _step(self) -> None:
         now_s = self.clock.now_s()
+        self._watch_pause(now_s)
         if self._telemetry is None and self._link.is_up:
-            wrapper = self._discovery.find(now_s)
-            if wrapper is not None:
-                self._telemetry = Telemetry(wrapper, self._settings)
-                self._subscribe(wrapper, self._telemetry)
+            self._discover(now_s)
         telemetry = self._telemetry
         if telemetry is not None:
             if telemetry.is_authority_known:
                 self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
             self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
-        if (poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S) and self._on_update is not None:
+        if poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S:
             self._poses_count, self._updated_s = poses_count, now_s
+            self._update()
+
+    def _watch_pause(self, now_s: float) -> None:
+        """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
+        pause_s = self._own_pause.woke(now_s, self.freshness.link_s)
+        if pause_s and self._telemetry is not None:
+            logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
+            self._telemetry.discard_state()
+        if now_s - self._stepped_s > _BLIND_S:
+            self._late_s = now_s + _CATCH_UP_S
+        self._stepped_s = now_s
+        if now_s >= self._late_s:
+            self._read_s = now_s
+
+    def _discover(self, now_s: float) -> None:
+        wrapper = self._discovery.find(now_s)
+        if wrapper is not None:
+            telemetry = Telemetry(wrapper, self._settings)
+            self._subscribe(wrapper, telemetry)  # raises OSError where the connection breaks: it is found anew then
+            self._telemetry = telemetry
+
+    def _update(self) -> None:
+        if self._on_update is None:
+            return
+        try:
             self._on_update(self.snapshot())
+        except Exception:  # noqa: BLE001 - a defect of the layers above must not end the exchange with the aircraft
+            _log.exception("an update failed")
 
     def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
         for topic in wrapper.topics:

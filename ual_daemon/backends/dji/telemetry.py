@@ -71,13 +71,25 @@ class Telemetry:
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped."""
+        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped.
+
+        After a silence that counts as a lost link nothing from before it is valid.
+        """
+        if self._heard_s is not None and now_s - self._heard_s > LINK_S:
+            self.discard_state()
         self._heard_s = now_s
         stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
         if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
             return
         self._stamps[name] = stamp
         getattr(self, name)(message, now_s)
+
+    def discard_state(self) -> None:
+        """Discards all that may have changed since it was said; where the frame lies stays known."""
+        self._status = self._display = self._device = self._level = self._left_landing_s = None
+        self._pose = self._velocity = self._altitude = self._orientation = self.height = None
+        self._attitude_s = -math.inf
+        self.authority.forget()
 
     def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
@@ -383,6 +395,8 @@ class Telemetry:
         return Health(is_ready_to_arm=not failing, failing_checks=failing)
 
 
+LINK_S = 1.0
+"""After so long without a message the link counts as lost."""
 _LEVEL_S = 3.0
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""

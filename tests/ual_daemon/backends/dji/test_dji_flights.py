@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 import random
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 from typing_extensions import override
 
 import ual
-from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, OsdkSdkNode, OsdkVehicleNode
+from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, Aircraft, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual.errors import RejectedByAutopilotError, TaskAbortedError
-from ual.geometry import Pose
+from ual.geometry import Pose, Twist, Vector3
 from ual.types import GpsFix, Limits, State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.rosbridge.url import BridgeUrl
+from ual_daemon.backends.rosbridge.websocket import Transport
 from ual_daemon.backends.values import Snapshot
 
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
@@ -429,6 +432,137 @@ def test_a_topic_that_stops_in_a_climb_ends_the_climb(topic: str) -> None:
         height_m = backend.aircraft.height_m
         wait(backend, 5.0)
         assert backend.aircraft.height_m < height_m + 0.2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_takes_off_again_after_a_landing(kind: type[LockstepDji]) -> None:
+    with ready(kind) as (uav, _):
+        for _ in range(3):
+            fly(uav)
+            uav.go_to_waypoint(Pose.at(1.0, 1.0, 3.0))
+            uav.land()
+
+
+def stream_blindly(uav: UAL, backend: LockstepDji, seconds: float) -> float:
+    """Lets the aircraft fly on while the thread that hears it does not run, and a program streams velocities.
+
+    Returns when the pilot has taken over, 0.1 s after the beginning.
+    """
+    blocked, go_on = threading.Event(), threading.Event()
+    update = backend._on_update
+    assert update is not None
+
+    def block(snapshot: Snapshot) -> None:
+        blocked.set()
+        assert go_on.wait(LIMIT_S)
+        update(snapshot)
+
+    uav.set_velocity(Twist(Vector3(0.5)))
+    backend._on_update = block
+    assert blocked.wait(LIMIT_S)
+    begun_s = backend.aircraft.now_s
+    while backend.aircraft.now_s < begun_s + seconds:
+        with backend.lock:
+            if backend.aircraft.device and backend.aircraft.now_s >= begun_s + 0.1:
+                backend.aircraft.pilot_takes_over()
+            backend.bridge.step(backend.bridge.now_s + STEP_S)
+        with suppress(ual.UalError):
+            uav.set_velocity(Twist(Vector3(0.5)))
+    backend._on_update = update
+    go_on.set()
+    return begun_s + 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("pause_s", [0.5, 0.9, 1.5])
+def test_nothing_is_sent_while_the_thread_that_hears_the_aircraft_does_not_run(
+    kind: type[LockstepDji], pause_s: float
+) -> None:
+    with ready(kind) as (uav, backend):
+        fly(uav)
+        taken_s = stream_blindly(uav, backend, pause_s)
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        late = [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.25]
+        assert not late
+        assert backend.snapshot().own_pause == "" or pause_s > 1.0
+
+
+class _Slow(Psdk):
+    """It publishes its state once a second, as the wrapper does by default."""
+
+    def __init__(self, aircraft: Aircraft) -> None:
+        super().__init__(aircraft, state_rate_hz=1.0)
+
+
+class _LockstepSlow(LockstepPsdk):
+    front = _Slow
+
+
+def test_nothing_from_before_a_silence_is_believed_after_it() -> None:
+    with ready(_LockstepSlow) as (uav, backend):
+        fly(uav)
+        for east in (30.0, -30.0, 30.0, -30.0):
+            uav.go_to_waypoint(Pose.at(east, 0.0, 5.0), blocking=False)
+            wait(backend, 2.0 + 0.005 * abs(backend.aircraft.now_s % 100.0))
+            with backend.lock:
+                backend.bridge.faults.silent_topics.update(backend.bridge.nodes[0].topics)
+            wait(backend, 0.1)
+            with backend.lock:
+                backend.aircraft.pilot_takes_over()
+            wait(backend, 1.2)
+            backend.bridge.faults.silent_topics.clear()
+            back_s = backend.aircraft.now_s
+            until(lambda: uav.state() is State.FLYING_MANUAL)
+            assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > back_s]
+            uav.recover_from_manual()
+
+
+def test_an_update_that_fails_keeps_the_connection(caplog: pytest.LogCaptureFixture) -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        update = backend._on_update
+        failures: list[Snapshot] = []
+        assert update is not None
+
+        def fail_once(snapshot: Snapshot) -> None:
+            if not failures:
+                failures.append(snapshot)
+                raise RuntimeError("a defect of the layers above")
+            update(snapshot)
+
+        count = backend._link.connections_count
+        backend._on_update = fail_once
+        wait(backend, 3.0)
+        assert failures
+        assert backend._link.connections_count == count
+        assert uav.state() is State.FLYING_AUTO
+        assert "an update failed" in caplog.text
+
+
+class _BreaksOnce(LockstepPsdk):
+    """The connection breaks once, while the backend subscribes."""
+
+    is_broken = False
+
+    @override
+    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> Transport:
+        transport = super()._connect(url, wait)
+        send = transport.send
+
+        def break_once(text: bytes, *, is_perishable: bool = False) -> bool:
+            if not self.is_broken and b'"subscribe"' in text and b"psdk_ros2/display_mode" in text:
+                self.is_broken = True
+                raise ConnectionResetError
+            return send(text, is_perishable=is_perishable)
+
+        transport.send = break_once  # type: ignore[method-assign]
+        return transport
+
+
+def test_a_connection_that_breaks_in_the_first_subscription_is_healed() -> None:
+    with ready(_BreaksOnce) as (uav, backend):
+        assert backend.is_broken  # type: ignore[attr-defined]
+        fly(uav)
 
 
 class _Beginning(OsdkSdkNode):
