@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from typing_extensions import override
+
 from tests.simulators.physics import Agility, Body, Target, Vector, control
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual_daemon.geodesy import EllipsoidProjection
@@ -38,6 +40,7 @@ class Aircraft:
         self.refusal = ""
         """Why it refuses to start its motors and to give authority; empty: it does not."""
         self.gps_level = 5
+        self.motor_error = 0
         self.has_rtk = False
         self.obstacle_front_m = math.inf
         self.percentage = 0.9
@@ -243,11 +246,6 @@ class Front:
             yield from self._logged()
 
     def _logged(self) -> Iterator[tuple[str, Message]]:
-        log, self.aircraft.log = self.aircraft.log, []
-        for words in log:
-            yield "/rosout", self.log_message(words)
-
-    def log_message(self, words: str) -> Message:
         raise NotImplementedError
 
     def joy(self, message: Message) -> None:
@@ -282,7 +280,7 @@ class Psdk(Front):
                 "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
                 "home_point": ("sensor_msgs/NavSatFix", 1.0, self._home),
                 "home_point_status": ("std_msgs/Bool", 1.0, lambda: one(a.is_home_set)),
-                "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(0)),
+                "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(a.motor_error)),
                 "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
             },
         )
@@ -305,7 +303,14 @@ class Psdk(Front):
         }
         return {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
 
-    def log_message(self, words: str) -> Message:
+    @override
+    def _logged(self) -> Iterator[tuple[str, Message]]:
+        """Logs why something was refused. Its answer comes before this."""
+        log, self.aircraft.log = self.aircraft.log, []
+        for words in log:
+            yield "/rosout", self._log_message(words)
+
+    def _log_message(self, words: str) -> Message:
         return {
             "stamp": {"sec": 0, "nanosec": 0},
             "level": 40,
@@ -369,13 +374,11 @@ class _Osdk(Front):
             },
         )
 
-    def log_message(self, words: str) -> Message:
-        return {
-            "header": {"stamp": {"sec": 0, "nanosec": 0}},
-            "level": 8,
-            "name": "/dji_sdk vehicle_node",
-            "msg": words,
-        }
+    @override
+    def _logged(self) -> Iterator[tuple[str, Message]]:
+        """Logs nothing: what DJI's SDK says of a refusal (DERROR) is on the console of the node only."""
+        self.aircraft.log.clear()
+        yield from ()
 
     def _rates(self) -> Message:
         return self.aircraft.stamped(vector={"x": 0.0, "y": 0.0, "z": -self.aircraft.body.yaw_rate_rad_s})

@@ -22,7 +22,7 @@ from ual_daemon.backends.dji.discovery import Discovery
 from ual_daemon.backends.dji.landing import Descent, LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
-from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Wrapper
+from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Control,
@@ -49,6 +49,8 @@ _UPDATE_S = 0.05
 _BLIND_S, _CATCH_UP_S = 0.2, 0.1
 """After this thread has not run for so long, it takes so long to read what waited. No setpoint leaves meanwhile."""
 _SILENCE_S = 3.0
+_MOST_MISSING = 3
+"""More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0
 _STOP_AGAIN_S = 3.0
 _DESCENT_S = 0.018
@@ -93,7 +95,7 @@ class DjiBackend(Backend):
         self.clock = MonotonicClock()
         self._link = self._make_link()
         self._discovery = Discovery(self._link)
-        self._commands = Commands(self._link, self._words)
+        self._commands = Commands(self._link, self.clock, self._words)
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
@@ -152,7 +154,7 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
-        snapshot = self._with_descent(telemetry.snapshot(now_s))
+        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)))
         snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
 
@@ -166,6 +168,16 @@ class DjiBackend(Backend):
             landed=Sample(LandedState.LANDING, landed.time_s),
             status_text=_WAITS if descent.waits else snapshot.status_text,
         )
+
+    def _missing(self, telemetry: Telemetry, now_s: float) -> str:
+        """Returns which topics do not come without which it cannot be flown, for people; empty if they come."""
+        missing = telemetry.missing_topics(now_s)
+        return "; ".join(self._fault(topic) for topic in missing[:_MOST_MISSING])
+
+    def _fault(self, topic: Topic) -> str:
+        name = self._url.resolve(topic.name)
+        known = (fault for fault in self._link.faults() if name in fault.split())
+        return next(known, f"nothing comes on {name}")
 
     def _why_no_vehicle(self) -> str:
         if self._link.state is not LinkState.UP:
@@ -195,9 +207,6 @@ class DjiBackend(Backend):
 
     @override
     def arm(self) -> Future[None]:
-        telemetry = self._telemetry
-        if telemetry is not None and telemetry.why_not_start:
-            return _refusal(telemetry.why_not_start)
         return self._with_authority(lambda wrapper: (wrapper.motors_on,))
 
     @override
@@ -254,7 +263,7 @@ class DjiBackend(Backend):
 
     def _run(self, choose: _Choose) -> Future[None]:
         telemetry = self._telemetry
-        if telemetry is None:
+        if telemetry is None or not self._link.is_up:
             return futures.failed(LinkLostError(self._why_no_vehicle()))
         telemetry.words = ""
         return self._commands.run(choose(telemetry.wrapper))
@@ -262,7 +271,11 @@ class DjiBackend(Backend):
     def _with_authority(self, choose: _Choose, *, is_known: bool = True) -> Future[None]:
         """Obtains the control authority first, unless it `is_known` to be ours: DJI starts nothing without it."""
         telemetry = self._telemetry
-        if telemetry is None or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority):
+        if (
+            telemetry is None
+            or not self._link.is_up
+            or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority)
+        ):
             return self._run(choose)
         telemetry.words = ""
         self._holding.ask(self.clock.now_s())
@@ -291,13 +304,16 @@ class DjiBackend(Backend):
 
     def _words(self) -> str:
         telemetry = self._telemetry
-        return "" if telemetry is None else "; ".join(filter(None, (telemetry.words, telemetry.why_not_start)))
+        if telemetry is None:
+            return ""
+        return "; ".join(filter(None, (telemetry.words, telemetry.why_not_start, telemetry.wrapper.reasons)))
 
     # --- The link's thread --------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         now_s = self.clock.now_s()
         self._watch_pause(now_s)
+        self._commands.tick(now_s)
         if self._telemetry is None and self._link.is_up:
             self._discover(now_s)
         telemetry = self._telemetry

@@ -15,7 +15,7 @@ from ual_daemon.backends.dji.local_frame import LocalFrame
 from ual_daemon.backends.dji.motor_errors import motor_error_text
 from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.wrappers import Wrapper
+from ual_daemon.backends.dji.wrappers import Topic, Wrapper
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
@@ -38,7 +38,10 @@ class Telemetry:
         self.authority = Authority()
         self.obstacles = ObstacleWatch()
         self._plausibility = Plausibility()
-        self.status_text = ""
+        self._taken_s: dict[str, float] = {}
+        self._begun_s = math.inf
+        self._braked: Sample[str] | None = None
+        self._logged: Sample[str] | None = None
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
         self.height: Sample[float] | None = None
@@ -82,6 +85,7 @@ class Telemetry:
         if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
             return
         self._stamps[name] = stamp
+        self._taken_s[name] = now_s
         getattr(self, name)(message, now_s)
 
     def discard_state(self) -> None:
@@ -243,11 +247,12 @@ class Telemetry:
         names = [name for name in ("front", "left", "back", "right") if message[f"{name}_health"]]
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
-    def take_log(self, message: Message, _: float) -> None:
+    def take_log(self, message: Message, now_s: float) -> None:
         """Takes what the wrapper logs: that is where it writes what DJI's SDK answered."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
-            self.words = self.status_text = str(message["msg"])
+            self.words = str(message["msg"])
+            self._logged = Sample(self.words, now_s)
 
     # --- What they say together ---------------------------------------------------------------------------------------
 
@@ -312,11 +317,28 @@ class Telemetry:
         if pose is None or velocity is None:
             return ""
         braked = self.obstacles.observe(wanted, velocity.value, pose.value.yaw_rad, now_s)
-        self.status_text = braked or self.status_text
+        self._braked = Sample(braked, now_s)
         return braked
 
-    def snapshot(self, now_s: float) -> Snapshot:
-        """Returns what is known."""
+    def missing_topics(self, now_s: float) -> tuple[Topic, ...]:
+        """Returns the topics on which nothing came for long, and without which it cannot be flown."""
+        self._begun_s = min(self._begun_s, now_s)
+        required = (topic for topic in self.wrapper.topics if topic.is_required)
+        return tuple(
+            topic for topic in required if now_s - self._taken_s.get(topic.taken_by, self._begun_s) > _MISSING_S
+        )
+
+    def _status_text(self, missing: str, now_s: float) -> str:
+        """Returns the most important thing to say now."""
+        braked, logged = self._braked, self._logged
+        if missing:
+            return missing
+        if braked is not None and braked.value and now_s - braked.time_s <= _BRAKED_S:
+            return braked.value
+        return logged.value if logged is not None and now_s - logged.time_s <= _LOGGED_S else ""
+
+    def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
+        """Returns what is known. `missing` says for people which topics do not come."""
         status, velocity = self._status, self._velocity
         mode = self._mode()
         return Snapshot(
@@ -327,7 +349,7 @@ class Telemetry:
             armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
             landed=None if status is None else Sample(self._landed(status.value), status.time_s),
             mode=mode,
-            estimator=self._estimator(now_s),
+            estimator=self._estimator(missing, now_s),
             pose=self._pose,
             velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
             position_geo=self._geo,
@@ -337,7 +359,7 @@ class Telemetry:
             home_geo=self._home if self._is_home_set else None,
             battery=self._battery,
             gps=self._gps(),
-            status_text=self.status_text,
+            status_text=self._status_text(missing, now_s),
             failsafe=self._failsafe(),
             held_by=None if mode is None else self._held_by(),
             health=self._health(),
@@ -347,14 +369,21 @@ class Telemetry:
         level = self._level
         return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _LEVEL_S
 
-    def _estimator(self, now_s: float) -> Sample[Estimator] | None:
-        level = self._level
-        if level is None:
+    def _estimator(self, missing: str, now_s: float) -> Sample[Estimator] | None:
+        level, why = self._level, self._why_bad(missing, now_s)
+        if level is None and not missing:
             return None
-        why = f"the quality of the position is {level.value} of 5, and {self._settings.least_gps_level} is needed"
+        return Sample(Estimator(not why, why), now_s if missing or level is None else level.time_s)
+
+    def _why_bad(self, missing: str, now_s: float) -> str:
+        """Returns why the position is not good, for people; empty if it is."""
+        if missing:
+            return missing
         if self._velocity is None or now_s - self._velocity.time_s > _VELOCITY_S:
-            return Sample(Estimator(False, f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"), now_s)
-        return Sample(Estimator(True) if self._is_good(now_s) else Estimator(False, why), level.time_s)
+            return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
+        level = None if self._level is None else self._level.value
+        least = self._settings.least_gps_level
+        return "" if self._is_good(now_s) else f"the quality of the position is {level} of 5, and {least} is needed"
 
     def _gps(self) -> GpsInfo | None:
         if self._level is None:
@@ -398,6 +427,10 @@ class Telemetry:
 LINK_S = 1.0
 """After so long without a message the link counts as lost."""
 _LEVEL_S = 3.0
+_MISSING_S = 3.0
+"""A topic on which nothing came for so long is named."""
+_BRAKED_S, _LOGGED_S = 1.0, 10.0
+"""How long it is told what brakes the aircraft, and what the wrapper has logged."""
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _FARTHEST_HOME_M = 30_000.0

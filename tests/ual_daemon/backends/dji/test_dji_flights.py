@@ -6,7 +6,7 @@ import math
 import random
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
 import pytest
@@ -17,7 +17,7 @@ from tests.simulators.dji import AUTO_LANDING, P_GPS, STEP_S, Aircraft, OsdkSdkN
 from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
 from tests.simulators.rosbridge import Message, RefusedError, Service
-from ual.errors import RejectedByAutopilotError, TaskAbortedError
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import GpsFix, Limits, State
 from ual_daemon import UAL
@@ -231,13 +231,123 @@ def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
         assert uav.state() is State.LANDING
 
 
-@pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
-def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji]) -> None:
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (LockstepPsdk, "no-fly zone"),
+        (LockstepOsdk, "ack_data 1; DJI's reason is on the console of the node"),
+        (LockstepOsdkVehicle, "DJI's reason is on the console of the node"),
+    ],
+)
+def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji], words: str) -> None:
     with ready(kind) as (uav, backend):
         backend.aircraft.refusal = "Could not turn on motors. In a no-fly zone. Error code is: 68719476736"
+        with pytest.raises(RejectedByAutopilotError, match=words):
+            uav.arm()
+
+
+def test_the_aircraft_itself_is_asked_whether_its_motors_start() -> None:
+    with ready() as (uav, backend):
+        backend.aircraft.motor_error = 1
+        until(lambda: "compass" in str(backend.snapshot().health))
+        backend.aircraft.refusal = "Could not turn on motors"
+        with pytest.raises(
+            RejectedByAutopilotError, match="Could not turn on motors; motor start error 1: the compass"
+        ):
+            uav.arm()
+        backend.aircraft.refusal = ""
+        uav.arm()
+        assert uav.state() is State.LANDED_ARMED
+
+
+def test_what_was_logged_is_told_for_a_while() -> None:
+    with ready() as (uav, backend):
+        backend.aircraft.refusal = "In a no-fly zone"
         with pytest.raises(RejectedByAutopilotError):
             uav.arm()
-        until(lambda: "no-fly zone" in backend.snapshot().status_text)
+        assert "no-fly zone" in backend.snapshot().status_text
+        wait(backend, 11.0)
+        assert backend.snapshot().status_text == ""
+
+
+class _Breaking(LockstepPsdk):
+    """The bridge can be ended."""
+
+    is_gone = False
+
+    @override
+    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> Transport:
+        transport = super()._connect(url, wait)
+        receive, send = transport.receive, transport.send
+
+        def receive_or_fail(timeout_s: float) -> Sequence[str | bytes]:
+            found = receive(timeout_s)
+            self._check()
+            return found
+
+        def send_or_fail(text: bytes, *, is_perishable: bool = False) -> bool:
+            self._check()
+            return send(text, is_perishable=is_perishable)
+
+        transport.receive, transport.send = receive_or_fail, send_or_fail  # type: ignore[method-assign]
+        return transport
+
+    def _check(self) -> None:
+        if self.is_gone:
+            raise ConnectionResetError("the bridge is gone")
+
+
+def test_a_command_without_a_link_says_that_the_link_is_lost() -> None:
+    with ready(_Breaking) as (_, backend):
+        backend.is_gone = True  # type: ignore[attr-defined]
+        with pytest.raises(LinkLostError):
+            backend.land(Limits()).result(LIMIT_S)
+        until(lambda: not backend._link.is_up)
+        for command in (backend.arm, backend.take_control, backend.hold):
+            with pytest.raises(LinkLostError, match="gone"):
+                command().result(LIMIT_S)
+
+
+def without(topic: str) -> type[LockstepPsdk]:
+    """The wrapper without a topic."""
+
+    class Lacking(Psdk):
+        def __init__(self, aircraft: Aircraft) -> None:
+            super().__init__(aircraft)
+            del self._kinds[f"{self.prefix}{topic}"]
+
+    class LockstepLacking(LockstepPsdk):
+        front = Lacking
+
+    return LockstepLacking
+
+
+@pytest.mark.parametrize(
+    "topic", ["attitude", "altitude_sea_level", "gps_position_fused", "velocity_ground_fused", "gps_control_level"]
+)
+def test_a_topic_of_the_position_that_is_missing_is_named_in_the_state(topic: str) -> None:
+    backend = without(topic)(BackendOptions("uav_1"), 20.0)
+    with UAL(backend, allow_arming=True) as uav:
+        until(lambda: f"nobody publishes /psdk_ros2/{topic}" in uav.telemetry().state_reason)
+        assert f"nobody publishes /psdk_ros2/{topic}" in uav.telemetry().status_text
+        assert uav.state() is State.UNINITIALIZED
+
+
+@pytest.mark.parametrize("topic", ["flight_status", "display_mode", "control_mode"])
+def test_a_topic_of_the_state_that_is_missing_is_named(topic: str) -> None:
+    backend = without(topic)(BackendOptions("uav_1"), 20.0)
+    with UAL(backend, allow_arming=True) as uav:
+        until(lambda: f"nobody publishes /psdk_ros2/{topic}" in uav.telemetry().status_text)
+
+
+def test_a_topic_that_has_stopped_is_named_until_it_comes() -> None:
+    with ready() as (_, backend):
+        backend.bridge.faults.silent_topics.add("/psdk_ros2/attitude")
+        until(lambda: backend.snapshot().status_text == "nothing comes on /psdk_ros2/attitude")
+        wait(backend, 5.0)
+        assert backend.snapshot().status_text == "nothing comes on /psdk_ros2/attitude"
+        backend.bridge.faults.silent_topics.clear()
+        until(lambda: backend.snapshot().status_text == "")
 
 
 def test_the_end_of_the_daemon_releases_the_authority() -> None:
@@ -380,6 +490,7 @@ def test_obstacle_avoidance_that_brakes_is_told() -> None:
         until(lambda: "obstacle avoidance brakes: an obstacle 4.0 m to the front" in backend.snapshot().status_text)
         backend.aircraft.obstacle_front_m = math.inf
         task.wait(LIMIT_S)
+        until(lambda: backend.snapshot().status_text == "")
 
 
 def test_rtk_is_used_where_there_is_one() -> None:
