@@ -10,8 +10,8 @@ from ual_daemon.backends.values import VelocitySetpoint
 
 _BEGINS_S = 2.5
 """A landing that was accepted shows in the display mode within this time."""
-_HEIGHT_S = 1.5
-"""An older height confirms nothing."""
+_HEIGHT_S, _MODE_S = 1.5, 1.5
+"""With an older height or mode nothing is confirmed."""
 _FAST_M_S, _SLOW_M_S = 1.0, 0.5
 _SLOW_BELOW_M = 5.0
 """The height above the take-off says little about the ground here: it descends slowly early."""
@@ -44,7 +44,7 @@ class LandingRequest:
         is_over = self._has_begun and not telemetry.is_descending
         self.has_ended = telemetry.is_on_ground or not is_ours or is_over or is_late
         height = telemetry.height
-        if self.has_ended or not telemetry.is_landing or height is None:
+        if self.has_ended or not telemetry.is_landing or height is None or now_s - telemetry.mode_s > _MODE_S:
             return False
         return now_s - height.time_s <= _HEIGHT_S and height.value <= below_m
 

@@ -267,6 +267,12 @@ class Telemetry:
         return self._device is not None
 
     @property
+    def mode_s(self) -> float:
+        """When the older one of display mode and authority was said."""
+        mode = self._mode()
+        return -math.inf if mode is None else mode.time_s
+
+    @property
     def is_authority_lost(self) -> bool:
         """Whether another one has the control authority, as far as the wrapper shows it."""
         return not self.has_authority if self.wrapper.says_authority else self.authority.is_lost

@@ -171,7 +171,8 @@ def test_a_landing_that_was_replaced_by_control_is_not_confirmed() -> None:
         assert backend.aircraft.confirmations_count == 0
 
 
-def test_an_old_height_confirms_no_landing() -> None:
+@pytest.mark.parametrize("topic", ["height_above_ground", "display_mode", "control_mode"])
+def test_what_is_old_confirms_no_landing(topic: str) -> None:
     with ready() as (uav, backend):
         fly(uav)
         asked_s: list[float] = []
@@ -183,7 +184,7 @@ def test_an_old_height_confirms_no_landing() -> None:
         backend.aircraft.confirm_landing = refuse  # type: ignore[method-assign]
         uav.land(blocking=False)
         until(lambda: len(asked_s) >= 3)  # it is asked again and again
-        backend.bridge.faults.silent_topics.add("/psdk_ros2/height_above_ground")
+        backend.bridge.faults.silent_topics.add(f"/psdk_ros2/{topic}")
         silent_s = backend.aircraft.now_s
         wait(backend, 5.0)
         assert asked_s[-1] <= silent_s + 2.0
