@@ -401,7 +401,7 @@ def _log_refusal(answer: Future[None]) -> None:
     """Logs what was refused of what nobody waits for."""
     error = answer.exception()
     if error is not None:
-        logs.event(_log, logging.WARNING, "refused", why=str(error))
+        logs.event(_log, logging.WARNING, "not_executed", why=str(error))
 
 
 def _refusal(words: str) -> Future[None]:
