@@ -103,6 +103,7 @@ class DjiBackend(Backend):
         self._stepped_s = self._read_s = self._late_s = float("-inf")
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
+        self._ended_landings_count = 0
         self._landing: LandingRequest | None = None
         self._descent: Descent | None = None
         self._descended_s = self._stopped_s = float("-inf")
@@ -224,20 +225,23 @@ class DjiBackend(Backend):
     @override
     def land(self, limits: Limits) -> Future[None]:
         telemetry = self._telemetry
-        self._end_landing()
         if telemetry is not None and telemetry.wrapper.land is None:
             return self._descend(telemetry, limits)
-        request = self._landing = LandingRequest()  # DJI's own landing takes no speed
+        # DJI's own landing takes no speed.
         landing = self._run(lambda wrapper: () if wrapper.land is None else (wrapper.land,))
-        landing.add_done_callback(partial(self._landing_answered, request))
+        landing.add_done_callback(partial(self._landing_answered, self._ended_landings_count))
         return landing
 
-    def _landing_answered(self, request: LandingRequest, answer: Future[None]) -> None:
-        if not answer.cancelled() and answer.exception() is None:
-            request.accept(self.clock.now_s())
+    def _landing_answered(self, ended_count: int, answer: Future[None]) -> None:
+        """Takes a landing that was accepted. Where it was refused, one that is under way goes on."""
+        is_accepted = not answer.cancelled() and answer.exception() is None
+        if is_accepted and self._ended_landings_count == ended_count:
+            self._landing = LandingRequest(self.clock.now_s())
 
     def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
         """Begins a landing by velocities."""
+        if not self._link.is_up:
+            return futures.failed(LinkLostError(self._why_no_vehicle()))
         if telemetry.pose is None or not telemetry.has_authority or telemetry.is_on_ground:
             return _refusal("Land: the aircraft does not follow this program")
         self._descent = Descent(telemetry.pose.value.position, limits)
@@ -245,6 +249,7 @@ class DjiBackend(Backend):
 
     def _end_landing(self) -> None:
         """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
+        self._ended_landings_count += 1
         self._landing = self._descent = None
 
     @override
@@ -255,11 +260,16 @@ class DjiBackend(Backend):
     @override
     def hold(self) -> Future[None]:
         self._end_landing()
-        self._holding.drop()
         telemetry = self._telemetry
         if telemetry is not None:
             telemetry.authority.grant(is_granted=False)
-        return self._run(lambda wrapper: (wrapper.release,))
+        released = self._run(lambda wrapper: (wrapper.release,))
+        released.add_done_callback(self._released)
+        return released
+
+    def _released(self, answer: Future[None]) -> None:
+        if not answer.cancelled() and answer.exception() is None:
+            self._holding.drop()
 
     def _run(self, choose: _Choose) -> Future[None]:
         telemetry = self._telemetry
@@ -320,7 +330,8 @@ class DjiBackend(Backend):
         if telemetry is not None:
             if telemetry.is_authority_known:
                 self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
-            self._lead_landing(telemetry, now_s)
+            if self._read_s == now_s:
+                self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
         if poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S:
             self._poses_count, self._updated_s = poses_count, now_s

@@ -23,20 +23,16 @@ _SETTLED_M_S, _SETTLED_S = 0.15, 4.0
 
 
 class LandingRequest:
-    """A landing by the aircraft itself. It is confirmed only from the wrapper's answer on, and until it has ended."""
+    """A landing by the aircraft itself, which the wrapper has accepted. It is confirmed until it has ended."""
 
-    def __init__(self) -> None:
-        self._accepted_s: float | None = None
+    def __init__(self, accepted_s: float) -> None:
+        self._accepted_s = accepted_s
         self._has_begun = False
         self.has_ended = False
 
-    def accept(self, now_s: float) -> None:
-        """Notes that the wrapper has accepted it."""
-        self._accepted_s = now_s
-
     def needs_confirmation(self, telemetry: Telemetry, below_m: float, now_s: float) -> bool:
         """Whether it is to be confirmed now. Notes its end; to be called often."""
-        if self._accepted_s is None or self.has_ended:
+        if self.has_ended or now_s - telemetry.mode_s > _MODE_S:
             return False
         is_ours = telemetry.has_authority or not telemetry.wrapper.says_authority
         self._has_begun = self._has_begun or telemetry.is_descending
@@ -44,7 +40,7 @@ class LandingRequest:
         is_over = self._has_begun and not telemetry.is_descending
         self.has_ended = telemetry.is_on_ground or not is_ours or is_over or is_late
         height = telemetry.height
-        if self.has_ended or not telemetry.is_landing or height is None or now_s - telemetry.mode_s > _MODE_S:
+        if self.has_ended or not telemetry.is_landing or height is None:
             return False
         return now_s - height.time_s <= _HEIGHT_S and height.value <= below_m
 

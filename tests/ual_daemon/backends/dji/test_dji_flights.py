@@ -171,6 +171,37 @@ def test_a_landing_that_was_replaced_by_control_is_not_confirmed() -> None:
         assert backend.aircraft.confirmations_count == 0
 
 
+def test_a_landing_that_is_commanded_again_and_refused_goes_on() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        uav.land(blocking=False)
+        until(lambda: uav.state() is State.LANDING)
+        with refused_landing(backend), pytest.raises(RejectedByAutopilotError):
+            backend.land(Limits()).result(LIMIT_S)
+        until(lambda: uav.state() is State.LANDED_DISARMED)
+
+
+def test_a_landing_with_a_silence_in_it_is_confirmed_after_it() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        uav.land(blocking=False)
+        until(lambda: uav.state() is State.LANDING)
+        backend.bridge.faults.silent_topics.update(backend.bridge.nodes[0].topics)
+        wait(backend, 5.0)
+        assert backend.aircraft.confirmations_count == 0
+        backend.bridge.faults.silent_topics.clear()
+        until(lambda: uav.state() is State.LANDED_DISARMED)
+
+
+def test_authority_that_was_given_up_is_not_released_again() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        backend.hold().result(LIMIT_S)
+        until(lambda: uav.state() is State.FLYING_MANUAL)
+        backend.aircraft.obtain()  # another program
+    assert backend.aircraft.device == 4
+
+
 @pytest.mark.parametrize("topic", ["height_above_ground", "display_mode", "control_mode"])
 def test_what_is_old_confirms_no_landing(topic: str) -> None:
     with ready() as (uav, backend):
