@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from typing_extensions import override
+
 from tests.simulators.physics import Agility, Body, Target, Vector, control
 from tests.simulators.rosbridge import Message, RefusedError, Service
 from ual_daemon.geodesy import EllipsoidProjection
@@ -38,14 +40,20 @@ class Aircraft:
         self.refusal = ""
         """Why it refuses to start its motors and to give authority; empty: it does not."""
         self.gps_level = 5
+        self.motor_error = 0
         self.has_rtk = False
         self.obstacle_front_m = math.inf
         self.percentage = 0.9
         self.needs_confirmation = True
+        self.protects_landing = False
+        """Whether velocities lead it no lower than where a landing waits for its confirmation."""
+        self.home_deg = ORIGIN[:2]
+        self.is_home_set = True
         self.setpoints: list[tuple[float, Vector, float]] = []
         """All velocities that came, with their times: north, east, down, and yaw rate to the right."""
         self.sticks: Vector = (0.0, 0.0, 0.0)
         self.log: list[str] = []
+        self.confirmations_count = 0
         self._confirmed = False
         self._hold: Vector | None = None
         self._projection = EllipsoidProjection(*ORIGIN)
@@ -84,6 +92,7 @@ class Aircraft:
         self.display, self._confirmed, self._hold = AUTO_LANDING, not self.needs_confirmation, None
 
     def confirm_landing(self) -> None:
+        self.confirmations_count += 1
         self._check_sdk()
         if self.display != AUTO_LANDING:
             self._fail("it is not landing")
@@ -148,7 +157,7 @@ class Aircraft:
         newest = self.setpoints[-1] if self.setpoints else None
         if self.device == SDK and newest is not None and self.now_s - newest[0] < _STALE_S:
             self.display, self._hold = SDK_CONTROL, None
-            return Target(velocity=self._braked(newest[1]), yaw_rate_rad_s=newest[2])
+            return Target(velocity=self._protected(self._braked(newest[1])), yaw_rate_rad_s=newest[2])
         if self.device == RC and any(self.sticks):
             self._hold = None
             return Target(velocity=self.sticks)
@@ -170,6 +179,10 @@ class Aircraft:
         forward = velocity[0] * math.cos(self.body.yaw_rad) + velocity[1] * math.sin(self.body.yaw_rad)
         is_near = self.obstacle_front_m < 5.0 and forward > 0.0
         return (0.0, 0.0, velocity[2]) if is_near else velocity
+
+    def _protected(self, velocity: Vector) -> Vector:
+        is_held = self.protects_landing and self.height_m <= _CONFIRM_M and velocity[2] > 0.0
+        return (velocity[0], velocity[1], 0.0) if is_held else velocity
 
     # --- Messages that both wrappers have -----------------------------------------------------------------------------
 
@@ -233,11 +246,6 @@ class Front:
             yield from self._logged()
 
     def _logged(self) -> Iterator[tuple[str, Message]]:
-        log, self.aircraft.log = self.aircraft.log, []
-        for words in log:
-            yield "/rosout", self.log_message(words)
-
-    def log_message(self, words: str) -> Message:
         raise NotImplementedError
 
     def joy(self, message: Message) -> None:
@@ -270,7 +278,9 @@ class Psdk(Front):
                 "rc_connection_status": ("psdk_interfaces/RCConnectionStatus", 1.0, self._rc),
                 "battery": ("sensor_msgs/BatteryState", 1.0, self._battery),
                 "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
-                "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(0)),
+                "home_point": ("sensor_msgs/NavSatFix", 1.0, self._home),
+                "home_point_status": ("std_msgs/Bool", 1.0, lambda: one(a.is_home_set)),
+                "motor_start_error": ("std_msgs/UInt16", 1.0, lambda: one(a.motor_error)),
                 "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
             },
         )
@@ -293,7 +303,14 @@ class Psdk(Front):
         }
         return {f"/psdk_ros2/{name}": _triggered(action) for name, action in actions.items()}
 
-    def log_message(self, words: str) -> Message:
+    @override
+    def _logged(self) -> Iterator[tuple[str, Message]]:
+        """Logs why something was refused. Its answer comes before this."""
+        log, self.aircraft.log = self.aircraft.log, []
+        for words in log:
+            yield "/rosout", self._log_message(words)
+
+    def _log_message(self, words: str) -> Message:
         return {
             "stamp": {"sec": 0, "nanosec": 0},
             "level": 40,
@@ -322,6 +339,11 @@ class Psdk(Front):
 
     def _battery(self) -> Message:
         return self.aircraft.stamped(percentage=self.aircraft.percentage, voltage=44.4, current=-10.0)
+
+    def _home(self) -> Message:
+        """In radians, as DJI has it: the wrapper does not convert it."""
+        latitude, longitude = map(math.radians, self.aircraft.home_deg)
+        return self.aircraft.stamped(latitude=latitude, longitude=longitude, altitude=0.0)
 
     def _obstacles(self) -> Message:
         names = ("down", "front", "right", "back", "left", "up")
@@ -352,13 +374,11 @@ class _Osdk(Front):
             },
         )
 
-    def log_message(self, words: str) -> Message:
-        return {
-            "header": {"stamp": {"sec": 0, "nanosec": 0}},
-            "level": 8,
-            "name": "/dji_sdk vehicle_node",
-            "msg": words,
-        }
+    @override
+    def _logged(self) -> Iterator[tuple[str, Message]]:
+        """Logs nothing: what DJI's SDK says of a refusal (DERROR) is on the console of the node only."""
+        self.aircraft.log.clear()
+        yield from ()
 
     def _rates(self) -> Message:
         return self.aircraft.stamped(vector={"x": 0.0, "y": 0.0, "z": -self.aircraft.body.yaw_rate_rad_s})

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing_extensions import override
 
 from tests.simulators.dji import STEP_S, Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
+from tests.simulators.dji_node import OneThreadBridge
 from tests.simulators.pace import Pace
 from tests.simulators.rosbridge import Bridge
 from ual.interface import Simulation
@@ -86,11 +87,12 @@ class LockstepDji(DjiBackend):
 
     ros = 2
     front: Callable[[Aircraft], Front] = Psdk
+    bridge_kind: type[Bridge] = Bridge
 
     def __init__(self, options: BackendOptions, speed: float = SPEED) -> None:
         self.aircraft = Aircraft()
         kind = type(self)
-        self.bridge = Bridge(kind.ros, [kind.front(self.aircraft)])
+        self.bridge = kind.bridge_kind(kind.ros, [kind.front(self.aircraft)])
         self.lock = threading.RLock()
         self._speed = speed
         super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:1", options.settings))
@@ -128,6 +130,7 @@ class LockstepOsdkVehicle(LockstepDji):
 
     ros = 1
     front = OsdkVehicleNode
+    bridge_kind = OneThreadBridge
 
 
 class DjiPilot(Simulation):

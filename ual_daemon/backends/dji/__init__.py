@@ -3,10 +3,11 @@
 It has not flown a real aircraft yet. The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
+- ``landing``: landings that were asked for: confirmed, or flown by velocities
 - ``commands``: services that are called one after another
 - ``discovery``: which wrapper there is, by its services
 - ``telemetry``: from messages to snapshots
-- ``authority``: who controls the aircraft, where the wrapper does not say it
+- ``authority``: who controls the aircraft, where the wrapper does not say it, and whether the end releases it
 - ``wrappers``: names, types and numbers of the two wrappers
 - ``local_frame``, ``obstacles``, ``modes``, ``settings``
 """

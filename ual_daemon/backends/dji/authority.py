@@ -21,10 +21,19 @@ class Authority:
         self._sent_s: float | None = None
         self._is_in_air = False
         self._lifted_s: float | None = None
+        self._is_taking_off = False
+        self.is_lost = False
+        """Whether another one was seen to fly it since authority was granted."""
 
     def grant(self, *, is_granted: bool) -> None:
         """Notes the answer of the wrapper to our request, or our release."""
         self._is_granted, self._has_followed, self._sent_s = is_granted, False, None
+        self.is_lost = self.is_lost and not is_granted
+
+    def forget(self) -> None:
+        """Forgets what was granted: the pilot may have taken over unseen. An aircraft that follows an SDK shows it."""
+        self._is_granted = self._has_followed = self._is_taking_off = False
+        self._sent_s = self._lifted_s = None
 
     def note_setpoint(self, now_s: float) -> None:
         """Notes that a setpoint was sent."""
@@ -39,19 +48,57 @@ class Authority:
         if self._is_in_air and not was_in_air:
             self._lifted_s = now_s
 
-    def observe(self, display_mode: int, now_s: float) -> bool:
-        """Takes the display mode. Returns whether the aircraft follows an SDK, or would."""
+    def observe(self, display_mode: int, height_m: float | None, now_s: float) -> bool:
+        """Takes the display mode and the height above the take-off. Returns whether it follows an SDK, or would."""
+        was_taking_off, self._is_taking_off = self._is_taking_off, display_mode in modes.TAKING_OFF
         if display_mode in modes.TAKING_OFF or display_mode == modes.SDK_CONTROL:
             self._lifted_s = None
         elif self._lifted_s is not None and now_s - self._lifted_s > _FOLLOWS_S:
-            self._is_granted, self._lifted_s = False, None
+            self._lose(display_mode)
+            self._lifted_s = None
         if display_mode == modes.SDK_CONTROL:
             self._has_followed = True
             return True
         is_ignored = self._sent_s is not None and now_s - self._sent_s > _FOLLOWS_S
         is_waiting = display_mode in (modes.P_GPS, modes.ENGINE_START) or display_mode in modes.TAKING_OFF
-        if display_mode in modes.TAKING_OFF:
-            self._sent_s = None
-        elif self._has_followed or is_ignored or not is_waiting:
-            self._is_granted = False
+        is_cut_short = was_taking_off and height_m is not None and height_m < _CLIMBED_M
+        if display_mode in modes.TAKING_OFF:  # P_GPS comes after it, whatever showed on the ground
+            self._sent_s, self._has_followed = None, False
+        elif self._has_followed or is_ignored or is_cut_short or not is_waiting:
+            self._lose(display_mode)
         return self._is_granted
+
+    def _lose(self, display_mode: int) -> None:
+        """Notes that authority is not ours. A landing, which ends it, too, does not show another one."""
+        self._is_granted = False
+        self.is_lost = self.is_lost or (self._is_in_air and display_mode not in modes.LANDING)
+
+
+class Holding:
+    """Whether authority was asked for here, and was not seen lost since: the end of the daemon then releases it."""
+
+    def __init__(self) -> None:
+        self.is_held = self.is_granted = False
+        self._asked_s = 0.0
+        self._was_seen = False
+
+    def ask(self, now_s: float) -> None:
+        """Notes that it is asked for. Without an answer it counts as obtained."""
+        self.is_held, self.is_granted, self._was_seen, self._asked_s = True, False, False, now_s
+
+    def drop(self) -> None:
+        """Notes that it is not ours: refused, released or lost."""
+        self.is_held = self.is_granted = False
+
+    def observe(self, now_s: float, *, is_ours: bool) -> None:
+        """Takes who has it. What was said before the request may come a little after it."""
+        if is_ours:
+            self._was_seen = True
+        elif self._was_seen or now_s - self._asked_s > _SHOWN_S:
+            self.drop()
+
+
+_CLIMBED_M = 1.1
+"""The built-in take-off ends at 1.2 m. One that ends lower was ended by the pilot."""
+_SHOWN_S = 2.5
+"""Authority that was granted shows within this time, also where it is published once a second."""

@@ -13,34 +13,49 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
+from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.dji.authority import Holding
 from ual_daemon.backends.dji.commands import Commands
 from ual_daemon.backends.dji.discovery import Discovery
+from ual_daemon.backends.dji.landing import Descent, LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
-from ual_daemon.backends.dji.telemetry import Telemetry
-from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Wrapper
+from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
+from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
+    Control,
     Freshness,
+    LandedState,
+    Mode,
     PositionSetpoint,
+    Sample,
     Setpoint,
     SetpointLoss,
     Snapshot,
     Takes,
     VehicleInfo,
     VelocityGains,
+    VelocitySetpoint,
 )
 from ual_daemon.settings import convert
 
 _log = logging.getLogger(__name__)
 
 _Choose = Callable[[Wrapper], tuple[Call, ...]]
-_Choose1 = Callable[[Wrapper], Call]
 
 _UPDATE_S = 0.05
+_BLIND_S, _CATCH_UP_S = 0.2, 0.1
+"""After this thread has not run for so long, it takes so long to read what waited. No setpoint leaves meanwhile."""
 _SILENCE_S = 3.0
+_MOST_MISSING = 3
+"""More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0
+_STOP_AGAIN_S = 3.0
+_DESCENT_S = 0.018
+"""The interval of the velocities of a landing."""
+_WAITS = "it does not descend any further: land it by hand, as its landing protection may wait for the pilot"
 _RELEASE_S = 1.0
 """How long the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
@@ -71,7 +86,7 @@ class DjiBackend(Backend):
     name = SECTION
     clock: MonotonicClock
     # The wrappers send some of this once a second, unless they are told to send it more often.
-    freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
+    freshness = Freshness(link_s=LINK_S, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
 
     def __init__(self, options: BackendOptions) -> None:
         super().__init__(options)
@@ -80,13 +95,18 @@ class DjiBackend(Backend):
         self.clock = MonotonicClock()
         self._link = self._make_link()
         self._discovery = Discovery(self._link)
-        self._commands = Commands(self._link, self._words)
+        self._commands = Commands(self._link, self.clock, self._words)
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
-        self._connections_count = 0
+        self._own_pause = OwnPause()
+        self._stepped_s = self._read_s = self._late_s = float("-inf")
         self._updated_s = self._confirmed_s = float("-inf")
-        self._is_landing_asked = self._is_obtained = False
+        self._holding = Holding()
+        self._ended_landings_count = 0
+        self._landing: LandingRequest | None = None
+        self._descent: Descent | None = None
+        self._descended_s = self._stopped_s = float("-inf")
         self._joystick: Future[Message] | None = None
         self._braked = ""
 
@@ -102,9 +122,9 @@ class DjiBackend(Backend):
 
     @override
     def close(self) -> None:
-        """Releases the control authority if it was obtained here and is ours still, and ends the link."""
+        """Releases the control authority if it was obtained here and was not lost since, and ends the link."""
         telemetry = self._telemetry
-        if telemetry is not None and self._is_obtained and telemetry.has_authority:
+        if telemetry is not None and self._holding.is_held:
             self._release(telemetry.wrapper.release)
         self._link.close()
 
@@ -135,8 +155,30 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
-        snapshot = telemetry.snapshot(now_s)
+        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)))
+        snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
+
+    def _with_descent(self, snapshot: Snapshot) -> Snapshot:
+        """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""
+        descent, mode, landed = self._descent, snapshot.mode, snapshot.landed
+        if descent is None or mode is None or landed is None:
+            return snapshot
+        return snapshot._replace(
+            mode=Sample(Mode(f"landing ({mode.value.name})", Control.LAND), mode.time_s),
+            landed=Sample(LandedState.LANDING, landed.time_s),
+            status_text=_WAITS if descent.waits else snapshot.status_text,
+        )
+
+    def _missing(self, telemetry: Telemetry, now_s: float) -> str:
+        """Returns which topics do not come without which it cannot be flown, for people; empty if they come."""
+        missing = telemetry.missing_topics(now_s)
+        return "; ".join(self._fault(topic) for topic in missing[:_MOST_MISSING])
+
+    def _fault(self, topic: Topic) -> str:
+        name = self._url.resolve(topic.name)
+        known = (fault for fault in self._link.faults() if name in fault.split())
+        return next(known, f"nothing comes on {name}")
 
     def _why_no_vehicle(self) -> str:
         if self._link.state is not LinkState.UP:
@@ -146,9 +188,14 @@ class DjiBackend(Backend):
     @override
     def send(self, setpoint: Setpoint) -> None:
         telemetry = self._telemetry
-        if telemetry is None or not self._link.is_up or not telemetry.has_authority:
+        if telemetry is None or not telemetry.has_authority or self._descent is not None:
             return
         assert not isinstance(setpoint, PositionSetpoint)  # VehicleInfo.takes
+        self._transmit(telemetry, setpoint)
+
+    def _transmit(self, telemetry: Telemetry, setpoint: VelocitySetpoint) -> None:
+        if not self._link.is_up or self._commands.is_blocked:
+            return
         message = telemetry.wrapper.setpoint(setpoint)
         if telemetry.wrapper.setpoint_topic:
             self._link.publish(telemetry.wrapper.setpoint_topic, message)
@@ -161,96 +208,161 @@ class DjiBackend(Backend):
 
     @override
     def arm(self) -> Future[None]:
-        telemetry = self._telemetry
-        if telemetry is not None and telemetry.why_not_start:
-            return _refusal(telemetry.why_not_start)
-        return self._with_authority(lambda wrapper: wrapper.motors_on)
+        return self._with_authority(lambda wrapper: (wrapper.motors_on,))
 
     @override
     def disarm(self) -> Future[None]:
         telemetry = self._telemetry
         if telemetry is None or not telemetry.is_on_ground:
             return _refusal("Disarm: not on the ground")
-        return self._with_authority(lambda wrapper: wrapper.motors_off)
+        return self._with_authority(lambda wrapper: (wrapper.motors_off,))
 
     @override
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
         del height_m, limits  # it climbs to 1.2 m by itself, and UAL's setpoints fly the rest
-        return self._with_authority(lambda wrapper: wrapper.take_off)
+        return self._with_authority(lambda wrapper: (wrapper.take_off,))
 
     @override
     def land(self, limits: Limits) -> Future[None]:
-        del limits  # DJI's own landing takes no speed
-        self._is_landing_asked = True
-        return self._run(lambda wrapper: (wrapper.land,))
+        telemetry = self._telemetry
+        if telemetry is not None and telemetry.wrapper.land is None:
+            return self._descend(telemetry, limits)
+        # DJI's own landing takes no speed.
+        landing = self._run(lambda wrapper: () if wrapper.land is None else (wrapper.land,))
+        landing.add_done_callback(partial(self._landing_answered, self._ended_landings_count))
+        return landing
+
+    def _landing_answered(self, ended_count: int, answer: Future[None]) -> None:
+        """Takes a landing that was accepted. Where it was refused, one that is under way goes on."""
+        is_accepted = not answer.cancelled() and answer.exception() is None
+        if is_accepted and self._ended_landings_count == ended_count:
+            self._landing = LandingRequest(self.clock.now_s())
+
+    def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
+        """Begins a landing by velocities."""
+        if not self._link.is_up:
+            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        if telemetry.pose is None or not telemetry.has_authority or telemetry.is_on_ground:
+            return _refusal("Land: the aircraft does not follow this program")
+        self._descent = Descent(telemetry.pose.value.position, limits)
+        return futures.done()
+
+    def _end_landing(self) -> None:
+        """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
+        self._ended_landings_count += 1
+        self._landing = self._descent = None
 
     @override
     def take_control(self) -> Future[None]:
-        return self._run(lambda wrapper: wrapper.obtain, obtains=True)
+        self._end_landing()
+        return self._with_authority(lambda _: (), is_known=False)
 
     @override
     def hold(self) -> Future[None]:
+        self._end_landing()
         telemetry = self._telemetry
         if telemetry is not None:
             telemetry.authority.grant(is_granted=False)
-        return self._run(lambda wrapper: (wrapper.release,))
+        released = self._run(lambda wrapper: (wrapper.release,))
+        released.add_done_callback(self._released)
+        return released
 
-    def _with_authority(self, choose: _Choose1) -> Future[None]:
-        """Obtains the control authority first, where it is not known to be ours: DJI starts nothing without it."""
-        telemetry = self._telemetry
-        if telemetry is not None and telemetry.wrapper.says_authority and telemetry.has_authority:
-            return self._run(lambda wrapper: (choose(wrapper),))
-        return self._run(lambda wrapper: (*wrapper.obtain, choose(wrapper)), obtains=True)
+    def _released(self, answer: Future[None]) -> None:
+        if not answer.cancelled() and answer.exception() is None:
+            self._holding.drop()
 
-    def _run(self, choose: _Choose, *, obtains: bool = False) -> Future[None]:
+    def _run(self, choose: _Choose) -> Future[None]:
         telemetry = self._telemetry
-        if telemetry is None:
+        if telemetry is None or not self._link.is_up:
             return futures.failed(LinkLostError(self._why_no_vehicle()))
         telemetry.words = ""
-        calls = choose(telemetry.wrapper)
-        if not obtains:
-            return self._commands.run(calls)
-        count = len(telemetry.wrapper.obtain)
-        whole: Future[None] = Future()
-        first = self._commands.run(calls[:count], partial(self._obtained, telemetry))
-        first.add_done_callback(lambda done: self._go_on(done, calls[count:], whole))
-        return whole
+        return self._commands.run(choose(telemetry.wrapper))
 
-    def _obtained(self, telemetry: Telemetry) -> None:
-        self._is_obtained = True
-        telemetry.authority.grant(is_granted=True)
+    def _with_authority(self, choose: _Choose, *, is_known: bool = True) -> Future[None]:
+        """Obtains the control authority first, unless it `is_known` to be ours: DJI starts nothing without it."""
+        telemetry = self._telemetry
+        if (
+            telemetry is None
+            or not self._link.is_up
+            or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority)
+        ):
+            return self._run(choose)
+        telemetry.words = ""
+        self._holding.ask(self.clock.now_s())
+        calls = (*telemetry.wrapper.obtain, *choose(telemetry.wrapper))
+        result = self._commands.run(calls, partial(self._obtained, telemetry))
+        result.add_done_callback(partial(self._let_go, telemetry))
+        return result
 
-    def _go_on(self, done: Future[None], calls: tuple[Call, ...], whole: Future[None]) -> None:
-        """Goes on with a command once the authority was obtained."""
-        error = done.exception()
-        if error is not None:
-            futures.end(whole, error)
-        elif not calls:
-            futures.end(whole)
-        elif not whole.cancelled():
-            rest = self._commands.run(calls)
-            rest.add_done_callback(lambda ended: futures.end(whole, ended.exception()))
+    def _obtained(self, telemetry: Telemetry, call: Call) -> None:
+        """Notes which of the services that obtain the control authority were executed."""
+        obtain = telemetry.wrapper.obtain
+        if call is obtain[0]:
+            self._holding.is_granted = True
+        if call is obtain[-1]:
+            telemetry.authority.grant(is_granted=True)
+
+    def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
+        """Releases the control authority where the rest of the command was refused."""
+        if result.cancelled() or not isinstance(result.exception(), RejectedByAutopilotError):
+            return
+        was_granted = self._holding.is_granted
+        self._holding.drop()
+        if was_granted:
+            telemetry.authority.grant(is_granted=False)
+            self._commands.run((telemetry.wrapper.release,)).add_done_callback(_log_refusal)
 
     def _words(self) -> str:
         telemetry = self._telemetry
-        return "" if telemetry is None else "; ".join(filter(None, (telemetry.words, telemetry.why_not_start)))
+        if telemetry is None:
+            return ""
+        return "; ".join(filter(None, (telemetry.words, telemetry.why_not_start, telemetry.wrapper.reasons)))
 
     # --- The link's thread --------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         now_s = self.clock.now_s()
+        self._watch_pause(now_s)
+        self._commands.tick(now_s)
         if self._telemetry is None and self._link.is_up:
-            wrapper = self._discovery.find(now_s)
-            if wrapper is not None:
-                self._telemetry = Telemetry(wrapper, self._settings)
-                self._subscribe(wrapper, self._telemetry)
+            self._discover(now_s)
         telemetry = self._telemetry
         if telemetry is not None:
-            self._confirm_landing(telemetry, now_s)
+            if telemetry.is_authority_known:
+                self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
+            if self._read_s == now_s:
+                self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
-        if (poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S) and self._on_update is not None:
+        if poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S:
             self._poses_count, self._updated_s = poses_count, now_s
+            self._update()
+
+    def _watch_pause(self, now_s: float) -> None:
+        """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
+        pause_s = self._own_pause.woke(now_s, self.freshness.link_s)
+        if pause_s and self._telemetry is not None:
+            logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
+            self._telemetry.discard_state()
+        if now_s - self._stepped_s > _BLIND_S:
+            self._late_s = now_s + _CATCH_UP_S
+        self._stepped_s = now_s
+        if now_s >= self._late_s:
+            self._read_s = now_s
+
+    def _discover(self, now_s: float) -> None:
+        wrapper = self._discovery.find(now_s)
+        if wrapper is not None:
+            telemetry = Telemetry(wrapper, self._settings)
+            self._subscribe(wrapper, telemetry)  # raises OSError where the connection breaks: it is found anew then
+            self._telemetry = telemetry
+
+    def _update(self) -> None:
+        if self._on_update is None:
+            return
+        try:
             self._on_update(self.snapshot())
+        except Exception:  # noqa: BLE001 - a defect of the layers above must not end the exchange with the aircraft
+            _log.exception("an update failed")
 
     def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
         for topic in wrapper.topics:
@@ -266,17 +378,41 @@ class DjiBackend(Backend):
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
 
-    def _confirm_landing(self, telemetry: Telemetry, now_s: float) -> None:
+    def _lead_landing(self, telemetry: Telemetry, now_s: float) -> None:
+        """Goes on with a landing that was asked for."""
+        request, descent = self._landing, self._descent
+        if request is not None:
+            self._confirm(request, telemetry, now_s)
+        if descent is not None:
+            self._lead_descent(descent, telemetry, now_s)
+
+    def _confirm(self, request: LandingRequest, telemetry: Telemetry, now_s: float) -> None:
         """Confirms a landing that was asked for: near the ground the aircraft waits for that."""
-        if telemetry.is_on_ground:
-            self._is_landing_asked = False
         call = telemetry.wrapper.confirm_landing
-        height_m = telemetry.height_m
-        if not self._is_landing_asked or not telemetry.is_landing or call is None or height_m is None:
-            return
-        if height_m <= self._settings.confirm_landing_below_m and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
+        is_needed = request.needs_confirmation(telemetry, self._settings.confirm_landing_below_m, now_s)
+        if is_needed and call is not None and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
             self._confirmed_s = now_s
-            self._commands.run((call,))
+            self._commands.run((call,)).add_done_callback(_log_refusal)
+
+    def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
+        """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
+        if descent.has_ended(telemetry):
+            self._descent = None
+            return
+        setpoint = descent.setpoint(telemetry, now_s)
+        if setpoint is not None and now_s - self._descended_s >= _DESCENT_S:
+            self._descended_s = now_s
+            self._transmit(telemetry, setpoint)
+        if telemetry.is_on_ground and now_s - self._stopped_s >= _STOP_AGAIN_S:
+            self._stopped_s = now_s
+            self._commands.run((telemetry.wrapper.motors_off,)).add_done_callback(_log_refusal)
+
+
+def _log_refusal(answer: Future[None]) -> None:
+    """Logs what was refused of what nobody waits for."""
+    error = answer.exception()
+    if error is not None:
+        logs.event(_log, logging.WARNING, "not_executed", why=str(error))
 
 
 def _refusal(words: str) -> Future[None]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
+from ual_daemon import logs
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.authority import Authority
@@ -13,10 +15,12 @@ from ual_daemon.backends.dji.local_frame import LocalFrame
 from ual_daemon.backends.dji.motor_errors import motor_error_text
 from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.wrappers import Wrapper
+from ual_daemon.backends.dji.wrappers import Topic, Wrapper
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
 from ual_daemon.backends.values import Cause, Control, Estimator, LandedState, Mode, Sample, Snapshot
+
+_log = logging.getLogger(__name__)
 
 _REMOTE, _APP, _OURS = 0, 1, 4
 """Who controls the aircraft (`device_mode`)."""
@@ -34,10 +38,14 @@ class Telemetry:
         self.authority = Authority()
         self.obstacles = ObstacleWatch()
         self._plausibility = Plausibility()
-        self.status_text = ""
+        self._taken_s: dict[str, float] = {}
+        self._begun_s = math.inf
+        self._braked: Sample[str] | None = None
+        self._logged: Sample[str] | None = None
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
-        self.height_m: float | None = None
+        self.height: Sample[float] | None = None
+        """Height above the ground, or above where it took off."""
         self.poses_count = 0
         self._settings = settings
         self._orientation: Quaternion | None = None
@@ -56,8 +64,9 @@ class Telemetry:
         self._has_rc = True
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
+        self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
-        self._altitude_m: float | None = None
+        self._altitude: Sample[float] | None = None
         self._geoid_m: float | None = None
         self._stamp_s = 0.0
         self._heard_s: float | None = None
@@ -65,13 +74,26 @@ class Telemetry:
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped."""
+        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped.
+
+        After a silence that counts as a lost link nothing from before it is valid.
+        """
+        if self._heard_s is not None and now_s - self._heard_s > LINK_S:
+            self.discard_state()
         self._heard_s = now_s
         stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
         if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
             return
         self._stamps[name] = stamp
+        self._taken_s[name] = now_s
         getattr(self, name)(message, now_s)
+
+    def discard_state(self) -> None:
+        """Discards all that may have changed since it was said; where the frame lies stays known."""
+        self._status = self._display = self._device = self._level = self._left_landing_s = None
+        self._pose = self._velocity = self._altitude = self._orientation = self.height = None
+        self._attitude_s = -math.inf
+        self.authority.forget()
 
     def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
@@ -106,23 +128,28 @@ class Telemetry:
             return
         ellipsoid_m = None
         if self.wrapper.has_sea_level:
-            if self._altitude_m is None:
+            if self._altitude is None:
                 return
-            ellipsoid_m, altitude_m = altitude_m, self._altitude_m
+            ellipsoid_m, altitude_m = altitude_m, self._altitude.value
             self._geoid_m = ellipsoid_m - altitude_m
         position = self.frame.position(latitude_deg, longitude_deg, altitude_m, now_s, is_good=self._is_good(now_s))
         if position is None or self._orientation is None:
             return
         self.poses_count += 1
-        self._pose = Sample(Pose(position, self._orientation), self._attitude_s)
+        self._pose = Sample(Pose(position, self._orientation), self._oldest_s(now_s))
         self._geo = GeoPoint(latitude_deg, longitude_deg, altitude_amsl_m=altitude_m, altitude_ellipsoid_m=ellipsoid_m)
         self._stamp_s = stamp_s(message)
 
-    def take_altitude(self, message: Message, _: float) -> None:
+    def _oldest_s(self, now_s: float) -> float:
+        """Returns when the oldest part of a pose came, of which the position comes now."""
+        altitude_s = now_s if self._altitude is None else self._altitude.time_s
+        return min(now_s, self._attitude_s, altitude_s)
+
+    def take_altitude(self, message: Message, now_s: float) -> None:
         """Takes the fused altitude above mean sea level."""
         altitude_m = number(message["data"])
         if self._plausibility.accepts_altitude(altitude_m):
-            self._altitude_m = altitude_m
+            self._altitude = Sample(altitude_m, now_s)
 
     def take_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
@@ -150,7 +177,8 @@ class Telemetry:
             return
         self._display = Sample(mode, now_s)
         if not self.wrapper.says_authority:
-            follows = self.authority.observe(mode, now_s)
+            height_m = None if self.height is None else self.height.value
+            follows = self.authority.observe(mode, height_m, now_s)
             self._device = Sample(_OURS if follows else _REMOTE, now_s)
 
     def _is_still_landing(self, mode: int, now_s: float) -> bool:
@@ -182,15 +210,33 @@ class Telemetry:
             -number(message["current"]) * scale.volt_scale,
         )
 
-    def take_height(self, message: Message, _: float) -> None:
+    def take_height(self, message: Message, now_s: float) -> None:
         """Takes the height above the ground, or above where it took off."""
-        self.height_m = number(message["data"])
+        self.height = Sample(number(message["data"]), now_s)
 
     def take_home(self, message: Message, _: float) -> None:
-        """Takes where it would return to."""
-        home = GeoPoint(number(message["latitude"]), number(message["longitude"]))
-        if self._plausibility.accepts_geo_point(home):
-            self._home = home
+        """Takes where it would return to, in radians: the wrapper passes DJI's own numbers on."""
+        home = GeoPoint(*(math.degrees(number(message[name])) for name in ("latitude", "longitude")))
+        is_near = self._plausibility.accepts_geo_point(home) and self._is_near(home)
+        self._home = home if is_near else None
+
+    def take_home_status(self, message: Message, _: float) -> None:
+        """Takes whether its home is set; what it says of it before counts for nothing."""
+        self._is_home_set = bool(message["data"])
+
+    def _is_near(self, home: GeoPoint) -> bool:
+        """Whether it may have come from there."""
+        here, projection = self._geo, self.frame.projection
+        if here is None or projection is None:
+            return False
+        places = (projection.to_local(each.latitude_deg, each.longitude_deg, 0.0) for each in (here, home))
+        offset = next(places) - next(places)
+        if offset.horizontal_norm() <= _FARTHEST_HOME_M:
+            return True
+        if not self._is_home_rejected:
+            logs.event(_log, logging.WARNING, "home_too_far", distance_m=round(offset.horizontal_norm()))
+        self._is_home_rejected = True
+        return False
 
     def take_motor_error(self, message: Message, _: float) -> None:
         """Takes why the motors would not start; 0: they would."""
@@ -201,11 +247,12 @@ class Telemetry:
         names = [name for name in ("front", "left", "back", "right") if message[f"{name}_health"]]
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
-    def take_log(self, message: Message, _: float) -> None:
+    def take_log(self, message: Message, now_s: float) -> None:
         """Takes what the wrapper logs: that is where it writes what DJI's SDK answered."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
-            self.words = self.status_text = str(message["msg"])
+            self.words = str(message["msg"])
+            self._logged = Sample(self.words, now_s)
 
     # --- What they say together ---------------------------------------------------------------------------------------
 
@@ -215,9 +262,49 @@ class Telemetry:
         return self._device is not None and self._device.value == _OURS
 
     @property
+    def is_authority_known(self) -> bool:
+        """Whether it is known whom the aircraft follows."""
+        return self._device is not None
+
+    @property
+    def mode_s(self) -> float:
+        """When the older one of display mode and authority was said."""
+        mode = self._mode()
+        return -math.inf if mode is None else mode.time_s
+
+    @property
+    def is_authority_lost(self) -> bool:
+        """Whether another one has the control authority, as far as the wrapper shows it."""
+        return not self.has_authority if self.wrapper.says_authority else self.authority.is_lost
+
+    def follows_us(self, now_s: float, limit_s: float) -> bool:
+        """Whether it was said within a time that the aircraft follows us."""
+        return self._device is not None and self.has_authority and now_s - self._device.time_s <= limit_s
+
+    @property
     def is_landing(self) -> bool:
-        """Whether it lands by itself."""
+        """Whether it lands by itself, and takes a confirmation."""
         return self._display is not None and self._display.value == modes.AUTO_LANDING
+
+    @property
+    def is_descending(self) -> bool:
+        """Whether it lands by itself, for whatever reason."""
+        return self._display is not None and self._display.value in modes.LANDING
+
+    @property
+    def flight_status(self) -> int | None:
+        """Whether it stands, runs its motors on the ground, or flies."""
+        return None if self._status is None else self._status.value
+
+    @property
+    def pose(self) -> Sample[Pose] | None:
+        """The newest pose."""
+        return self._pose
+
+    @property
+    def velocity(self) -> Sample[Vector3] | None:
+        """The newest velocity."""
+        return self._velocity
 
     @property
     def is_on_ground(self) -> bool:
@@ -236,11 +323,28 @@ class Telemetry:
         if pose is None or velocity is None:
             return ""
         braked = self.obstacles.observe(wanted, velocity.value, pose.value.yaw_rad, now_s)
-        self.status_text = braked or self.status_text
+        self._braked = Sample(braked, now_s)
         return braked
 
-    def snapshot(self, now_s: float) -> Snapshot:
-        """Returns what is known."""
+    def missing_topics(self, now_s: float) -> tuple[Topic, ...]:
+        """Returns the topics on which nothing came for long, and without which it cannot be flown."""
+        self._begun_s = min(self._begun_s, now_s)
+        required = (topic for topic in self.wrapper.topics if topic.is_required)
+        return tuple(
+            topic for topic in required if now_s - self._taken_s.get(topic.taken_by, self._begun_s) > _MISSING_S
+        )
+
+    def _status_text(self, missing: str, now_s: float) -> str:
+        """Returns the most important thing to say now."""
+        braked, logged = self._braked, self._logged
+        if missing:
+            return missing
+        if braked is not None and braked.value and now_s - braked.time_s <= _BRAKED_S:
+            return braked.value
+        return logged.value if logged is not None and now_s - logged.time_s <= _LOGGED_S else ""
+
+    def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
+        """Returns what is known. `missing` says for people which topics do not come."""
         status, velocity = self._status, self._velocity
         mode = self._mode()
         return Snapshot(
@@ -251,17 +355,17 @@ class Telemetry:
             armed=None if status is None else Sample(status.value != modes.STOPPED, status.time_s),
             landed=None if status is None else Sample(self._landed(status.value), status.time_s),
             mode=mode,
-            estimator=self._estimator(now_s),
+            estimator=self._estimator(missing, now_s),
             pose=self._pose,
             velocity=None if velocity is None else Sample(Twist(velocity.value, self._rates), velocity.time_s),
             position_geo=self._geo,
             projection=self.frame.projection,
             home_altitude_amsl_m=None if self.frame.projection is None else self.frame.projection.altitude_amsl_m,
             geoid_separation_m=self._geoid_m,
-            home_geo=self._home,
+            home_geo=self._home if self._is_home_set else None,
             battery=self._battery,
             gps=self._gps(),
-            status_text=self.status_text,
+            status_text=self._status_text(missing, now_s),
             failsafe=self._failsafe(),
             held_by=None if mode is None else self._held_by(),
             health=self._health(),
@@ -271,12 +375,21 @@ class Telemetry:
         level = self._level
         return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _LEVEL_S
 
-    def _estimator(self, now_s: float) -> Sample[Estimator] | None:
-        level = self._level
-        if level is None:
+    def _estimator(self, missing: str, now_s: float) -> Sample[Estimator] | None:
+        level, why = self._level, self._why_bad(missing, now_s)
+        if level is None and not missing:
             return None
-        why = f"the quality of the position is {level.value} of 5, and {self._settings.least_gps_level} is needed"
-        return Sample(Estimator(True) if self._is_good(now_s) else Estimator(False, why), level.time_s)
+        return Sample(Estimator(not why, why), now_s if missing or level is None else level.time_s)
+
+    def _why_bad(self, missing: str, now_s: float) -> str:
+        """Returns why the position is not good, for people; empty if it is."""
+        if missing:
+            return missing
+        if self._velocity is None or now_s - self._velocity.time_s > _VELOCITY_S:
+            return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
+        level = None if self._level is None else self._level.value
+        least = self._settings.least_gps_level
+        return "" if self._is_good(now_s) else f"the quality of the position is {level} of 5, and {least} is needed"
 
     def _gps(self) -> GpsInfo | None:
         if self._level is None:
@@ -317,7 +430,17 @@ class Telemetry:
         return Health(is_ready_to_arm=not failing, failing_checks=failing)
 
 
+LINK_S = 1.0
+"""After so long without a message the link counts as lost."""
 _LEVEL_S = 3.0
+_MISSING_S = 3.0
+"""A topic on which nothing came for so long is named."""
+_BRAKED_S, _LOGGED_S = 1.0, 10.0
+"""How long it is told what brakes the aircraft, and what the wrapper has logged."""
+_VELOCITY_S = 1.0
+"""Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
+_FARTHEST_HOME_M = 30_000.0
+"""Farther than its batteries reach."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0

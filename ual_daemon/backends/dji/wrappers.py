@@ -19,6 +19,8 @@ class Topic(NamedTuple):
     name: str
     kind: str
     taken_by: str
+    is_required: bool = False
+    """Whether it cannot be flown without it."""
 
 
 class Call(NamedTuple):
@@ -27,6 +29,8 @@ class Call(NamedTuple):
     service: str
     arguments: Message
     patience_s: float = 3.0
+    blocks: bool = False
+    """Whether the wrapper serves nothing else until it has answered."""
 
 
 class Wrapper:
@@ -45,14 +49,21 @@ class Wrapper:
     motors_on: Call
     motors_off: Call
     take_off: Call
-    land: Call
+    land: Call | None
+    """None: UAL descends by velocities."""
     confirm_landing: Call | None
-    """None: the aircraft lands without a confirmation."""
+    """None: no confirmation is given."""
     logger: str
     """Part of the names of its nodes in /rosout, where it logs what DJI's SDK answers."""
+    reasons: str = ""
+    """Where DJI's reasons are, for people, where the wrapper does not pass them on."""
     battery_scale: float = 1.0
     """Turns its percentage into 0 to 1, its voltage into volts by `volt_scale`."""
     volt_scale: float = 1.0
+
+    def topic_of(self, taken_by: str) -> str:
+        """Returns the topic that a method of `Telemetry` takes."""
+        return next(topic.name for topic in self.topics if topic.taken_by == taken_by)
 
     def setpoint(self, setpoint: VelocitySetpoint) -> Message:
         """Returns the message (or the arguments of the service) of a velocity."""
@@ -72,21 +83,22 @@ class PsdkRos2(Wrapper):
     says_authority = has_sea_level = True
     setpoint_topic = "psdk_ros2/flight_control_setpoint_ENUvelocity_yawrate"
     topics = (
-        Topic("psdk_ros2/attitude", "geometry_msgs/QuaternionStamped", "take_attitude"),
-        Topic("psdk_ros2/velocity_ground_fused", "geometry_msgs/Vector3Stamped", "take_velocity"),
+        Topic("psdk_ros2/attitude", "geometry_msgs/QuaternionStamped", "take_attitude", is_required=True),
+        Topic("psdk_ros2/velocity_ground_fused", "geometry_msgs/Vector3Stamped", "take_velocity", is_required=True),
         Topic("psdk_ros2/angular_rate_ground_fused", "geometry_msgs/Vector3Stamped", "take_rates"),
-        Topic("psdk_ros2/gps_position_fused", "sensor_msgs/NavSatFix", "take_position"),
-        Topic("psdk_ros2/altitude_sea_level", "std_msgs/Float32", "take_altitude"),
+        Topic("psdk_ros2/gps_position_fused", "sensor_msgs/NavSatFix", "take_position", is_required=True),
+        Topic("psdk_ros2/altitude_sea_level", "std_msgs/Float32", "take_altitude", is_required=True),
         Topic("psdk_ros2/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
         Topic("psdk_ros2/rtk_position_info", "std_msgs/UInt8", "take_rtk_info"),
-        Topic("psdk_ros2/gps_control_level", "std_msgs/UInt8", "take_gps_level"),
-        Topic("psdk_ros2/flight_status", "psdk_interfaces/FlightStatus", "take_flight_status"),
-        Topic("psdk_ros2/display_mode", "psdk_interfaces/DisplayMode", "take_display_mode"),
-        Topic("psdk_ros2/control_mode", "psdk_interfaces/ControlMode", "take_control_mode"),
+        Topic("psdk_ros2/gps_control_level", "std_msgs/UInt8", "take_gps_level", is_required=True),
+        Topic("psdk_ros2/flight_status", "psdk_interfaces/FlightStatus", "take_flight_status", is_required=True),
+        Topic("psdk_ros2/display_mode", "psdk_interfaces/DisplayMode", "take_display_mode", is_required=True),
+        Topic("psdk_ros2/control_mode", "psdk_interfaces/ControlMode", "take_control_mode", is_required=True),
         Topic("psdk_ros2/rc_connection_status", "psdk_interfaces/RCConnectionStatus", "take_rc_connection"),
         Topic("psdk_ros2/battery", "sensor_msgs/BatteryState", "take_battery"),
         Topic("psdk_ros2/height_above_ground", "std_msgs/Float32", "take_height"),
         Topic("psdk_ros2/home_point", "sensor_msgs/NavSatFix", "take_home"),
+        Topic("psdk_ros2/home_point_status", "std_msgs/Bool", "take_home_status"),
         Topic("psdk_ros2/motor_start_error", "std_msgs/UInt16", "take_motor_error"),
         Topic("psdk_ros2/relative_obstacle_info", "psdk_interfaces/RelativeObstacleInfo", "take_obstacles"),
         Topic("/rosout", "rcl_interfaces/Log", "take_log"),
@@ -101,16 +113,17 @@ class PsdkRos2(Wrapper):
     logger = "flight_control"
 
 
+_CONSOLE = "DJI's reason is on the console of the node"
 _OSDK_TOPICS = (
-    Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "take_attitude"),
-    Topic("dji_osdk_ros/velocity", "geometry_msgs/Vector3Stamped", "take_velocity"),
+    Topic("dji_osdk_ros/attitude", "geometry_msgs/QuaternionStamped", "take_attitude", is_required=True),
+    Topic("dji_osdk_ros/velocity", "geometry_msgs/Vector3Stamped", "take_velocity", is_required=True),
     Topic("dji_osdk_ros/angular_velocity_fused", "geometry_msgs/Vector3Stamped", "take_body_rates"),
-    Topic("dji_osdk_ros/gps_position", "sensor_msgs/NavSatFix", "take_position"),
+    Topic("dji_osdk_ros/gps_position", "sensor_msgs/NavSatFix", "take_position", is_required=True),
     Topic("dji_osdk_ros/rtk_position", "sensor_msgs/NavSatFix", "take_rtk_position"),
     Topic("dji_osdk_ros/rtk_info_position", "std_msgs/UInt8", "take_rtk_info"),
-    Topic("dji_osdk_ros/gps_health", "std_msgs/UInt8", "take_gps_level"),
-    Topic("dji_osdk_ros/flight_status", "std_msgs/UInt8", "take_flight_status"),
-    Topic("dji_osdk_ros/display_mode", "std_msgs/UInt8", "take_display_mode"),
+    Topic("dji_osdk_ros/gps_health", "std_msgs/UInt8", "take_gps_level", is_required=True),
+    Topic("dji_osdk_ros/flight_status", "std_msgs/UInt8", "take_flight_status", is_required=True),
+    Topic("dji_osdk_ros/display_mode", "std_msgs/UInt8", "take_display_mode", is_required=True),
     Topic("dji_osdk_ros/battery_state", "sensor_msgs/BatteryState", "take_battery"),
     Topic("dji_osdk_ros/height_above_takeoff", "std_msgs/Float32", "take_height"),
     Topic("/rosout", "rosgraph_msgs/Log", "take_log"),
@@ -120,7 +133,9 @@ _OSDK_TOPICS = (
 class OsdkVehicleNode(Wrapper):
     """dji-sdk/Onboard-SDK-ROS 4.1 on ROS 1, its node `dji_vehicle_node`: M210, M300.
 
-    Its services do not begin with the name of the package.
+    Its services do not begin with the name of the package. One thread serves them one after another, and its own
+    landing (task 6) answers only when the aircraft stands: nobody could confirm that landing, nor release the authority
+    or send a velocity meanwhile.
     """
 
     name = "dji_osdk_ros"
@@ -136,11 +151,11 @@ class OsdkVehicleNode(Wrapper):
     release = Call("obtain_release_control_authority", {"enable_obtain": False})
     motors_on = Call("flight_task_control", {"task": 7})
     motors_off = Call("flight_task_control", {"task": 8})
-    take_off = Call("flight_task_control", {"task": 4}, patience_s=30.0)
-    land = Call("flight_task_control", {"task": 6}, patience_s=120.0)
-    confirm_landing = Call("flight_task_control", {"task": 30})
+    take_off = Call("flight_task_control", {"task": 4}, patience_s=30.0, blocks=True)
+    land = confirm_landing = None
     joystick = "joystick_action"
     logger = "vehicle_node"
+    reasons = _CONSOLE
     battery_scale, volt_scale = 0.01, 0.001
 
     @override
@@ -165,6 +180,7 @@ class OsdkSdkNode(Wrapper):
     land = Call("dji_osdk_ros/drone_task_control", {"task": 6})
     confirm_landing = None
     logger = "dji_sdk"
+    reasons = _CONSOLE
     battery_scale, volt_scale = 0.01, 0.001
 
 

@@ -1,0 +1,85 @@
+"""Landings that were asked for here: confirmed near the ground, or flown by velocities."""
+
+from __future__ import annotations
+
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.backends.dji import modes
+from ual_daemon.backends.dji.telemetry import Telemetry
+from ual_daemon.backends.values import VelocitySetpoint
+
+_BEGINS_S = 2.5
+"""A landing that was accepted shows in the display mode within this time."""
+_HEIGHT_S, _MODE_S = 1.5, 1.5
+"""With an older height or mode nothing is confirmed."""
+_FAST_M_S, _SLOW_M_S = 1.0, 0.5
+_SLOW_BELOW_M = 5.0
+"""The height above the take-off says little about the ground here: it descends slowly early."""
+_POSITION_PER_S = 0.8
+_ASIDE_M_S = 1.0
+_HEARD_S = 0.5
+"""Without a display mode that is younger no velocity is sent: it hovers."""
+_SETTLED_M_S, _SETTLED_S = 0.15, 4.0
+
+
+class LandingRequest:
+    """A landing by the aircraft itself, which the wrapper has accepted. It is confirmed until it has ended."""
+
+    def __init__(self, accepted_s: float) -> None:
+        self._accepted_s = accepted_s
+        self._has_begun = False
+        self.has_ended = False
+
+    def needs_confirmation(self, telemetry: Telemetry, below_m: float, now_s: float) -> bool:
+        """Whether it is to be confirmed now. Notes its end; to be called often."""
+        if self.has_ended or now_s - telemetry.mode_s > _MODE_S:
+            return False
+        is_ours = telemetry.has_authority or not telemetry.wrapper.says_authority
+        self._has_begun = self._has_begun or telemetry.is_descending
+        is_late = not self._has_begun and now_s - self._accepted_s > _BEGINS_S
+        is_over = self._has_begun and not telemetry.is_descending
+        self.has_ended = telemetry.is_on_ground or not is_ours or is_over or is_late
+        height = telemetry.height
+        if self.has_ended or not telemetry.is_landing or height is None:
+            return False
+        return now_s - height.time_s <= _HEIGHT_S and height.value <= below_m
+
+
+class Descent:
+    """A landing by velocities, straight down, for a wrapper whose own landing blocks it.
+
+    It ends when the motors have stopped, or another one flies it.
+    """
+
+    def __init__(self, place: Vector3, limits: Limits) -> None:
+        self._place = place
+        self._fastest_m_s = limits.descent_speed_m_s
+        self._descended_s: float | None = None
+        self.waits = False
+        """Whether it does not descend any more, and has not touched down."""
+
+    def has_ended(self, telemetry: Telemetry) -> bool:
+        """Whether it is over."""
+        if telemetry.is_on_ground:
+            return telemetry.flight_status == modes.STOPPED
+        return telemetry.is_authority_known and not telemetry.has_authority
+
+    def setpoint(self, telemetry: Telemetry, now_s: float) -> VelocitySetpoint | None:
+        """Returns the velocity: down, slower near the ground, and back over the place. None: nothing may be sent."""
+        pose = telemetry.pose
+        if pose is None or not telemetry.follows_us(now_s, _HEARD_S):
+            return None
+        self._watch(telemetry, now_s)
+        height = telemetry.height
+        is_high = height is not None and now_s - height.time_s <= _HEIGHT_S and height.value > _SLOW_BELOW_M
+        speed_m_s = min(self._fastest_m_s, _FAST_M_S if is_high else _SLOW_M_S)
+        back = (self._place - pose.value.position) * _POSITION_PER_S
+        scale = min(1.0, _ASIDE_M_S / max(back.horizontal_norm(), 1e-9))
+        return VelocitySetpoint(Vector3(back.x * scale, back.y * scale, -speed_m_s))
+
+    def _watch(self, telemetry: Telemetry, now_s: float) -> None:
+        velocity = telemetry.velocity
+        descends = velocity is not None and velocity.value.z < -_SETTLED_M_S
+        if descends or telemetry.is_on_ground or self._descended_s is None:
+            self._descended_s = now_s
+        self.waits = now_s - self._descended_s > _SETTLED_S
