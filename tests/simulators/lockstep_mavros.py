@@ -109,7 +109,7 @@ class _Clock(MonotonicClock):
 
 
 class _SteppedTransport(Transport):
-    """Steps the bridge instead of waiting for it."""
+    """Steps the bridge instead of waiting for it; without a time to wait, it takes what has come."""
 
     def __init__(self, backend: LockstepMavros) -> None:
         self._backend = backend
@@ -120,7 +120,8 @@ class _SteppedTransport(Transport):
     def receive(self, timeout_s: float) -> Sequence[str | bytes]:
         if self._backend.is_bridge_gone:
             raise ConnectionResetError("the bridge is gone")
-        self._backend.advance()
+        if timeout_s:
+            self._backend.advance()
         self._heard += 1
         found = list(self._session.out)
         self._session.out.clear()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -37,17 +38,29 @@ class Calls:
         self._open: dict[str, _Call] = {}
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
+        self._unanswered_since_s = math.inf
 
-    def begin(self, service: str, ends_s: float) -> tuple[str, Future[Message]]:
+    def begin(self, service: str, now_s: float, timeout_s: float) -> tuple[str, Future[Message]]:
         """Returns the id of a new call, and the future of its answer."""
         answer: Future[Message] = Future()
         ident = f"ual {next(self._numbers)}"
         with self._lock:
-            self._open[ident] = _Call(service, answer, ends_s)
+            self._open[ident] = _Call(service, answer, now_s + timeout_s)
+            self._unanswered_since_s = min(self._unanswered_since_s, now_s)
         return ident, answer
+
+    def unanswered_s(self, now_s: float) -> float:
+        """Returns for how long services were called and none has answered, in seconds; 0 if nothing was called."""
+        return max(0.0, now_s - self._unanswered_since_s)
+
+    def heard(self) -> None:
+        """Notes that the bridge answers calls, or that it begins anew."""
+        with self._lock:
+            self._unanswered_since_s = math.inf
 
     def answer(self, operation: Mapping[str, Any]) -> None:
         """Takes an answer; one that is late, or of nobody's call, is dropped."""
+        self.heard()
         call = self._take(str(operation.get("id")))
         if call is None:
             return
@@ -66,8 +79,15 @@ class Calls:
             if call is not None:
                 _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
 
+    def refuse(self, ident: str, words: str) -> None:
+        """Ends a call that was not sent."""
+        call = self._take(ident)
+        if call is not None:
+            _end(call, ServiceError(call.service, words))
+
     def fail_all(self, words: str) -> None:
         """Ends all calls: the connection is lost."""
+        self.heard()
         with self._lock:
             calls, self._open = list(self._open.values()), {}
         for call in calls:

@@ -14,10 +14,11 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.rosbridge import operations
 from ual_daemon.backends.rosbridge.calls import Calls, ServiceError
+from ual_daemon.backends.rosbridge.connections import Connections
 from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
 from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Dial, Transport, dial
+from ual_daemon.backends.rosbridge.websocket import Dial, dial
 
 _log = logging.getLogger(__name__)
 
@@ -26,9 +27,11 @@ TICK_S = 0.02
 LOST_S = 0.8
 """A bridge that has shown no sign of life for so long counts as lost."""
 RETRY_S = 0.2
-_PING_S = 0.2
 _GIVE_UP_S = 3.0
 """A connection without a sign of life for so long is made anew."""
+_BLOCKED_S, _DOUBT_S = 6.0, 2.0
+"""A connection on which no service has answered for so long is made anew: with ROS 2 a call that is never answered
+holds up all that come after it. MAVROS answers after 5 s. Before, rosapi is asked, which always answers else."""
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 """How long the question for the topics may take, and how often it is repeated while something is missing."""
 _CBOR_S = 1.5
@@ -99,11 +102,10 @@ class RosbridgeLink:
         self._outbox = _Outbox()
         self._fragments = Fragments()
         self._closing = threading.Event()
-        self._transport: Transport | None = None
+        self._connections: Connections | None = None
         self._thread = threading.Thread(target=self._run, name=f"rosbridge {url}", daemon=True)
         self._question: Future[Message] | None = None
-        self._ask_s = self._ping_s = self._refreshed_s = -math.inf
-        self._heard, self._heard_s = 0, -math.inf
+        self._ask_s = self._refreshed_s = -math.inf
         self._said: set[str] = set()
         self.state = LinkState.CONNECTING
         self.graph: Graph | None = None
@@ -133,13 +135,13 @@ class RosbridgeLink:
         """Publishes a message, before it returns where the connection takes it; else the newest one of a topic leaves
         later. While the link is not up it is dropped.
         """
-        transport = self._transport
-        if transport is None or not self.is_up:
+        connections = self._connections
+        if connections is None or not self.is_up:
             return
         topic = self.url.resolve(topic)
         data = operations.publish(topic, message)
         try:
-            if not transport.send(data, is_perishable=True):
+            if not connections.publisher.send(data, is_perishable=True):
                 with self._outbox.lock:
                     self._outbox.waiting[topic] = data
         except OSError:
@@ -151,14 +153,14 @@ class RosbridgeLink:
         Cancelling the future drops the answer: rosbridge cannot take a call back.
         """
         service = self.url.resolve(service)
-        ident, answer = self._calls.begin(service, self._clock.now_s() + timeout_s)
-        transport = self._transport
+        ident, answer = self._calls.begin(service, self._clock.now_s(), timeout_s)
+        connections = self._connections
         try:
-            if transport is None:
+            if connections is None:
                 raise ConnectionError(f"not connected to {self.url}")
-            transport.send(operations.call_service(service, arguments or {}, ident))
+            connections.caller.send(operations.call_service(service, arguments or {}, ident))
         except OSError as error:
-            self._calls.answer({"id": ident, "result": False, "values": str(error)})
+            self._calls.refuse(ident, str(error))
         return answer
 
     def faults(self) -> tuple[str, ...]:
@@ -190,15 +192,15 @@ class RosbridgeLink:
     def unsubscribe(self, topic: str) -> None:
         """Ends a subscription."""
         subscription = self._subscriptions.pop(self.url.resolve(topic), None)
-        if subscription is not None and subscription.is_sent and self._transport is not None:
-            self._transport.send(operations.unsubscribe(subscription.topic))
+        if subscription is not None and subscription.is_sent and self._connections is not None:
+            self._connections.caller.send(operations.unsubscribe(subscription.topic))
 
     def advertise(self, topic: str, kind: str) -> None:
         """Announces a topic that is published to; needed before `publish`."""
         name = self.url.resolve(topic)
         self._advertised[name] = kind
-        if self._transport is not None and self.graph is not None:
-            self._transport.send(operations.advertise(name, self.graph.ros.spell(kind)))
+        if self._connections is not None and self.graph is not None:
+            self._connections.publisher.send(operations.advertise(name, self.graph.ros.spell(kind)))
 
     def _run(self) -> None:
         """Connects until the link is closed. A defect of whoever listens does not end it: it connects anew."""
@@ -219,53 +221,47 @@ class RosbridgeLink:
             self._lost(error)
 
     def _connect_and_serve(self) -> None:
-        transport = self._dial(self.url, self._wait)
+        connections = Connections(self.url, self._dial, self._wait, self._clock.now_s)
         try:
-            self._connected(transport)
+            self._connected(connections)
             while not self._closing.is_set():
-                self._serve(transport)
+                self._serve(connections)
         finally:
-            self._transport = None
+            self._connections = None
             self._forget()
-            transport.close()
+            connections.close()
 
     def _wait(self) -> None:
         if self._closing.is_set():
             raise _ClosedError
         self._on_step()
 
-    def _connected(self, transport: Transport) -> None:
+    def _connected(self, connections: Connections) -> None:
         self.connections_count += 1
-        self._transport = transport
-        self._heard, self._heard_s = transport.heard, self._clock.now_s()
+        self._connections = connections
         self._ask_s, self._question = -math.inf, None
         self.state, self.why_not = LinkState.ASKING, f"{self.url} has not said which topics there are"
         logs.event(_log, logging.INFO, "bridge_connected", url=str(self.url))
 
-    def _serve(self, transport: Transport) -> None:
-        for data in transport.receive(TICK_S):
+    def _serve(self, connections: Connections) -> None:
+        for data in connections.receive(TICK_S):
             self._take(data)
         now_s = self._clock.now_s()
-        self._supervise(transport, now_s)
-        self._send_waiting(transport)
+        self._supervise(connections.supervise(now_s))
+        self._supervise_calls(now_s)
+        self._send_waiting(connections)
         self._calls.expire(now_s)
         self._ask(now_s)
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
         self._on_step()
 
-    def _supervise(self, transport: Transport, now_s: float) -> None:
-        """Notes signs of life and asks for them.
+    def _supervise(self, silent_s: float) -> None:
+        """Takes for how long there was no sign of life.
 
         Raises:
-            TimeoutError: None came for long.
+            TimeoutError: It is too long.
         """
-        if transport.heard != self._heard:
-            self._heard, self._heard_s = transport.heard, now_s
-            if self.state is LinkState.SILENT:
-                self.state, self.why_not = LinkState.UP, ""
-                logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
-        silent_s = now_s - self._heard_s
         if silent_s > _GIVE_UP_S:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
         if silent_s > LOST_S and self.state is LinkState.UP:
@@ -273,15 +269,27 @@ class RosbridgeLink:
             with self._outbox.lock:
                 self._outbox.waiting.clear()
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
-        if now_s - self._ping_s >= _PING_S:
-            self._ping_s = now_s
-            transport.ping()
+        elif silent_s <= LOST_S and self.state is LinkState.SILENT:
+            self.state, self.why_not = LinkState.UP, ""
+            logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
 
-    def _send_waiting(self, transport: Transport) -> None:
+    def _supervise_calls(self, now_s: float) -> None:
+        """Asks rosapi once no service answers.
+
+        Raises:
+            TimeoutError: It has not answered either.
+        """
+        unanswered_s = self._calls.unanswered_s(now_s)
+        if unanswered_s > _BLOCKED_S:
+            raise TimeoutError(f"{self.url} has answered no call of a service for {_BLOCKED_S:g} s")
+        if unanswered_s > _DOUBT_S:
+            self._ask_s = min(self._ask_s, now_s)
+
+    def _send_waiting(self, connections: Connections) -> None:
         with self._outbox.lock:
             waiting, self._outbox.waiting = self._outbox.waiting, {}
         for topic, data in waiting.items():
-            if not transport.send(data, is_perishable=True):
+            if not connections.publisher.send(data, is_perishable=True):
                 with self._outbox.lock:
                     self._outbox.waiting.setdefault(topic, data)
 
@@ -314,10 +322,11 @@ class RosbridgeLink:
 
     def _refresh_subscriptions(self) -> None:
         """Subscribes to what can be, and to what has fallen silent."""
-        transport, graph, now_s = self._transport, self.graph, self._clock.now_s()
+        connections, graph, now_s = self._connections, self.graph, self._clock.now_s()
         self._refreshed_s = now_s
-        if transport is None or graph is None:
+        if connections is None or graph is None:
             return
+        transport = connections.caller
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
             if each.is_sent and each.is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -148,6 +149,7 @@ def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
 
 
 def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
+    px4.backend.bridge.calls_in_new_thread = True  # as docs/backends/mavros.md starts it
     px4.fly()
     names = ("cmd/command", "set_mode", "vehicle_info_get", "param/get_parameters", "set_message_interval")
     px4.backend.bridge.faults.dead_services |= {f"/mavros/{name}" for name in names}
@@ -158,6 +160,45 @@ def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
     px4.backend.bridge.faults.dead_services.clear()
     px4.until(lambda: px4.uav.telemetry().state is State.FLYING_AUTO)
     px4.uav.land()
+
+
+def test_a_call_that_is_never_answered_blocks_no_later_one(px4: Flight) -> None:
+    """MAVROS is restarted while one of its services is called: rosbridge waits for the answer without a limit."""
+    px4.until(px4.uav.is_ready)
+    px4.backend.bridge.faults.dead_services.add("/mavros/cmd/command")
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    px4.backend.bridge.faults.dead_services.clear()
+    px4.until_state(State.UNINITIALIZED)  # the connection is made anew
+    px4.until_state(State.LANDED_DISARMED)
+    px4.backend.autopilot.pilot_readies()
+    px4.uav.arm()
+
+
+def test_an_acknowledgement_that_is_lost_holds_up_no_setpoint(px4: Flight) -> None:
+    """MAVROS waits 5 s for it, and rosbridge with ROS 2 executes nothing more of the connection meanwhile."""
+    px4.fly()
+    task = px4.uav.go_to_waypoint(Pose.at(40.0, 0.0, 5.0), blocking=False)
+    lost = px4.mark()
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: px4.now_s() > lost[1] + 7.0)
+    sent_s = [time_s for time_s, _ in px4.backend.node.setpoints if time_s > lost[1]]
+    assert max(b - a for a, b in pairwise(sent_s)) < 0.5
+    task.wait(LIMIT_S)
+    assert px4.backend.history[-1][1] is State.FLYING_AUTO
+    assert State.FLYING_MANUAL not in [state for _, state in px4.backend.history[lost[0] :]]
+
+
+def test_a_pilot_who_takes_over_during_a_call_gets_no_setpoint_that_waited(px4: Flight) -> None:
+    px4.fly()
+    go(px4.uav)
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    taken = px4.mark()
+    px4.backend.autopilot.pilot_take_over()
+    told_s = taken[1] + px4.until_state(State.FLYING_MANUAL, since=taken)
+    assert told_s - taken[1] < 1.5  # PX4 sends a heartbeat a second, and the call that asks for more is waiting
+    px4.until(lambda: px4.now_s() > told_s + 6.0)
+    assert not [time_s for time_s, _ in px4.backend.node.setpoints if time_s > told_s + 0.02]
 
 
 def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
