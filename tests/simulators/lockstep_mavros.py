@@ -41,6 +41,7 @@ class LockstepMavros(MavrosBackend):
                 autopilot.parameters[name] = 60.0
         self.node = Mavros(autopilot, port, ros=ros, has_gps_status=ros == 2)
         self.bridge = Bridge(ros, [self.node])
+        self.bridge.groups = self.node.groups
         self.is_bridge_gone = False
         self.history: list[tuple[float, State]] = []
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""

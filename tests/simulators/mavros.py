@@ -180,6 +180,15 @@ class Mavros:
             found["param/get_parameters"] = self._get_parameters
         return {} if self.is_gone else {f"{self.name}/{service}": call for service, call in found.items()}
 
+    @property
+    def groups(self) -> tuple[frozenset[str], ...]:
+        """Services of which ROS 2 executes one at a time (``srv_cg`` in sys_status.cpp and command.cpp)."""
+        groups = (
+            ("set_mode", "set_message_interval", "vehicle_info_get"),
+            ("cmd/command", "cmd/arming", "cmd/takeoff"),
+        )
+        return tuple(frozenset(f"{self.name}/{each}" for each in group) for group in groups) if self.ros == 2 else ()
+
     def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
         while self.autopilot.elapsed_s < now_s - 1e-9:
             self.autopilot.step()

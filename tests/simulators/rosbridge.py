@@ -91,6 +91,10 @@ class Bridge:
         self.faults = Faults()
         self.sessions: list[Session] = []
         self.now_s = 0.0
+        self.groups: tuple[frozenset[str], ...] = ()
+        """Services of which one is executed at a time: callback groups that are mutually exclusive."""
+        self._busy_s: dict[frozenset[str], float] = {}
+        self._queued: list[tuple[Session, Message]] = []
         self.published: list[tuple[float, str, Message]] = []
         """What clients have published, with its time."""
         self.noise = random.Random(1)
@@ -111,6 +115,27 @@ class Bridge:
                         session.offer(topic, message)
         for session in self.sessions:
             session.step(now_s)
+        self._call_queued()
+
+    def _call_queued(self) -> None:
+        queued, self._queued = self._queued, []
+        for session, operation in queued:
+            if session in self.sessions:
+                session.call(operation)
+
+    def queues(self, session: Session, operation: Message) -> bool:
+        """Queues a call if its group is busy, and returns whether it is."""
+        is_busy = self._busy_s.get(self._group(operation["service"]), -math.inf) > self.now_s
+        if is_busy:
+            self._queued.append((session, operation))
+        return is_busy
+
+    def occupy(self, service: str, until_s: float) -> None:
+        """Makes a service's group busy."""
+        self._busy_s[self._group(service)] = until_s
+
+    def _group(self, service: str) -> frozenset[str]:
+        return next((each for each in self.groups if service in each), frozenset((service,)))
 
     def topics(self) -> dict[str, str]:
         """Returns the types by topic, as this ROS writes them."""
@@ -244,21 +269,30 @@ class Session:
         self._bridge.deliver(operation["topic"], operation["msg"])
 
     def _call_service(self, operation: Message) -> None:
-        name, faults = operation["service"], self._bridge.faults
-        if name in faults.dead_services:
+        if operation["service"] in self._bridge.faults.dead_services:
             self.is_held_up = not self._bridge.calls_in_new_thread
+        else:
+            self.call(operation)
+
+    def call(self, operation: Message) -> None:
+        """Calls a service, unless its group is busy."""
+        bridge, name = self._bridge, operation["service"]
+        if bridge.queues(self, operation):
+            self.is_held_up = not bridge.calls_in_new_thread
             return
         answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
         try:
-            answer |= {"values": json_ready(self._bridge.call(name, operation.get("args", {}))), "result": True}
+            answer |= {"values": json_ready(bridge.call(name, operation.get("args", {}))), "result": True}
         except RefusedError as error:
             answer |= {"values": str(error), "result": False}
-        slow_s = faults.slow_services.get(name)
+        slow_s = bridge.faults.slow_services.get(name)
         if slow_s is None:
             self.out.append(json.dumps(answer))
+            self._go_on()
             return
-        self.is_held_up = not self._bridge.calls_in_new_thread
-        heapq.heappush(self._answers, (self._bridge.now_s + slow_s, next(self._numbers), json.dumps(answer)))
+        self.is_held_up = not bridge.calls_in_new_thread
+        bridge.occupy(name, bridge.now_s + slow_s)
+        heapq.heappush(self._answers, (bridge.now_s + slow_s, next(self._numbers), json.dumps(answer)))
 
     def _go_on(self) -> None:
         """Executes what was held up."""

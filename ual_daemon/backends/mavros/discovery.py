@@ -128,6 +128,9 @@ class Discovery:
         else:
             self._meet(found)
 
+    def _holds_up_calls(self) -> bool:
+        return self._question is not None or self._link.holds_up_calls
+
     def _meet(self, found: VehicleDescription) -> None:
         autopilot, session = found.autopilot, self.session
         if autopilot is None:
@@ -142,7 +145,7 @@ class Discovery:
         self._boots_count += 1
         boots_count = self._boots_count * 1000
         session = self.session = Session(
-            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s
+            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s, self._holds_up_calls
         )
         logs.event(_log, logging.INFO, "autopilot_connected", autopilot=autopilot.name, system_id=found.system_id)
         for name in self._subscribed:

@@ -39,6 +39,7 @@ class Calls:
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
         self._unanswered_since_s = math.inf
+        self._is_concurrent = False
 
     def begin(self, service: str, now_s: float, timeout_s: float) -> tuple[str, Future[Message]]:
         """Returns the id of a new call, and the future of its answer."""
@@ -53,15 +54,21 @@ class Calls:
         """Returns for how long services were called and none has answered, in seconds; 0 if nothing was called."""
         return max(0.0, now_s - self._unanswered_since_s)
 
-    def heard(self) -> None:
-        """Notes that the bridge answers calls, or that it begins anew."""
+    @property
+    def hold_up(self) -> bool:
+        """Whether a call that is made now may wait behind another one: one is under way, and no later one has ever been
+        answered before an earlier one.
+        """
         with self._lock:
-            self._unanswered_since_s = math.inf
+            return not self._is_concurrent and (bool(self._open) or self._unanswered_since_s < math.inf)
 
     def answer(self, operation: Mapping[str, Any]) -> None:
         """Takes an answer; one that is late, or of nobody's call, is dropped."""
-        self.heard()
-        call = self._take(str(operation.get("id")))
+        ident = str(operation.get("id"))
+        with self._lock:
+            self._unanswered_since_s = math.inf
+            self._is_concurrent = self._is_concurrent or (ident in self._open and next(iter(self._open)) != ident)
+        call = self._take(ident)
         if call is None:
             return
         values = operation.get("values")
@@ -87,8 +94,8 @@ class Calls:
 
     def fail_all(self, words: str) -> None:
         """Ends all calls: the connection is lost."""
-        self.heard()
         with self._lock:
+            self._unanswered_since_s, self._is_concurrent = math.inf, False
             calls, self._open = list(self._open.values()), {}
         for call in calls:
             _end(call, ServiceTimeoutError(call.service, words))

@@ -15,7 +15,7 @@ from ual_daemon.backends.base import Clock
 from ual_daemon.backends.rosbridge import operations
 from ual_daemon.backends.rosbridge.calls import Calls, ServiceError
 from ual_daemon.backends.rosbridge.connections import Connections
-from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, read_graph
+from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, Ros, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
 from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import Dial, dial
@@ -120,6 +120,11 @@ class RosbridgeLink:
     def is_up(self) -> bool:
         """Whether the bridge answers and its topics are known."""
         return self.state is LinkState.UP
+
+    @property
+    def holds_up_calls(self) -> bool:
+        """Whether a call that is made now may be executed late: with ROS 2 rosbridge may execute one after another."""
+        return self.graph is not None and self.graph.ros is Ros.ROS2 and self._calls.hold_up
 
     def open(self) -> None:
         """Starts the thread; it connects, and keeps trying."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 
 import pytest
@@ -13,6 +14,7 @@ from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
+from tests.simulators.rosbridge import Message, Service
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
@@ -22,6 +24,7 @@ from ual_daemon.backends.base import BackendOptions
 LOST_S, HEALED_S = 1.5, 3.0
 SEEN_S = 0.4
 """Until then a pilot who takes over must have been seen: PX4 is asked for a heartbeat five times a second."""
+ATTITUDE_QUATERNION = 31
 IN_THE_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
 _GOAL = Pose.at(12.0, 6.0, 4.0)
 
@@ -148,6 +151,30 @@ def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
     assert px4.uav.telemetry().state is State.FLYING_AUTO
 
 
+def record(flight: Flight, name: str) -> list[tuple[float, Message]]:
+    """Returns a list that gets the calls of a service from now on, with their times."""
+    node, found = flight.backend.node, []
+    services = type(node).services.fget  # type: ignore[attr-defined]
+
+    class Recorded(type(node)):  # type: ignore[misc]
+        @property
+        def services(self) -> Mapping[str, Service]:
+            def call(message: Message) -> Message:
+                found.append((flight.now_s(), message))
+                return known[f"/mavros/{name}"](message)
+
+            known: Mapping[str, Service] = services(self)
+            return {**known, f"/mavros/{name}": call}
+
+    node.__class__ = Recorded
+    return found
+
+
+def record_modes(flight: Flight) -> list[tuple[float, Message]]:
+    """Returns a list that gets the modes that MAVROS is asked for from now on."""
+    return record(flight, "set_mode")
+
+
 def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
     px4.backend.bridge.calls_in_new_thread = True  # as docs/backends/mavros.md starts it
     px4.fly()
@@ -199,6 +226,56 @@ def test_a_pilot_who_takes_over_during_a_call_gets_no_setpoint_that_waited(px4: 
     assert told_s - taken[1] < 1.5  # PX4 sends a heartbeat a second, and the call that asks for more is waiting
     px4.until(lambda: px4.now_s() > told_s + 6.0)
     assert not [time_s for time_s, _ in px4.backend.node.setpoints if time_s > told_s + 0.02]
+
+
+def test_a_mode_is_not_asked_for_where_the_call_would_wait_until_the_pilot_has_taken_over(px4: Flight) -> None:
+    px4.fly()
+    modes = record_modes(px4)
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    task = px4.uav.land(blocking=False)
+    asked = px4.mark()
+    px4.until(lambda: px4.now_s() > asked[1] + 0.3)
+    px4.backend.autopilot.pilot_take_over()
+    px4.until_state(State.FLYING_MANUAL, since=asked)
+    px4.until(lambda: px4.now_s() > asked[1] + 7.0)
+    assert modes == []
+    with pytest.raises(UalError):
+        task.wait(LIMIT_S)
+    assert px4.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
+    """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
+    px4.fly()
+    px4.backend.autopilot.pilot_take_over()
+    px4.until(lambda: px4.uav.telemetry().state is State.FLYING_MANUAL)
+    modes, node = record_modes(px4), px4.backend.node
+    step = node.step
+    taken_s: list[float] = []
+
+    def take_over_after_a_mode(now_s: float) -> Iterable[tuple[str, Message]]:
+        if modes and not taken_s and px4.now_s() >= modes[0][0] + 0.06:
+            taken_s.append(px4.now_s())
+            px4.backend.autopilot.pilot_take_over()
+        return step(now_s)
+
+    node.step = take_over_after_a_mode  # type: ignore[method-assign]
+    with contextlib.suppress(UalError):
+        px4.uav.recover_from_manual()
+    px4.until(lambda: bool(taken_s) and px4.now_s() > taken_s[0] + 5.0)
+    assert len(modes) == 1
+    assert px4.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> None:
+    """MAVROS executes no mode with ROS 2 while it waits for the acknowledgement of such a request."""
+    px4.fly()
+    intervals = record(px4, "set_message_interval")
+    px4.backend.bridge.faults.silent_topics |= {"/mavros/vfr_hud", "/mavros/imu/data"}
+    silent_s = px4.now_s()
+    px4.until(lambda: px4.now_s() > silent_s + 6.0)
+    assert {message["message_id"] for _, message in intervals} == {ATTITUDE_QUATERNION}
 
 
 def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
