@@ -43,6 +43,8 @@ class LockstepMavros(MavrosBackend):
         self.bridge = Bridge(ros, [self.node])
         self.bridge.groups = self.node.groups
         self.is_bridge_gone = False
+        self.is_socket_full = False
+        """Whether the bridge reads nothing, so that what is perishable does not leave."""
         self.history: list[tuple[float, State]] = []
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
         self.clock = _Clock(autopilot)
@@ -132,6 +134,8 @@ class _SteppedTransport(Transport):
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
         if self._backend.is_bridge_gone:
             raise ConnectionResetError("the bridge is gone")
+        if is_perishable and self._backend.is_socket_full:
+            return False
         with self._backend.autopilot.lock:
             self._session.receive(text)
         return True

@@ -87,6 +87,11 @@ class Session:
         """What it is, for people."""
         return f"{self.autopilot.name} (system {self.description.system_id})"
 
+    @property
+    def takes_setpoints(self) -> bool:
+        """Whether it is in the mode in which it flies by setpoints."""
+        return self.telemetry.mode_name == self.autopilot.setpoint_mode
+
     def on_message(self, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS. After a silence that counts as a lost link nothing from before it is valid."""
         telemetry = self.telemetry

@@ -11,6 +11,7 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 
+from ual_daemon.backends.rosbridge.outbox import Outbox
 from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import Dial, Transport
 
@@ -32,6 +33,7 @@ class Connections:
         except BaseException:
             self.caller.close()
             raise
+        self.published = Outbox(self.publisher)
         begun_s = now_s()
         self._pulses = [_Pulse(each, begun_s) for each in (self.caller, self.publisher)]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from ual_daemon import logs
@@ -72,14 +73,6 @@ class _Subscription:
     fault: str = ""
 
 
-@dataclass(slots=True)
-class _Outbox:
-    """The newest message of each topic that could not be sent at once."""
-
-    waiting: dict[str, bytes] = field(default_factory=dict)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-
 class _ClosedError(Exception):
     """The link is closed while it connects."""
 
@@ -99,7 +92,6 @@ class RosbridgeLink:
         self._subscriptions: dict[str, _Subscription] = {}
         self._advertised: dict[str, str] = {}
         self._calls = Calls()
-        self._outbox = _Outbox()
         self._fragments = Fragments()
         self._closing = threading.Event()
         self._connections: Connections | None = None
@@ -145,12 +137,14 @@ class RosbridgeLink:
             return
         topic = self.url.resolve(topic)
         data = operations.publish(topic, message)
-        try:
-            if not connections.publisher.send(data, is_perishable=True):
-                with self._outbox.lock:
-                    self._outbox.waiting[topic] = data
-        except OSError:
-            return  # the link's thread sees it, too
+        with contextlib.suppress(OSError):  # the link's thread sees it, too
+            connections.published.put(topic, data)
+
+    def withdraw(self, topic: str) -> None:
+        """Withdraws the message of a topic that has not left yet."""
+        connections = self._connections
+        if connections is not None:
+            connections.published.withdraw(self.url.resolve(topic))
 
     def call_service(self, service: str, arguments: Message | None = None, timeout_s: float = 3.0) -> Future[Message]:
         """Calls a service. The future ends with its values, or with a `calls.ServiceError` that names the service.
@@ -252,16 +246,17 @@ class RosbridgeLink:
         for data in connections.receive(TICK_S):
             self._take(data)
         now_s = self._clock.now_s()
-        self._supervise(connections.supervise(now_s))
+        self._supervise(connections, connections.supervise(now_s))
         self._supervise_calls(now_s)
-        self._send_waiting(connections)
+        if self.is_up:
+            connections.published.flush()
         self._calls.expire(now_s)
         self._ask(now_s)
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
         self._on_step()
 
-    def _supervise(self, silent_s: float) -> None:
+    def _supervise(self, connections: Connections, silent_s: float) -> None:
         """Takes for how long there was no sign of life.
 
         Raises:
@@ -271,8 +266,7 @@ class RosbridgeLink:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
         if silent_s > LOST_S and self.state is LinkState.UP:
             self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
-            with self._outbox.lock:
-                self._outbox.waiting.clear()
+            connections.published.clear()
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
         elif silent_s <= LOST_S and self.state is LinkState.SILENT:
             self.state, self.why_not = LinkState.UP, ""
@@ -289,14 +283,6 @@ class RosbridgeLink:
             raise TimeoutError(f"{self.url} has answered no call of a service for {_BLOCKED_S:g} s")
         if unanswered_s > _DOUBT_S:
             self._ask_s = min(self._ask_s, now_s)
-
-    def _send_waiting(self, connections: Connections) -> None:
-        with self._outbox.lock:
-            waiting, self._outbox.waiting = self._outbox.waiting, {}
-        for topic, data in waiting.items():
-            if not connections.publisher.send(data, is_perishable=True):
-                with self._outbox.lock:
-                    self._outbox.waiting.setdefault(topic, data)
 
     def _ask(self, now_s: float) -> None:
         """Asks for the topics: at once, again while something is missing, and now and then later."""
@@ -383,8 +369,6 @@ class RosbridgeLink:
         """Forgets what was said on a connection that has ended."""
         self.state, self.graph, self._question = LinkState.CONNECTING, None, None
         self._fragments = Fragments()
-        with self._outbox.lock:
-            self._outbox.waiting.clear()
         for each in self._subscriptions.values():
             each.is_sent, each.cbor_since_s, each.fault = False, math.inf, ""
         self._calls.fail_all("the connection to the bridge is lost")

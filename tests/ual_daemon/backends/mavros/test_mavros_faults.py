@@ -330,6 +330,20 @@ def test_a_pilot_who_takes_over_is_seen_and_nothing_is_sent_after(
     assert flight.uav.telemetry().state is State.FLYING_MANUAL
 
 
+def test_a_setpoint_that_waits_does_not_leave_after_the_pilot_has_taken_over(flight: Flight) -> None:
+    flight.fly()
+    stream(flight.uav)
+    flight.backend.is_socket_full = True
+    taken = flight.mark()
+    flight.backend.autopilot.pilot_take_over()
+    flight.until_state(State.FLYING_MANUAL, since=taken)
+    sent_count = flight.setpoints_count
+    flight.backend.is_socket_full = False
+    free_s = flight.now_s()
+    flight.until(lambda: flight.now_s() > free_s + 1.0)
+    assert flight.setpoints_count == sent_count
+
+
 def test_a_pilot_who_takes_over_ends_the_task(flight: Flight) -> None:
     flight.fly()
     task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
