@@ -80,7 +80,8 @@ class _ClosedError(Exception):
 class RosbridgeLink:
     """One thread. `publish`, `call_service` and the properties are for any thread; they never block.
 
-    Subscribe and advertise before `open`, or on the link's thread; they outlive every connection.
+    Subscribe and advertise before `open`, or on the link's thread. That is only recorded, sent when it can be, and
+    outlives every connection.
     """
 
     def __init__(self, url: BridgeUrl, clock: Clock, on_step: Callable[[], None], dialler: Dial = dial) -> None:
@@ -90,7 +91,10 @@ class RosbridgeLink:
         self._on_step = on_step
         self._dial = dialler
         self._subscriptions: dict[str, _Subscription] = {}
+        self._unsubscribed: list[str] = []
         self._advertised: dict[str, str] = {}
+        self._announced: set[str] = set()
+        """What was advertised on this connection."""
         self._calls = Calls()
         self._fragments = Fragments()
         self._closing = threading.Event()
@@ -186,20 +190,19 @@ class RosbridgeLink:
         name = self.url.resolve(topic)
         wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind))
         self._subscriptions[name] = wanted
-        self._refresh_subscriptions()
+        self._refreshed_s = -math.inf
 
     def unsubscribe(self, topic: str) -> None:
         """Ends a subscription."""
         subscription = self._subscriptions.pop(self.url.resolve(topic), None)
-        if subscription is not None and subscription.is_sent and self._connections is not None:
-            self._connections.caller.send(operations.unsubscribe(subscription.topic))
+        if subscription is not None and subscription.is_sent:
+            self._unsubscribed.append(subscription.topic)
+            self._refreshed_s = -math.inf
 
     def advertise(self, topic: str, kind: str) -> None:
         """Announces a topic that is published to; needed before `publish`."""
-        name = self.url.resolve(topic)
-        self._advertised[name] = kind
-        if self._connections is not None and self.graph is not None:
-            self._connections.publisher.send(operations.advertise(name, self.graph.ros.spell(kind)))
+        self._advertised[self.url.resolve(topic)] = kind
+        self._refreshed_s = -math.inf
 
     def _run(self) -> None:
         """Connects until the link is closed. A defect of whoever listens does not end it: it connects anew."""
@@ -252,9 +255,9 @@ class RosbridgeLink:
             connections.published.flush()
         self._calls.expire(now_s)
         self._ask(now_s)
+        self._on_step()
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
-        self._on_step()
 
     def _supervise(self, connections: Connections, silent_s: float) -> None:
         """Takes for how long there was no sign of life.
@@ -302,22 +305,26 @@ class RosbridgeLink:
                 self.why_not = f"rosapi does not answer ({error}): it runs beside rosbridge, and needs a ROS master"
                 self._say("bridge_without_topics", self.why_not)
             return
-        is_new, self.graph = self.graph is None, graph
-        if is_new:
-            for topic, kind in self._advertised.items():
-                self.advertise(topic, kind)
+        self.graph = graph
+        self._refresh_subscriptions()
         if self.state is LinkState.ASKING:
             self.state, self.why_not = LinkState.UP, ""
-        self._refresh_subscriptions()
         self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
 
     def _refresh_subscriptions(self) -> None:
-        """Subscribes to what can be, and to what has fallen silent."""
+        """Announces what is published, and subscribes to what can be, and to what has fallen silent.
+
+        Raises:
+            OSError: The connection is lost. The next one begins anew.
+        """
         connections, graph, now_s = self._connections, self.graph, self._clock.now_s()
         self._refreshed_s = now_s
         if connections is None or graph is None:
             return
+        self._announce(connections, graph)
         transport = connections.caller
+        while self._unsubscribed:
+            transport.send(operations.unsubscribe(self._unsubscribed.pop()))
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
             if each.is_sent and each.is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:
@@ -336,6 +343,12 @@ class RosbridgeLink:
                 )
             if "has the type" in each.fault:
                 self._say("topic_unusable", each.fault)
+
+    def _announce(self, connections: Connections, graph: Graph) -> None:
+        for topic, kind in self._advertised.items():
+            if topic not in self._announced:
+                connections.publisher.send(operations.advertise(topic, graph.ros.spell(kind)))
+                self._announced.add(topic)
 
     def _take(self, data: str | bytes) -> None:
         try:
@@ -369,6 +382,8 @@ class RosbridgeLink:
         """Forgets what was said on a connection that has ended."""
         self.state, self.graph, self._question = LinkState.CONNECTING, None, None
         self._fragments = Fragments()
+        self._unsubscribed.clear()
+        self._announced.clear()
         for each in self._subscriptions.values():
             each.is_sent, each.cbor_since_s, each.fault = False, math.inf, ""
         self._calls.fail_all("the connection to the bridge is lost")

@@ -20,9 +20,10 @@ from typing_extensions import override
 from tests.simulators.rosbridge import Bridge, Message, RefusedError
 from tests.simulators.rosbridge_server import RosbridgeServer
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.rosbridge import LinkState, Ros, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, Ros, RosbridgeLink, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
+from ual_daemon.backends.rosbridge.websocket import Transport, dial
 
 STAMP = {"sec": 12, "nanosec": 500_000_000}
 
@@ -279,6 +280,55 @@ def test_a_node_that_comes_late_is_subscribed_to() -> None:
             server.bridge.nodes.append(talker)
             until(lambda: heard.has_news)
             until(lambda: not heard.link.faults())
+
+
+def test_a_connection_that_breaks_while_a_backend_subscribes_for_the_first_time_is_made_anew() -> None:
+    breaks = ["subscribe"]
+
+    def dial_breaking(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
+        transport = dial(url, on_wait)
+        send = transport.send
+
+        def send_or_break(text: bytes, *, is_perishable: bool = False) -> bool:
+            if breaks and b'"subscribe"' in text:
+                breaks.clear()
+                raise ConnectionResetError("the bridge closed the connection")
+            return send(text, is_perishable=is_perishable)
+
+        transport.send = send_or_break  # type: ignore[method-assign]
+        return transport
+
+    came: list[str] = []
+    begun: list[bool] = []
+
+    def begin() -> None:
+        if link.is_up and not begun:
+            begun.append(True)
+            link.subscribe("/uav/count", "test_msgs/Count", lambda *_: came.append("count"))
+            link.subscribe("/uav/other", "test_msgs/Count", lambda *_: came.append("other"))
+            link.advertise("/uav/setpoint", "test_msgs/Setpoint")
+
+    class Two(Talker):
+        @property
+        def topics(self) -> Mapping[str, str]:
+            return {**super().topics, "/uav/other": "test_msgs/Count"}
+
+        def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
+            yield from super().step(now_s)
+            yield "/uav/other", {"count": 1}
+
+    talker = Two()
+    with RosbridgeServer(Bridge(1, [talker])) as server:
+        link = RosbridgeLink(parse_url(server.url), MonotonicClock(), begin, dial_breaking)
+        link.open()
+        try:
+            until(lambda: {"count", "other"} <= set(came))
+            link.publish("/uav/setpoint", {"x": 1.0})
+            until(lambda: talker.heard)
+        finally:
+            link.close()
+    assert not breaks
+    assert link.connections_count == 2
 
 
 def test_a_silent_topic_is_subscribed_anew() -> None:
