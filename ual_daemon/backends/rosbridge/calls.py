@@ -77,14 +77,15 @@ class Calls:
         else:
             _end(call, ServiceError(call.service, str(values) or "refused without a reason"))
 
-    def expire(self, now_s: float) -> None:
-        """Ends the calls whose time is over."""
+    def expire(self, now_s: float) -> tuple[str, ...]:
+        """Ends the calls whose time is over, or whose caller has given up, and returns their ids."""
         with self._lock:
-            late = [ident for ident, call in self._open.items() if now_s > call.ends_s]
+            late = tuple(each for each, call in self._open.items() if now_s > call.ends_s or call.answer.cancelled())
         for ident in late:
             call = self._take(ident)
             if call is not None:
                 _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
+        return late
 
     def refuse(self, ident: str, words: str) -> None:
         """Ends a call that was not sent."""

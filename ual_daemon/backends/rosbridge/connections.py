@@ -16,6 +16,8 @@ from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import Dial, Transport
 
 PING_S = 0.1
+DOUBTFUL_S = 0.3
+"""A bridge that has not answered a ping for so long may have stalled. What it gets then is executed when it goes on."""
 
 
 class Connections:
@@ -33,6 +35,7 @@ class Connections:
         except BaseException:
             self.caller.close()
             raise
+        self.called = Outbox(self.caller)
         self.published = Outbox(self.publisher)
         begun_s = now_s()
         self._pulses = [_Pulse(each, begun_s) for each in (self.caller, self.publisher)]
@@ -52,11 +55,30 @@ class Connections:
             pulse.update(now_s)
         return now_s - min(pulse.heard_s for pulse in self._pulses)
 
+    def answers(self, now_s: float) -> bool:
+        """Whether no ping waits for long for its answer, so that what is sent is read at once. From any thread."""
+        return all(now_s - pulse.asked_s <= DOUBTFUL_S for pulse in self._pulses)
+
+    def flush(self) -> None:
+        """Sends what waits.
+
+        Raises:
+            OSError: One of them is lost.
+        """
+        self.published.flush()
+        self.called.flush()
+
     def close(self) -> None:
         """Closes both, without waiting."""
         with contextlib.ExitStack() as stack:
             stack.callback(self.caller.close)
             stack.callback(self.publisher.close)
+
+    def abort(self) -> None:
+        """Gives both up: what has not reached the bridge's computer never does."""
+        with contextlib.ExitStack() as stack:
+            stack.callback(self.caller.abort)
+            stack.callback(self.publisher.abort)
 
 
 class _Pulse:
@@ -64,13 +86,15 @@ class _Pulse:
 
     def __init__(self, transport: Transport, now_s: float) -> None:
         self.heard_s = now_s
+        self.asked_s = math.inf
+        """When the oldest ping was sent that is not answered; infinite if all are."""
         self._transport = transport
         self._heard = transport.heard
         self._pinged_s = -math.inf
 
     def update(self, now_s: float) -> None:
         if self._transport.heard != self._heard:
-            self._heard, self.heard_s = self._transport.heard, now_s
+            self._heard, self.heard_s, self.asked_s = self._transport.heard, now_s, math.inf
         if now_s - self._pinged_s >= PING_S:
-            self._pinged_s = now_s
+            self._pinged_s, self.asked_s = now_s, min(self.asked_s, now_s)
             self._transport.ping()

@@ -142,7 +142,7 @@ class RosbridgeLink:
         topic = self.url.resolve(topic)
         data = operations.publish(topic, message)
         with contextlib.suppress(OSError):  # the link's thread sees it, too
-            connections.published.put(topic, data)
+            connections.published.put(topic, data, may_leave=connections.answers(self._clock.now_s()))
 
     def withdraw(self, topic: str) -> None:
         """Withdraws the message of a topic that has not left yet."""
@@ -153,15 +153,17 @@ class RosbridgeLink:
     def call_service(self, service: str, arguments: Message | None = None, timeout_s: float = 3.0) -> Future[Message]:
         """Calls a service. The future ends with its values, or with a `calls.ServiceError` that names the service.
 
-        Cancelling the future drops the answer: rosbridge cannot take a call back.
+        A call leaves while the link is up, and within its time. Cancelling the future withdraws it if it has not left;
+        else it drops the answer, as rosbridge cannot take a call back.
         """
-        service = self.url.resolve(service)
-        ident, answer = self._calls.begin(service, self._clock.now_s(), timeout_s)
+        service, now_s = self.url.resolve(service), self._clock.now_s()
         connections = self._connections
+        if connections is None or not (self.is_up or (service == TOPICS_SERVICE and self.state is LinkState.ASKING)):
+            return _refused(service, self.why_not or f"not connected to {self.url}")
+        ident, answer = self._calls.begin(service, now_s, timeout_s)
+        data = operations.call_service(service, arguments or {}, ident)
         try:
-            if connections is None:
-                raise ConnectionError(f"not connected to {self.url}")
-            connections.caller.send(operations.call_service(service, arguments or {}, ident))
+            connections.called.put(ident, data, may_leave=connections.answers(now_s))
         except OSError as error:
             self._calls.refuse(ident, str(error))
         return answer
@@ -224,14 +226,16 @@ class RosbridgeLink:
 
     def _connect_and_serve(self) -> None:
         connections = Connections(self.url, self._dial, self._wait, self._clock.now_s)
+        end = connections.abort
         try:
             self._connected(connections)
             while not self._closing.is_set():
                 self._serve(connections)
+            end = connections.close if self.is_up else connections.abort
         finally:
             self._connections = None
             self._forget()
-            connections.close()
+            end()
 
     def _wait(self) -> None:
         if self._closing.is_set():
@@ -251,9 +255,10 @@ class RosbridgeLink:
         now_s = self._clock.now_s()
         self._supervise(connections, connections.supervise(now_s))
         self._supervise_calls(now_s)
-        if self.is_up:
-            connections.published.flush()
-        self._calls.expire(now_s)
+        for ident in self._calls.expire(now_s):
+            connections.called.withdraw(ident)
+        if self.state is not LinkState.SILENT and connections.answers(now_s):
+            connections.flush()
         self._ask(now_s)
         self._on_step()
         if now_s - self._refreshed_s >= _REFRESH_S:
@@ -270,6 +275,8 @@ class RosbridgeLink:
         if silent_s > LOST_S and self.state is LinkState.UP:
             self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
             connections.published.clear()
+            for ident in connections.called.clear():
+                self._calls.refuse(ident, self.why_not)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
         elif silent_s <= LOST_S and self.state is LinkState.SILENT:
             self.state, self.why_not = LinkState.UP, ""
@@ -399,6 +406,12 @@ class RosbridgeLink:
         if why not in self._said and len(self._said) < _MOST_SAID:
             self._said.add(why)
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
+
+
+def _refused(service: str, words: str) -> Future[Message]:
+    answer: Future[Message] = Future()
+    answer.set_exception(ServiceError(service, words))
+    return answer
 
 
 _MOST_SAID = 1000
