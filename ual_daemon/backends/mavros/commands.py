@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.mavros.parameters import Call
 from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import LandedState, Snapshot
 
 AGAIN_S = 1.0
@@ -37,6 +37,10 @@ _ACCEPTED = 0
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 5: "IN_PROGRESS", 6: "CANCELLED"}
 _IN_PROGRESS = 5
 
+Answer = Message | ServiceError
+"""The answer of a service, or why there is none."""
+CallService = Callable[[str, Message, Callable[[Answer], None], float], None]
+"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
 Shows = Callable[[Snapshot, float], bool]
 """Whether a snapshot shows the effect of what was sent at a time."""
 
@@ -116,6 +120,7 @@ class _Running:
     is_mode_sent: bool = False
     mode_sent_s: float = math.inf
     """When MAVROS had answered that it had sent the mode."""
+    refuser: str = ""
     refusal: str = ""
     refused_s: float = 0.0
     texts: list[str] = field(default_factory=list)
@@ -135,7 +140,7 @@ class Commands:
     def __init__(
         self,
         name: str,
-        call: Call,
+        call: CallService,
         setpoints_s: Callable[[float], float],
         holds_up_mode: Callable[[], bool],
         on_mode_sent: Callable[[], None],
@@ -222,20 +227,25 @@ class Commands:
         running.is_called, running.is_mode_sent, running.mode_sent_s = True, False, math.inf
         step = running.step
 
-        def take(answer: Message) -> None:
+        def take(answer: Answer) -> None:
             if self._running is running and running.step is step:
                 running.is_called = False
                 self._take(running, answer)
 
         self._call(step.service, step.arguments, take, CALL_S)
 
-    def _take(self, running: _Running, answer: Message) -> None:
-        """Takes the answer of a service; an empty one if none came in time."""
+    def _take(self, running: _Running, answer: Answer) -> None:
+        """Takes the answer of a service. One that has not answered in time may have been executed."""
+        if isinstance(answer, ServiceTimeoutError):
+            return
+        if isinstance(answer, ServiceError):
+            running.refuser, running.refusal, running.refused_s = "MAVROS", str(answer), self._now_s
+            return
         if running.step.is_mode:
             if answer.get("mode_sent"):
                 running.is_mode_sent = True
                 self._on_mode_sent()
-            elif answer:
+            else:
                 running.refusal, running.refused_s = "MAVROS does not know the mode, or hears no autopilot", 0.0
             return
         result = int(answer.get("result", _ACCEPTED))
@@ -258,7 +268,7 @@ class Commands:
     def _refuse(self, running: _Running) -> None:
         self._running = None
         said = "".join(f"; it said: {text}" for text in running.texts)
-        words = f"{self._name} refused to {running.step.what}: {running.refusal}{said}"
+        words = f"{running.refuser or self._name} refused to {running.step.what}: {running.refusal}{said}"
         running.future.set_exception(
             RejectedByAutopilotError(words, {"result": running.refusal, "text": "; ".join(running.texts)})
         )

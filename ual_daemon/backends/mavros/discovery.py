@@ -11,6 +11,7 @@ from functools import partial
 from ual_daemon import logs
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.mavros.commands import Answer
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.topics import TOPICS
@@ -88,16 +89,16 @@ class Discovery:
                 self._subscribe(session)
             session.tick(now_s, link.graph.ros)
 
-    def call(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
-        """Calls a service of MAVROS; `take` gets its values, or an empty message if there are none."""
+    def call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
+        """Calls a service of MAVROS; `take` gets its values, or why there are none."""
 
         def ended(future: Future[Message]) -> None:
             error = future.exception()
-            if error is None:
+            if isinstance(error, ServiceError):
+                self._say(str(error))
+                take(error)
+            else:
                 take(future.result())
-                return
-            self._say(str(error))
-            take({})
 
         name = f"{self._settings.node}/{service}"
         self._link.call_service(name, arguments, limit_s).add_done_callback(ended)

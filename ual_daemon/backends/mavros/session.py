@@ -19,13 +19,14 @@ from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
 from ual_daemon.backends.autopilots.sender_watch import SenderWatch
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
-from ual_daemon.backends.mavros.commands import Commands, Step
-from ual_daemon.backends.mavros.parameters import Call, ParameterReader
+from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step
+from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
 from ual_daemon.backends.mavros.telemetry import Telemetry, target
 from ual_daemon.backends.mavros.vehicle import VehicleDescription
 from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 
@@ -53,7 +54,7 @@ class Session:
         autopilot: Autopilot,
         settings: MavrosSettings,
         sent: SetpointMonitor,
-        call: Call,
+        call: CallService,
         boots_count: int,
         utc_s: Callable[[], float],
         holds_up_calls: Callable[[], bool] = lambda: False,
@@ -269,9 +270,9 @@ class Session:
         return True
 
     def _call_alone(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
-        def ended(answer: Message) -> None:
+        def ended(answer: Answer) -> None:
             self._calling = ""
-            if answer:
+            if answer and not isinstance(answer, ServiceError):
                 take(answer)
 
         self._calling = service

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
+
+from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.autopilots.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
-from ual_daemon.backends.mavros.commands import Commands
+from ual_daemon.backends.mavros.commands import Answer, Commands
 from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import Sample, Snapshot
 
 
@@ -15,7 +19,7 @@ class Exchange:
     """The safety pilot flies, and control is taken. `calls` are the services that were called."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[str, Message, Callable[[Message], None]]] = []
+        self.calls: list[tuple[str, Message, Callable[[Answer], None]]] = []
         self.is_held_up = False
         self.is_withdrawn = False
         self.wanted_heartbeats = 0
@@ -25,7 +29,7 @@ class Exchange:
         step = commands.set_mode("OFFBOARD", "take control")
         self.done = self.commands.submit((step,), self.snapshot(), lambda: self.is_withdrawn)
 
-    def _call(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
+    def _call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
         self.calls.append((service, arguments, take))
 
     def _want_heartbeat(self) -> None:
@@ -100,3 +104,22 @@ def test_a_mode_leaves_once_nothing_holds_up_its_call() -> None:
     it.is_held_up = False
     it.step(0.1)
     assert len(it.calls) == 1
+
+
+def test_a_service_that_is_not_there_refuses_by_its_name() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.calls[-1][2](ServiceError("/mavros/set_mode", "Service /mavros/set_mode does not exist"))
+    it.step(1.0)
+    with pytest.raises(RejectedByAutopilotError, match=r"MAVROS refused to take control: /mavros/set_mode.*not exist"):
+        it.done.result(0.0)
+    assert len(it.calls) == 1
+
+
+def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.calls[-1][2](ServiceTimeoutError("/mavros/set_mode", "the service has not answered"))
+    it.step(1.0, heartbeat="OFFBOARD")
+    assert it.done.done()
+    assert it.done.exception() is None

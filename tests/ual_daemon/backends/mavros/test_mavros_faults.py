@@ -12,6 +12,7 @@ import pytest
 from tests.conftest import LIMIT_S
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
+from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Message, Service
@@ -187,6 +188,22 @@ def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
     px4.backend.bridge.faults.dead_services.clear()
     px4.until(lambda: px4.uav.telemetry().state is State.FLYING_AUTO)
     px4.uav.land()
+
+
+@pytest.mark.parametrize(
+    ("kind", "gone"),
+    [("px4", "cmd/arming"), ("px4", "set_mode"), ("ardupilot", "cmd/arming"), ("ardupilot", "cmd/takeoff")],
+)
+def test_a_service_of_mavros_that_is_not_there_is_named(kind: str, gone: str) -> None:
+    class Lacking(Mavros):
+        @property
+        def services(self) -> Mapping[str, Service]:
+            return {name: call for name, call in super().services.items() if not name.endswith(gone)}
+
+    backend = make(kind)
+    backend.node.__class__ = Lacking
+    with UAL(backend, allow_arming=True) as uav, pytest.raises(UalError, match=f"/mavros/{gone}.*does not exist"):
+        Flight(backend, uav).fly()
 
 
 def test_a_call_that_is_never_answered_blocks_no_later_one(px4: Flight) -> None:
