@@ -82,6 +82,8 @@ class Mavros:
         self.target_system = autopilot.system_id if target_system is None else target_system
         self.setpoints: list[tuple[float, Message]] = []
         """All setpoints that it has passed on, with the time."""
+        self.clock_error_s = 0.0
+        """By how much the clock of its computer is ahead."""
         self.is_gone = False
         """Whether the node has been killed: its topics and services are not there."""
         self._port = port
@@ -234,7 +236,7 @@ class Mavros:
     @property
     def utc_s(self) -> float:
         """The time of its computer."""
-        return BEGIN_UTC_S + self.autopilot.elapsed_s
+        return BEGIN_UTC_S + self.clock_error_s + self.autopilot.elapsed_s
 
     def _header(self, boot_ms: float | None = None) -> Message:
         """Returns a header: of the autopilot's time, where that is known, else of now."""

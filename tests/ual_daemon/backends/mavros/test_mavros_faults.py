@@ -304,6 +304,16 @@ def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight)
     flight.uav.land()
 
 
+@pytest.mark.parametrize("back_s", [3.0, 9.0])
+def test_a_clock_of_the_ros_computer_that_is_set_back_ends_no_flight(px4: Flight, back_s: float) -> None:
+    px4.fly()
+    task = px4.uav.go_to_waypoint(Pose.at(30.0, 0.0, 4.0), blocking=False)
+    index, _ = px4.mark()
+    px4.backend.node.clock_error_s = -back_s
+    task.wait(LIMIT_S)
+    assert {state for _, state in px4.backend.history[index:]} == {State.FLYING_AUTO}
+
+
 def test_data_that_are_seconds_late_are_no_data(px4: Flight) -> None:
     px4.until_state(State.LANDED_DISARMED)
     px4.until(lambda: px4.now_s() > 8.0)
