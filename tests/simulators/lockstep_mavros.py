@@ -41,7 +41,10 @@ class LockstepMavros(MavrosBackend):
                 autopilot.parameters[name] = 60.0
         self.node = Mavros(autopilot, port, ros=ros, has_gps_status=ros == 2)
         self.bridge = Bridge(ros, [self.node])
+        self.bridge.groups = self.node.groups
         self.is_bridge_gone = False
+        self.is_socket_full = False
+        """Whether the bridge reads nothing, so that what is perishable does not leave."""
         self.history: list[tuple[float, State]] = []
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
         self.clock = _Clock(autopilot)
@@ -109,7 +112,7 @@ class _Clock(MonotonicClock):
 
 
 class _SteppedTransport(Transport):
-    """Steps the bridge instead of waiting for it."""
+    """Steps the bridge instead of waiting for it; without a time to wait, it takes what has come."""
 
     def __init__(self, backend: LockstepMavros) -> None:
         self._backend = backend
@@ -120,7 +123,8 @@ class _SteppedTransport(Transport):
     def receive(self, timeout_s: float) -> Sequence[str | bytes]:
         if self._backend.is_bridge_gone:
             raise ConnectionResetError("the bridge is gone")
-        self._backend.advance()
+        if timeout_s:
+            self._backend.advance()
         self._heard += 1
         found = list(self._session.out)
         self._session.out.clear()
@@ -130,6 +134,8 @@ class _SteppedTransport(Transport):
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
         if self._backend.is_bridge_gone:
             raise ConnectionResetError("the bridge is gone")
+        if is_perishable and self._backend.is_socket_full:
+            return False
         with self._backend.autopilot.lock:
             self._session.receive(text)
         return True

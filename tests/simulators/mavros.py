@@ -82,6 +82,8 @@ class Mavros:
         self.target_system = autopilot.system_id if target_system is None else target_system
         self.setpoints: list[tuple[float, Message]] = []
         """All setpoints that it has passed on, with the time."""
+        self.clock_error_s = 0.0
+        """By how much the clock of its computer is ahead."""
         self.is_gone = False
         """Whether the node has been killed: its topics and services are not there."""
         self._port = port
@@ -180,6 +182,15 @@ class Mavros:
             found["param/get_parameters"] = self._get_parameters
         return {} if self.is_gone else {f"{self.name}/{service}": call for service, call in found.items()}
 
+    @property
+    def groups(self) -> tuple[frozenset[str], ...]:
+        """Services of which ROS 2 executes one at a time (``srv_cg`` in sys_status.cpp and command.cpp)."""
+        groups = (
+            ("set_mode", "set_message_interval", "vehicle_info_get"),
+            ("cmd/command", "cmd/arming", "cmd/takeoff"),
+        )
+        return tuple(frozenset(f"{self.name}/{each}" for each in group) for group in groups) if self.ros == 2 else ()
+
     def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
         while self.autopilot.elapsed_s < now_s - 1e-9:
             self.autopilot.step()
@@ -225,7 +236,7 @@ class Mavros:
     @property
     def utc_s(self) -> float:
         """The time of its computer."""
-        return BEGIN_UTC_S + self.autopilot.elapsed_s
+        return BEGIN_UTC_S + self.clock_error_s + self.autopilot.elapsed_s
 
     def _header(self, boot_ms: float | None = None) -> Message:
         """Returns a header: of the autopilot's time, where that is known, else of now."""

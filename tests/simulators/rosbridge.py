@@ -1,7 +1,8 @@
 """A small rosbridge: protocol 2 in JSON and CBOR, ROS 1 and ROS 2, rosapi, and nodes that are plain Python objects.
 
 It behaves as rosbridge_suite does: a wrong type or an unknown topic is written to its own log and not sent to the
-client (unless `sends_status`), a service that is not there is answered with an error, NaN is null in JSON.
+client (unless `sends_status`), a service that is not there is answered with an error, NaN is null in JSON. With ROS 2
+the operations of a client are executed one after another, and a call holds up those after it until it is answered.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ class Faults:
     silent_topics: set[str] = field(default_factory=set)
     dead_services: set[str] = field(default_factory=set)
     """They never answer."""
+    slow_services: dict[str, float] = field(default_factory=dict)
+    """They are executed at once, and answer after so many seconds."""
     delay_s: float = 0.0
     jitter_s: float = 0.0
 
@@ -70,14 +73,28 @@ class _Subscription:
 class Bridge:
     """The bridge and its nodes. `step` advances both; `sessions` are the clients."""
 
-    def __init__(self, ros: int, nodes: Iterable[Node], *, has_cbor: bool = True, sends_status: bool = False) -> None:
+    def __init__(
+        self,
+        ros: int,
+        nodes: Iterable[Node],
+        *,
+        has_cbor: bool = True,
+        sends_status: bool = False,
+        calls_in_new_thread: bool | None = None,
+    ) -> None:
+        """`calls_in_new_thread` is rosbridge's parameter: by default true with ROS 1, and false with ROS 2."""
         self.ros = ros
+        self.calls_in_new_thread = ros == 1 if calls_in_new_thread is None else calls_in_new_thread
         self.nodes = list(nodes)
         self.has_cbor = has_cbor
         self.sends_status = sends_status
         self.faults = Faults()
         self.sessions: list[Session] = []
         self.now_s = 0.0
+        self.groups: tuple[frozenset[str], ...] = ()
+        """Services of which one is executed at a time: callback groups that are mutually exclusive."""
+        self._busy_s: dict[frozenset[str], float] = {}
+        self._queued: list[tuple[Session, Message]] = []
         self.published: list[tuple[float, str, Message]] = []
         """What clients have published, with its time."""
         self.noise = random.Random(1)
@@ -98,6 +115,27 @@ class Bridge:
                         session.offer(topic, message)
         for session in self.sessions:
             session.step(now_s)
+        self._call_queued()
+
+    def _call_queued(self) -> None:
+        queued, self._queued = self._queued, []
+        for session, operation in queued:
+            if session in self.sessions:
+                session.call(operation)
+
+    def queues(self, session: Session, operation: Message) -> bool:
+        """Queues a call if its group is busy, and returns whether it is."""
+        is_busy = self._busy_s.get(self._group(operation["service"]), -math.inf) > self.now_s
+        if is_busy:
+            self._queued.append((session, operation))
+        return is_busy
+
+    def occupy(self, service: str, until_s: float) -> None:
+        """Makes a service's group busy."""
+        self._busy_s[self._group(service)] = until_s
+
+    def _group(self, service: str) -> frozenset[str]:
+        return next((each for each in self.groups if service in each), frozenset((service,)))
 
     def topics(self) -> dict[str, str]:
         """Returns the types by topic, as this ROS writes them."""
@@ -159,6 +197,10 @@ class Session:
         self._advertised: set[str] = set()
         self._late: list[tuple[float, int, str, Message]] = []
         self._numbers = itertools.count()
+        self._answers: list[tuple[float, int, str]] = []
+        self.is_held_up = False
+        """Whether its operations wait until a call is answered."""
+        self._held_up: deque[Message] = deque()
         self.out: deque[str | bytes] = deque()
         self.operations: list[str] = []
         """What was asked for, for tests."""
@@ -167,6 +209,12 @@ class Session:
         """Takes an operation."""
         operation = json.loads(text)
         self.operations.append(operation["op"])
+        if self.is_held_up:
+            self._held_up.append(operation)
+        else:
+            self._execute(operation)
+
+    def _execute(self, operation: Message) -> None:
         try:
             getattr(self, f"_{operation['op']}")(operation)
         except RefusedError as error:
@@ -181,6 +229,9 @@ class Session:
 
     def step(self, now_s: float) -> None:
         """Sends what is due."""
+        while self._answers and self._answers[0][0] <= now_s:
+            self.out.append(heapq.heappop(self._answers)[2])
+            self._go_on()
         while self._late and self._late[0][0] <= now_s:
             _, _, topic, message = heapq.heappop(self._late)
             if topic in self._subscriptions:
@@ -218,15 +269,36 @@ class Session:
         self._bridge.deliver(operation["topic"], operation["msg"])
 
     def _call_service(self, operation: Message) -> None:
-        name = operation["service"]
-        if name in self._bridge.faults.dead_services:
+        if operation["service"] in self._bridge.faults.dead_services:
+            self.is_held_up = not self._bridge.calls_in_new_thread
+        else:
+            self.call(operation)
+
+    def call(self, operation: Message) -> None:
+        """Calls a service, unless its group is busy."""
+        bridge, name = self._bridge, operation["service"]
+        if bridge.queues(self, operation):
+            self.is_held_up = not bridge.calls_in_new_thread
             return
         answer: dict[str, Any] = {"op": "service_response", "service": name, "id": operation.get("id")}
         try:
-            answer |= {"values": json_ready(self._bridge.call(name, operation.get("args", {}))), "result": True}
+            answer |= {"values": json_ready(bridge.call(name, operation.get("args", {}))), "result": True}
         except RefusedError as error:
             answer |= {"values": str(error), "result": False}
-        self.out.append(json.dumps(answer))
+        slow_s = bridge.faults.slow_services.get(name)
+        if slow_s is None:
+            self.out.append(json.dumps(answer))
+            self._go_on()
+            return
+        self.is_held_up = not bridge.calls_in_new_thread
+        bridge.occupy(name, bridge.now_s + slow_s)
+        heapq.heappush(self._answers, (bridge.now_s + slow_s, next(self._numbers), json.dumps(answer)))
+
+    def _go_on(self) -> None:
+        """Executes what was held up."""
+        self.is_held_up = False
+        while self._held_up and not self.is_held_up:
+            self._execute(self._held_up.popleft())
 
     def _send(self, topic: str, message: Message, *, is_cbor: bool) -> None:
         message = stamped(message, self._bridge.ros)

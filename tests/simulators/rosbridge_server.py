@@ -63,6 +63,11 @@ class RosbridgeServer:
             self._thread.join()
             self._thread = None
 
+    def drop(self, index: int) -> None:
+        """Ends one connection, by the order in which they were made."""
+        with self.lock:
+            self._clients[index].socket.shutdown(socket.SHUT_RDWR)
+
     def _run(self, listener: socket.socket) -> None:
         begun_s = time.monotonic() - self.bridge.now_s
         with listener:

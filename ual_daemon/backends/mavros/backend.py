@@ -163,7 +163,10 @@ class MavrosBackend(Backend):
 
     def _take(self, session: Session, topic: str, message: object, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
+        was_ours = session.takes_setpoints
         session.on_message(topic, message, now_s)  # type: ignore[arg-type]
+        if was_ours and not session.takes_setpoints and self._link is not None:
+            self._link.withdraw(self._setpoint_topic)  # the safety pilot has taken over: one may wait in a full socket
         self._has_news = self._has_news or topic == topics.POSE
 
     def _watch_pause(self, now_s: float) -> None:

@@ -2,10 +2,14 @@
 
 ``set_mode`` answers only that its message was sent, and ``cmd/...`` with the autopilot's acknowledgement, or after 5 s
 without one. So the effect counts.
+
+A safety pilot who takes over must not be overruled. So a mode is asked for only when nothing holds up the call, once
+until it is answered, and again only if the autopilot shows after the answer that it was not entered.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -13,12 +17,12 @@ from dataclasses import dataclass, field
 from ual.errors import RejectedByAutopilotError
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.mavros.parameters import Call
 from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import LandedState, Snapshot
 
 AGAIN_S = 1.0
-"""A mode that is not entered is asked for again after this."""
+"""A command that shows no effect is given again after this."""
 LIMIT_S = 4.5
 """A command is not sent any more after this."""
 CALL_S = 6.0
@@ -33,6 +37,10 @@ _ACCEPTED = 0
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 5: "IN_PROGRESS", 6: "CANCELLED"}
 _IN_PROGRESS = 5
 
+Answer = Message | ServiceError
+"""The answer of a service, or why there is none."""
+CallService = Callable[[str, Message, Callable[[Answer], None], float], None]
+"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
 Shows = Callable[[Snapshot, float], bool]
 """Whether a snapshot shows the effect of what was sent at a time."""
 
@@ -109,6 +117,10 @@ class _Running:
     next_s: float = 0.0
     sends_count: int = 0
     is_called: bool = False
+    is_mode_sent: bool = False
+    mode_sent_s: float = math.inf
+    """When MAVROS had answered that it had sent the mode."""
+    refuser: str = ""
     refusal: str = ""
     refused_s: float = 0.0
     texts: list[str] = field(default_factory=list)
@@ -121,13 +133,23 @@ class _Running:
 class Commands:
     """The command under way to one autopilot; a newer one replaces it. Belongs to the link's thread.
 
-    `call` calls a service, `setpoints_s` returns for how long setpoints have been sent.
+    `call` calls a service, `setpoints_s` returns for how long setpoints have been sent, and `holds_up_mode` whether
+    MAVROS may execute ``set_mode`` late. `on_mode_sent` is called when it has been executed.
     """
 
-    def __init__(self, name: str, call: Call, setpoints_s: Callable[[float], float]) -> None:
+    def __init__(
+        self,
+        name: str,
+        call: CallService,
+        setpoints_s: Callable[[float], float],
+        holds_up_mode: Callable[[], bool],
+        on_mode_sent: Callable[[], None],
+    ) -> None:
         self._name = name
         self._call = call
         self._setpoints_s = setpoints_s
+        self._holds_up_mode = holds_up_mode
+        self._on_mode_sent = on_mode_sent
         self._running: _Running | None = None
         self._now_s = 0.0
         """The time of the newest tick."""
@@ -162,6 +184,8 @@ class Commands:
         self._now_s = now_s = snapshot.time_s
         if running is None:
             return
+        if running.is_mode_sent and running.mode_sent_s == math.inf:
+            running.mode_sent_s = now_s
         if running.is_withdrawn() or self._is_over(running, snapshot):
             self._running = None
         elif running.sends_count and running.step.shows(snapshot, running.sent_s):
@@ -187,26 +211,41 @@ class Commands:
         now_s, needed_s = snapshot.time_s, running.step.setpoints_before_s
         if needed_s and self._setpoints_s(now_s) < needed_s and now_s - running.begun_s < SETPOINTS_WAIT_S:
             return False
+        if running.step.is_mode and (self._holds_up_mode() or not self._may_ask(running, snapshot)):
+            return False
         return running.sends_count == 0 or (snapshot.heard_s is not None and now_s - snapshot.heard_s < SILENT_S)
+
+    def _may_ask(self, running: _Running, snapshot: Snapshot) -> bool:
+        """Whether a mode was not asked for yet, or is known not to have been entered."""
+        mode = snapshot.mode
+        return running.sends_count == 0 or (mode is not None and mode.time_s > running.mode_sent_s)
 
     def _send(self, running: _Running, now_s: float) -> None:
         running.sends_count += 1
         running.sent_s = running.sent_s if running.sends_count > 1 else now_s
         running.next_s = now_s + AGAIN_S
-        running.is_called = not running.step.is_mode
+        running.is_called, running.is_mode_sent, running.mode_sent_s = True, False, math.inf
         step = running.step
 
-        def take(answer: Message) -> None:
+        def take(answer: Answer) -> None:
             if self._running is running and running.step is step:
                 running.is_called = False
                 self._take(running, answer)
 
         self._call(step.service, step.arguments, take, CALL_S)
 
-    def _take(self, running: _Running, answer: Message) -> None:
-        """Takes the answer of a service; an empty one if none came in time."""
+    def _take(self, running: _Running, answer: Answer) -> None:
+        """Takes the answer of a service. One that has not answered in time may have been executed."""
+        if isinstance(answer, ServiceTimeoutError):
+            return
+        if isinstance(answer, ServiceError):
+            running.refuser, running.refusal, running.refused_s = "MAVROS", str(answer), self._now_s
+            return
         if running.step.is_mode:
-            if answer.get("mode_sent") is False:
+            if answer.get("mode_sent"):
+                running.is_mode_sent = True
+                self._on_mode_sent()
+            else:
                 running.refusal, running.refused_s = "MAVROS does not know the mode, or hears no autopilot", 0.0
             return
         result = int(answer.get("result", _ACCEPTED))
@@ -223,12 +262,13 @@ class Commands:
             return
         running.mode_before = _mode_of(running.step) or running.mode_before
         running.steps = running.steps[1:]
-        running.begun_s, running.next_s, running.sends_count, running.is_called = now_s, now_s, 0, False
+        running.begun_s, running.next_s, running.sends_count = now_s, now_s, 0
+        running.is_called = running.is_mode_sent = False
 
     def _refuse(self, running: _Running) -> None:
         self._running = None
         said = "".join(f"; it said: {text}" for text in running.texts)
-        words = f"{self._name} refused to {running.step.what}: {running.refusal}{said}"
+        words = f"{running.refuser or self._name} refused to {running.step.what}: {running.refusal}{said}"
         running.future.set_exception(
             RejectedByAutopilotError(words, {"result": running.refusal, "text": "; ".join(running.texts)})
         )

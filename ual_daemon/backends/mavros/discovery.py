@@ -11,6 +11,7 @@ from functools import partial
 from ual_daemon import logs
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
+from ual_daemon.backends.mavros.commands import Answer
 from ual_daemon.backends.mavros.session import Session
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.topics import TOPICS
@@ -88,16 +89,16 @@ class Discovery:
                 self._subscribe(session)
             session.tick(now_s, link.graph.ros)
 
-    def call(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
-        """Calls a service of MAVROS; `take` gets its values, or an empty message if there are none."""
+    def call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
+        """Calls a service of MAVROS; `take` gets its values, or why there are none."""
 
         def ended(future: Future[Message]) -> None:
             error = future.exception()
-            if error is None:
+            if isinstance(error, ServiceError):
+                self._say(str(error))
+                take(error)
+            else:
                 take(future.result())
-                return
-            self._say(str(error))
-            take({})
 
         name = f"{self._settings.node}/{service}"
         self._link.call_service(name, arguments, limit_s).add_done_callback(ended)
@@ -128,6 +129,9 @@ class Discovery:
         else:
             self._meet(found)
 
+    def _holds_up_calls(self) -> bool:
+        return self._question is not None or self._link.holds_up_calls
+
     def _meet(self, found: VehicleDescription) -> None:
         autopilot, session = found.autopilot, self.session
         if autopilot is None:
@@ -142,7 +146,7 @@ class Discovery:
         self._boots_count += 1
         boots_count = self._boots_count * 1000
         session = self.session = Session(
-            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s
+            found, autopilot, self._settings, self._sent, self.call, boots_count, self._utc_s, self._holds_up_calls
         )
         logs.event(_log, logging.INFO, "autopilot_connected", autopilot=autopilot.name, system_id=found.system_id)
         for name in self._subscribed:

@@ -19,13 +19,14 @@ from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
 from ual_daemon.backends.autopilots.sender_watch import SenderWatch
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
-from ual_daemon.backends.mavros.commands import Commands, Step
-from ual_daemon.backends.mavros.parameters import Call, ParameterReader
+from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step
+from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
 from ual_daemon.backends.mavros.telemetry import Telemetry, target
 from ual_daemon.backends.mavros.vehicle import VehicleDescription
 from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
 
@@ -33,9 +34,9 @@ _log = logging.getLogger(__name__)
 
 FRESHNESS = Freshness(link_s=1.0, pose_s=1.2, mode_s=2.5, landed_s=1.5, estimator_s=3.0)
 """A lost autopilot shows by the age of its topics: MAVROS itself says so only after 10 s (``conn/timeout``)."""
-HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.2, 1.0
-"""How often PX4 is asked for a heartbeat, which it sends once a second otherwise: while it is armed, or a command is
-under way; else."""
+FAST_HEARTBEAT_S, HEARTBEAT_S, SLOW_HEARTBEAT_S = 0.1, 0.2, 1.0
+"""How often PX4 is asked for a heartbeat, which it sends once a second otherwise: while a command is under way; while
+it is armed; else."""
 HOME_S, ORIGIN_S = 0.5, 2.0
 """How often home and the origin are asked for while they are not known."""
 _REQUEST_MESSAGE = 512
@@ -53,10 +54,12 @@ class Session:
         autopilot: Autopilot,
         settings: MavrosSettings,
         sent: SetpointMonitor,
-        call: Call,
+        call: CallService,
         boots_count: int,
         utc_s: Callable[[], float],
+        holds_up_calls: Callable[[], bool] = lambda: False,
     ) -> None:
+        """`holds_up_calls` returns whether a call that is made now may be executed late."""
         self.description = description
         self.autopilot = autopilot
         self.telemetry = Telemetry(autopilot, boots_count, utc_s)
@@ -64,7 +67,8 @@ class Session:
         self._call = call
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
-        self._commands = Commands(autopilot.name, call, sent.duration_s)
+        self._holds_up_calls = holds_up_calls
+        self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_mode, self._want_heartbeat)
         self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
@@ -73,7 +77,7 @@ class Session:
             autopilot, telemetry.parameters, telemetry.plausibility, telemetry.fence.update
         )
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
-        self._is_calling = False
+        self._calling = ""
         self._next_request_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
         self._boots_count = boots_count
         self._reported_missing: tuple[str, ...] = ()
@@ -83,6 +87,11 @@ class Session:
     def label(self) -> str:
         """What it is, for people."""
         return f"{self.autopilot.name} (system {self.description.system_id})"
+
+    @property
+    def takes_setpoints(self) -> bool:
+        """Whether it is in the mode in which it flies by setpoints."""
+        return self.telemetry.mode_name == self.autopilot.setpoint_mode
 
     def on_message(self, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS. After a silence that counts as a lost link nothing from before it is valid."""
@@ -127,7 +136,7 @@ class Session:
         self.telemetry.discard_state()
         self._commands.drop()
         self._streams.restart()
-        self._is_calling = False
+        self._calling = ""
 
     def tick(self, now_s: float, ros: Ros) -> None:
         """Does what is due; to be called often."""
@@ -136,7 +145,7 @@ class Session:
         self._update_freshness()
         self._check_boot()
         # One call at a time: in ROS 2 MAVROS serves them one after another, and each waits for the autopilot's answer.
-        if self._is_calling or not self.telemetry.is_connected:
+        if self._calling or not self.telemetry.is_connected:
             return
         if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self._commands.is_under_way:
             self._ask(now_s, ros)
@@ -213,11 +222,20 @@ class Session:
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
+    def _holds_up_mode(self) -> bool:
+        """Whether ``set_mode`` may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""
+        return self._calling == topics.SET_INTERVAL or self._holds_up_calls()
+
+    def _want_heartbeat(self) -> None:
+        """Asks for a heartbeat as soon as possible."""
+        self._next_request_s[_HEARTBEAT_ID] = -math.inf
+
     def _heartbeat_s(self) -> float:
         if not self.autopilot.takes_feed_forward:
             return math.inf  # ArduPilot streams them
-        is_urgent = self.telemetry.is_armed or self._commands.is_under_way
-        return HEARTBEAT_S if is_urgent else SLOW_HEARTBEAT_S
+        if self._commands.is_under_way:
+            return FAST_HEARTBEAT_S
+        return HEARTBEAT_S if self.telemetry.is_armed else SLOW_HEARTBEAT_S
 
     def _ask(self, now_s: float, ros: Ros) -> bool:
         telemetry = self.telemetry
@@ -225,7 +243,7 @@ class Session:
             (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
-            or self._streams.tick(now_s, self._call_alone)
+            or self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying)
             or self._read_parameters(now_s, ros)
         )
 
@@ -252,12 +270,12 @@ class Session:
         return True
 
     def _call_alone(self, service: str, arguments: Message, take: Callable[[Message], None], limit_s: float) -> None:
-        def ended(answer: Message) -> None:
-            self._is_calling = False
-            if answer:
+        def ended(answer: Answer) -> None:
+            self._calling = ""
+            if answer and not isinstance(answer, ServiceError):
                 take(answer)
 
-        self._is_calling = True
+        self._calling = service
         self._call(service, arguments, ended, limit_s)
 
     def _update_freshness(self) -> None:

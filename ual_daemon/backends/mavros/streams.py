@@ -15,6 +15,12 @@ ROUND_S = 2.0
 """How often it is looked which topics come, and one call is made for each that does not."""
 FLOWS_SHARE = 0.25
 """A topic flows if at least this part of the requested rate comes."""
+NEEDED = frozenset(
+    (topics.STATE, topics.EXTENDED_STATE, topics.POSE, topics.IMU, topics.SYS_STATUS, topics.ESTIMATOR_STATUS)
+)
+"""Without these the state is not known: only these are asked for in flight, and only once they have stopped. With ROS 2
+MAVROS executes no ``set_mode`` while it waits for the acknowledgement of such a request.
+"""
 CALL_S = 6.0
 """MAVROS waits for the autopilot's acknowledgement for 5 s."""
 _HEARTBEAT, _SYS_STATUS, _GPS_RAW_INT, _ATTITUDE_QUATERNION, _LOCAL_POSITION_NED = 0, 1, 24, 31, 32
@@ -63,10 +69,14 @@ class StreamRequests:
         """Asks for all of them: the autopilot may have booted."""
         self._wanted = list(self._streams)
 
-    def tick(self, now_s: float, call: Call) -> bool:
+    def tick(self, now_s: float, call: Call, *, is_flying: bool) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
+        if is_flying and self._looked_s == -math.inf:
+            self._begin_round(now_s)  # it may all come: another program has asked for it
         if not self._wanted and now_s - self._looked_s >= ROUND_S:
-            self._look(now_s)
+            self._look(now_s, is_flying=is_flying)
+        if is_flying:
+            self._wanted = self._stopped(self._wanted)
         if not self._wanted:
             return False
         stream = self._wanted.pop(0)
@@ -74,16 +84,26 @@ class StreamRequests:
         call(topics.SET_INTERVAL, arguments, _ignore, CALL_S)
         return True
 
-    def _look(self, now_s: float) -> None:
+    def _look(self, now_s: float, *, is_flying: bool) -> None:
         passed_s = min(now_s - self._looked_s, 2.0 * ROUND_S)
-        self._wanted = [each for each in self._streams if not self._flows(each, passed_s)]
-        self._before, self._looked_s = dict(self._counts), now_s
+        wanted = [each for each in self._streams if not self._flows(each, passed_s)]
+        wanted = self._stopped(wanted) if is_flying else wanted
+        self._begin_round(now_s)
+        self._wanted = wanted
+
+    def _stopped(self, streams: list[Stream]) -> list[Stream]:
+        return [each for each in streams if each.topic in NEEDED and not self._came_count(each)]
+
+    def _begin_round(self, now_s: float) -> None:
+        self._wanted, self._before, self._looked_s = [], dict(self._counts), now_s
+
+    def _came_count(self, stream: Stream) -> int:
+        return self._counts[stream.topic] - self._before.get(stream.topic, 0)
 
     def _flows(self, stream: Stream, passed_s: float) -> bool:
         """Whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
-        came_count = self._counts[stream.topic] - self._before.get(stream.topic, 0)
         rate_hz = stream.rate_hz if stream.topic == topics.POSE else min(stream.rate_hz, 2.0)
-        return came_count >= FLOWS_SHARE * rate_hz * passed_s
+        return self._came_count(stream) >= FLOWS_SHARE * rate_hz * passed_s
 
 
 def _ignore(_: Message) -> None:

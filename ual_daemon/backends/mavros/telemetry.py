@@ -160,6 +160,11 @@ class Telemetry:
         """Whether it is armed, as far as it is known."""
         return self._armed is not None and self._armed.value
 
+    @property
+    def is_flying(self) -> bool:
+        """Whether it is armed, and not known to stand on the ground."""
+        return self.is_armed and self._landed.value is not LandedState.ON_GROUND
+
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns all values as of now."""
         home_amsl_m = None if self._home is None else self._geoid.amsl_m(number(self._home["geo"]["altitude"]))

@@ -6,7 +6,9 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``link``: one thread that connects, receives, reconnects, and subscribes anew; what backends use
 - ``graph``: which ROS is on the other side, and which topics of which types
+- ``connections``: the two connections of a link, supervised as one
 - ``calls``: services that are called, and their time limits
+- ``outbox``: what waits to be sent on a connection
 - ``operations``: rosbridge's protocol, in JSON and CBOR
 - ``websocket``: the connection
 - ``fields``: numbers, arrays and stamps in messages

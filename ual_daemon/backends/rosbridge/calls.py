@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -37,18 +38,37 @@ class Calls:
         self._open: dict[str, _Call] = {}
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
+        self._unanswered_since_s = math.inf
+        self._is_concurrent = False
 
-    def begin(self, service: str, ends_s: float) -> tuple[str, Future[Message]]:
+    def begin(self, service: str, now_s: float, timeout_s: float) -> tuple[str, Future[Message]]:
         """Returns the id of a new call, and the future of its answer."""
         answer: Future[Message] = Future()
         ident = f"ual {next(self._numbers)}"
         with self._lock:
-            self._open[ident] = _Call(service, answer, ends_s)
+            self._open[ident] = _Call(service, answer, now_s + timeout_s)
+            self._unanswered_since_s = min(self._unanswered_since_s, now_s)
         return ident, answer
+
+    def unanswered_s(self, now_s: float) -> float:
+        """Returns for how long services were called and none has answered, in seconds; 0 if nothing was called."""
+        return max(0.0, now_s - self._unanswered_since_s)
+
+    @property
+    def hold_up(self) -> bool:
+        """Whether a call that is made now may wait behind another one: one is under way, and no later one has ever been
+        answered before an earlier one.
+        """
+        with self._lock:
+            return not self._is_concurrent and (bool(self._open) or self._unanswered_since_s < math.inf)
 
     def answer(self, operation: Mapping[str, Any]) -> None:
         """Takes an answer; one that is late, or of nobody's call, is dropped."""
-        call = self._take(str(operation.get("id")))
+        ident = str(operation.get("id"))
+        with self._lock:
+            self._unanswered_since_s = math.inf
+            self._is_concurrent = self._is_concurrent or (ident in self._open and next(iter(self._open)) != ident)
+        call = self._take(ident)
         if call is None:
             return
         values = operation.get("values")
@@ -57,18 +77,26 @@ class Calls:
         else:
             _end(call, ServiceError(call.service, str(values) or "refused without a reason"))
 
-    def expire(self, now_s: float) -> None:
-        """Ends the calls whose time is over."""
+    def expire(self, now_s: float) -> tuple[str, ...]:
+        """Ends the calls whose time is over, or whose caller has given up, and returns their ids."""
         with self._lock:
-            late = [ident for ident, call in self._open.items() if now_s > call.ends_s]
+            late = tuple(each for each, call in self._open.items() if now_s > call.ends_s or call.answer.cancelled())
         for ident in late:
             call = self._take(ident)
             if call is not None:
                 _end(call, ServiceTimeoutError(call.service, "the service has not answered"))
+        return late
+
+    def refuse(self, ident: str, words: str) -> None:
+        """Ends a call that was not sent."""
+        call = self._take(ident)
+        if call is not None:
+            _end(call, ServiceError(call.service, words))
 
     def fail_all(self, words: str) -> None:
         """Ends all calls: the connection is lost."""
         with self._lock:
+            self._unanswered_since_s, self._is_concurrent = math.inf, False
             calls, self._open = list(self._open.values()), {}
         for call in calls:
             _end(call, ServiceTimeoutError(call.service, words))

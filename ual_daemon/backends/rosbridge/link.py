@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.rosbridge import operations
 from ual_daemon.backends.rosbridge.calls import Calls, ServiceError
-from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, read_graph
+from ual_daemon.backends.rosbridge.connections import Connections
+from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, Ros, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
 from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Dial, Transport, dial
+from ual_daemon.backends.rosbridge.websocket import Dial, dial
 
 _log = logging.getLogger(__name__)
 
@@ -26,9 +28,11 @@ TICK_S = 0.02
 LOST_S = 0.8
 """A bridge that has shown no sign of life for so long counts as lost."""
 RETRY_S = 0.2
-_PING_S = 0.2
 _GIVE_UP_S = 3.0
 """A connection without a sign of life for so long is made anew."""
+_BLOCKED_S, _DOUBT_S = 6.0, 2.0
+"""A connection on which no service has answered for so long is made anew: with ROS 2 a call that is never answered
+holds up all that come after it. MAVROS answers after 5 s. Before, rosapi is asked, which always answers else."""
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 """How long the question for the topics may take, and how often it is repeated while something is missing."""
 _CBOR_S = 1.5
@@ -69,14 +73,6 @@ class _Subscription:
     fault: str = ""
 
 
-@dataclass(slots=True)
-class _Outbox:
-    """The newest message of each topic that could not be sent at once."""
-
-    waiting: dict[str, bytes] = field(default_factory=dict)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-
 class _ClosedError(Exception):
     """The link is closed while it connects."""
 
@@ -84,7 +80,8 @@ class _ClosedError(Exception):
 class RosbridgeLink:
     """One thread. `publish`, `call_service` and the properties are for any thread; they never block.
 
-    Subscribe and advertise before `open`, or on the link's thread; they outlive every connection.
+    Subscribe and advertise before `open`, or on the link's thread. That is only recorded, sent when it can be, and
+    outlives every connection.
     """
 
     def __init__(self, url: BridgeUrl, clock: Clock, on_step: Callable[[], None], dialler: Dial = dial) -> None:
@@ -94,16 +91,17 @@ class RosbridgeLink:
         self._on_step = on_step
         self._dial = dialler
         self._subscriptions: dict[str, _Subscription] = {}
+        self._unsubscribed: list[str] = []
         self._advertised: dict[str, str] = {}
+        self._announced: set[str] = set()
+        """What was advertised on this connection."""
         self._calls = Calls()
-        self._outbox = _Outbox()
         self._fragments = Fragments()
         self._closing = threading.Event()
-        self._transport: Transport | None = None
+        self._connections: Connections | None = None
         self._thread = threading.Thread(target=self._run, name=f"rosbridge {url}", daemon=True)
         self._question: Future[Message] | None = None
-        self._ask_s = self._ping_s = self._refreshed_s = -math.inf
-        self._heard, self._heard_s = 0, -math.inf
+        self._ask_s = self._refreshed_s = -math.inf
         self._said: set[str] = set()
         self.state = LinkState.CONNECTING
         self.graph: Graph | None = None
@@ -119,6 +117,11 @@ class RosbridgeLink:
         """Whether the bridge answers and its topics are known."""
         return self.state is LinkState.UP
 
+    @property
+    def holds_up_calls(self) -> bool:
+        """Whether a call that is made now may be executed late: with ROS 2 rosbridge may execute one after another."""
+        return self.graph is not None and self.graph.ros is Ros.ROS2 and self._calls.hold_up
+
     def open(self) -> None:
         """Starts the thread; it connects, and keeps trying."""
         self._thread.start()
@@ -133,32 +136,36 @@ class RosbridgeLink:
         """Publishes a message, before it returns where the connection takes it; else the newest one of a topic leaves
         later. While the link is not up it is dropped.
         """
-        transport = self._transport
-        if transport is None or not self.is_up:
+        connections = self._connections
+        if connections is None or not self.is_up:
             return
         topic = self.url.resolve(topic)
         data = operations.publish(topic, message)
-        try:
-            if not transport.send(data, is_perishable=True):
-                with self._outbox.lock:
-                    self._outbox.waiting[topic] = data
-        except OSError:
-            return  # the link's thread sees it, too
+        with contextlib.suppress(OSError):  # the link's thread sees it, too
+            connections.published.put(topic, data, may_leave=connections.answers(self._clock.now_s()))
+
+    def withdraw(self, topic: str) -> None:
+        """Withdraws the message of a topic that has not left yet."""
+        connections = self._connections
+        if connections is not None:
+            connections.published.withdraw(self.url.resolve(topic))
 
     def call_service(self, service: str, arguments: Message | None = None, timeout_s: float = 3.0) -> Future[Message]:
         """Calls a service. The future ends with its values, or with a `calls.ServiceError` that names the service.
 
-        Cancelling the future drops the answer: rosbridge cannot take a call back.
+        A call leaves while the link is up, and within its time. Cancelling the future withdraws it if it has not left;
+        else it drops the answer, as rosbridge cannot take a call back.
         """
-        service = self.url.resolve(service)
-        ident, answer = self._calls.begin(service, self._clock.now_s() + timeout_s)
-        transport = self._transport
+        service, now_s = self.url.resolve(service), self._clock.now_s()
+        connections = self._connections
+        if connections is None or not (self.is_up or (service == TOPICS_SERVICE and self.state is LinkState.ASKING)):
+            return _refused(service, self.why_not or f"not connected to {self.url}")
+        ident, answer = self._calls.begin(service, now_s, timeout_s)
+        data = operations.call_service(service, arguments or {}, ident)
         try:
-            if transport is None:
-                raise ConnectionError(f"not connected to {self.url}")
-            transport.send(operations.call_service(service, arguments or {}, ident))
+            connections.called.put(ident, data, may_leave=connections.answers(now_s))
         except OSError as error:
-            self._calls.answer({"id": ident, "result": False, "values": str(error)})
+            self._calls.refuse(ident, str(error))
         return answer
 
     def faults(self) -> tuple[str, ...]:
@@ -185,20 +192,19 @@ class RosbridgeLink:
         name = self.url.resolve(topic)
         wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind))
         self._subscriptions[name] = wanted
-        self._refresh_subscriptions()
+        self._refreshed_s = -math.inf
 
     def unsubscribe(self, topic: str) -> None:
         """Ends a subscription."""
         subscription = self._subscriptions.pop(self.url.resolve(topic), None)
-        if subscription is not None and subscription.is_sent and self._transport is not None:
-            self._transport.send(operations.unsubscribe(subscription.topic))
+        if subscription is not None and subscription.is_sent:
+            self._unsubscribed.append(subscription.topic)
+            self._refreshed_s = -math.inf
 
     def advertise(self, topic: str, kind: str) -> None:
         """Announces a topic that is published to; needed before `publish`."""
-        name = self.url.resolve(topic)
-        self._advertised[name] = kind
-        if self._transport is not None and self.graph is not None:
-            self._transport.send(operations.advertise(name, self.graph.ros.spell(kind)))
+        self._advertised[self.url.resolve(topic)] = kind
+        self._refreshed_s = -math.inf
 
     def _run(self) -> None:
         """Connects until the link is closed. A defect of whoever listens does not end it: it connects anew."""
@@ -219,71 +225,74 @@ class RosbridgeLink:
             self._lost(error)
 
     def _connect_and_serve(self) -> None:
-        transport = self._dial(self.url, self._wait)
+        connections = Connections(self.url, self._dial, self._wait, self._clock.now_s)
+        end = connections.abort
         try:
-            self._connected(transport)
+            self._connected(connections)
             while not self._closing.is_set():
-                self._serve(transport)
+                self._serve(connections)
+            end = connections.close if self.is_up else connections.abort
         finally:
-            self._transport = None
+            self._connections = None
             self._forget()
-            transport.close()
+            end()
 
     def _wait(self) -> None:
         if self._closing.is_set():
             raise _ClosedError
         self._on_step()
 
-    def _connected(self, transport: Transport) -> None:
+    def _connected(self, connections: Connections) -> None:
         self.connections_count += 1
-        self._transport = transport
-        self._heard, self._heard_s = transport.heard, self._clock.now_s()
+        self._connections = connections
         self._ask_s, self._question = -math.inf, None
         self.state, self.why_not = LinkState.ASKING, f"{self.url} has not said which topics there are"
         logs.event(_log, logging.INFO, "bridge_connected", url=str(self.url))
 
-    def _serve(self, transport: Transport) -> None:
-        for data in transport.receive(TICK_S):
+    def _serve(self, connections: Connections) -> None:
+        for data in connections.receive(TICK_S):
             self._take(data)
         now_s = self._clock.now_s()
-        self._supervise(transport, now_s)
-        self._send_waiting(transport)
-        self._calls.expire(now_s)
+        self._supervise(connections, connections.supervise(now_s))
+        self._supervise_calls(now_s)
+        for ident in self._calls.expire(now_s):
+            connections.called.withdraw(ident)
+        if self.state is not LinkState.SILENT and connections.answers(now_s):
+            connections.flush()
         self._ask(now_s)
+        self._on_step()
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
-        self._on_step()
 
-    def _supervise(self, transport: Transport, now_s: float) -> None:
-        """Notes signs of life and asks for them.
+    def _supervise(self, connections: Connections, silent_s: float) -> None:
+        """Takes for how long there was no sign of life.
 
         Raises:
-            TimeoutError: None came for long.
+            TimeoutError: It is too long.
         """
-        if transport.heard != self._heard:
-            self._heard, self._heard_s = transport.heard, now_s
-            if self.state is LinkState.SILENT:
-                self.state, self.why_not = LinkState.UP, ""
-                logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
-        silent_s = now_s - self._heard_s
         if silent_s > _GIVE_UP_S:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
         if silent_s > LOST_S and self.state is LinkState.UP:
             self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
-            with self._outbox.lock:
-                self._outbox.waiting.clear()
+            connections.published.clear()
+            for ident in connections.called.clear():
+                self._calls.refuse(ident, self.why_not)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
-        if now_s - self._ping_s >= _PING_S:
-            self._ping_s = now_s
-            transport.ping()
+        elif silent_s <= LOST_S and self.state is LinkState.SILENT:
+            self.state, self.why_not = LinkState.UP, ""
+            logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
 
-    def _send_waiting(self, transport: Transport) -> None:
-        with self._outbox.lock:
-            waiting, self._outbox.waiting = self._outbox.waiting, {}
-        for topic, data in waiting.items():
-            if not transport.send(data, is_perishable=True):
-                with self._outbox.lock:
-                    self._outbox.waiting.setdefault(topic, data)
+    def _supervise_calls(self, now_s: float) -> None:
+        """Asks rosapi once no service answers.
+
+        Raises:
+            TimeoutError: It has not answered either.
+        """
+        unanswered_s = self._calls.unanswered_s(now_s)
+        if unanswered_s > _BLOCKED_S:
+            raise TimeoutError(f"{self.url} has answered no call of a service for {_BLOCKED_S:g} s")
+        if unanswered_s > _DOUBT_S:
+            self._ask_s = min(self._ask_s, now_s)
 
     def _ask(self, now_s: float) -> None:
         """Asks for the topics: at once, again while something is missing, and now and then later."""
@@ -303,21 +312,26 @@ class RosbridgeLink:
                 self.why_not = f"rosapi does not answer ({error}): it runs beside rosbridge, and needs a ROS master"
                 self._say("bridge_without_topics", self.why_not)
             return
-        is_new, self.graph = self.graph is None, graph
-        if is_new:
-            for topic, kind in self._advertised.items():
-                self.advertise(topic, kind)
+        self.graph = graph
+        self._refresh_subscriptions()
         if self.state is LinkState.ASKING:
             self.state, self.why_not = LinkState.UP, ""
-        self._refresh_subscriptions()
         self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
 
     def _refresh_subscriptions(self) -> None:
-        """Subscribes to what can be, and to what has fallen silent."""
-        transport, graph, now_s = self._transport, self.graph, self._clock.now_s()
+        """Announces what is published, and subscribes to what can be, and to what has fallen silent.
+
+        Raises:
+            OSError: The connection is lost. The next one begins anew.
+        """
+        connections, graph, now_s = self._connections, self.graph, self._clock.now_s()
         self._refreshed_s = now_s
-        if transport is None or graph is None:
+        if connections is None or graph is None:
             return
+        self._announce(connections, graph)
+        transport = connections.caller
+        while self._unsubscribed:
+            transport.send(operations.unsubscribe(self._unsubscribed.pop()))
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
             if each.is_sent and each.is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:
@@ -336,6 +350,12 @@ class RosbridgeLink:
                 )
             if "has the type" in each.fault:
                 self._say("topic_unusable", each.fault)
+
+    def _announce(self, connections: Connections, graph: Graph) -> None:
+        for topic, kind in self._advertised.items():
+            if topic not in self._announced:
+                connections.publisher.send(operations.advertise(topic, graph.ros.spell(kind)))
+                self._announced.add(topic)
 
     def _take(self, data: str | bytes) -> None:
         try:
@@ -369,8 +389,8 @@ class RosbridgeLink:
         """Forgets what was said on a connection that has ended."""
         self.state, self.graph, self._question = LinkState.CONNECTING, None, None
         self._fragments = Fragments()
-        with self._outbox.lock:
-            self._outbox.waiting.clear()
+        self._unsubscribed.clear()
+        self._announced.clear()
         for each in self._subscriptions.values():
             each.is_sent, each.cbor_since_s, each.fault = False, math.inf, ""
         self._calls.fail_all("the connection to the bridge is lost")
@@ -386,6 +406,12 @@ class RosbridgeLink:
         if why not in self._said and len(self._said) < _MOST_SAID:
             self._said.add(why)
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
+
+
+def _refused(service: str, words: str) -> Future[Message]:
+    answer: Future[Message] = Future()
+    answer.set_exception(ServiceError(service, words))
+    return answer
 
 
 _MOST_SAID = 1000

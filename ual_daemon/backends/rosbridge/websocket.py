@@ -8,6 +8,7 @@ import os
 import select
 import socket
 import ssl
+import struct
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -30,6 +31,8 @@ _BATCH_BYTES = 65536
 _SEND_BUFFER_BYTES = 16384
 """Small, so that setpoints that a stalled bridge does not read are dropped here instead of being flown later."""
 _LARGEST_BYTES = 16_000_000
+_DISCARD = struct.pack("ii", 1, 0)
+"""SO_LINGER: on, for 0 s."""
 
 
 class Transport(ABC):
@@ -63,6 +66,10 @@ class Transport(ABC):
     @abstractmethod
     def close(self) -> None:
         """Closes it, without waiting."""
+
+    def abort(self) -> None:
+        """Gives it up: what has not reached the other computer is discarded."""
+        self.close()
 
 
 Dial = Callable[[BridgeUrl, Callable[[], None]], Transport]
@@ -211,6 +218,12 @@ class WebSocket(Transport):
             if self._protocol.state is State.OPEN:
                 self._protocol.send_close(1000)
                 self._flush()
+        self._socket.close()
+
+    @override
+    def abort(self) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DISCARD)
         self._socket.close()
 
     def _has_pending(self) -> bool:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import pairwise
 
 import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.lockstep_mavros import LockstepMavros
+from tests.simulators.mavros import Mavros
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
+from tests.simulators.rosbridge import Message, Service
 from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
@@ -21,6 +25,7 @@ from ual_daemon.backends.base import BackendOptions
 LOST_S, HEALED_S = 1.5, 3.0
 SEEN_S = 0.4
 """Until then a pilot who takes over must have been seen: PX4 is asked for a heartbeat five times a second."""
+ATTITUDE_QUATERNION = 31
 IN_THE_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
 _GOAL = Pose.at(12.0, 6.0, 4.0)
 
@@ -147,7 +152,32 @@ def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
     assert px4.uav.telemetry().state is State.FLYING_AUTO
 
 
+def record(flight: Flight, name: str) -> list[tuple[float, Message]]:
+    """Returns a list that gets the calls of a service from now on, with their times."""
+    node, found = flight.backend.node, []
+    services = type(node).services.fget  # type: ignore[attr-defined]
+
+    class Recorded(type(node)):  # type: ignore[misc]
+        @property
+        def services(self) -> Mapping[str, Service]:
+            def call(message: Message) -> Message:
+                found.append((flight.now_s(), message))
+                return known[f"/mavros/{name}"](message)
+
+            known: Mapping[str, Service] = services(self)
+            return {**known, f"/mavros/{name}": call}
+
+    node.__class__ = Recorded
+    return found
+
+
+def record_modes(flight: Flight) -> list[tuple[float, Message]]:
+    """Returns a list that gets the modes that MAVROS is asked for from now on."""
+    return record(flight, "set_mode")
+
+
 def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
+    px4.backend.bridge.calls_in_new_thread = True  # as docs/backends/mavros.md starts it
     px4.fly()
     names = ("cmd/command", "set_mode", "vehicle_info_get", "param/get_parameters", "set_message_interval")
     px4.backend.bridge.faults.dead_services |= {f"/mavros/{name}" for name in names}
@@ -160,6 +190,111 @@ def test_services_that_never_answer_leave_the_state_true(px4: Flight) -> None:
     px4.uav.land()
 
 
+@pytest.mark.parametrize(
+    ("kind", "gone"),
+    [("px4", "cmd/arming"), ("px4", "set_mode"), ("ardupilot", "cmd/arming"), ("ardupilot", "cmd/takeoff")],
+)
+def test_a_service_of_mavros_that_is_not_there_is_named(kind: str, gone: str) -> None:
+    class Lacking(Mavros):
+        @property
+        def services(self) -> Mapping[str, Service]:
+            return {name: call for name, call in super().services.items() if not name.endswith(gone)}
+
+    backend = make(kind)
+    backend.node.__class__ = Lacking
+    with UAL(backend, allow_arming=True) as uav, pytest.raises(UalError, match=f"/mavros/{gone}.*does not exist"):
+        Flight(backend, uav).fly()
+
+
+def test_a_call_that_is_never_answered_blocks_no_later_one(px4: Flight) -> None:
+    """MAVROS is restarted while one of its services is called: rosbridge waits for the answer without a limit."""
+    px4.until(px4.uav.is_ready)
+    px4.backend.bridge.faults.dead_services.add("/mavros/cmd/command")
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    px4.backend.bridge.faults.dead_services.clear()
+    px4.until_state(State.UNINITIALIZED)  # the connection is made anew
+    px4.until_state(State.LANDED_DISARMED)
+    px4.backend.autopilot.pilot_readies()
+    px4.uav.arm()
+
+
+def test_an_acknowledgement_that_is_lost_holds_up_no_setpoint(px4: Flight) -> None:
+    """MAVROS waits 5 s for it, and rosbridge with ROS 2 executes nothing more of the connection meanwhile."""
+    px4.fly()
+    task = px4.uav.go_to_waypoint(Pose.at(40.0, 0.0, 5.0), blocking=False)
+    lost = px4.mark()
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: px4.now_s() > lost[1] + 7.0)
+    sent_s = [time_s for time_s, _ in px4.backend.node.setpoints if time_s > lost[1]]
+    assert max(b - a for a, b in pairwise(sent_s)) < 0.5
+    task.wait(LIMIT_S)
+    assert px4.backend.history[-1][1] is State.FLYING_AUTO
+    assert State.FLYING_MANUAL not in [state for _, state in px4.backend.history[lost[0] :]]
+
+
+def test_a_pilot_who_takes_over_during_a_call_gets_no_setpoint_that_waited(px4: Flight) -> None:
+    px4.fly()
+    go(px4.uav)
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    taken = px4.mark()
+    px4.backend.autopilot.pilot_take_over()
+    told_s = taken[1] + px4.until_state(State.FLYING_MANUAL, since=taken)
+    assert told_s - taken[1] < 1.5  # PX4 sends a heartbeat a second, and the call that asks for more is waiting
+    px4.until(lambda: px4.now_s() > told_s + 6.0)
+    assert not [time_s for time_s, _ in px4.backend.node.setpoints if time_s > told_s + 0.02]
+
+
+def test_a_mode_is_not_asked_for_where_the_call_would_wait_until_the_pilot_has_taken_over(px4: Flight) -> None:
+    px4.fly()
+    modes = record_modes(px4)
+    px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
+    px4.until(lambda: any(each.is_held_up for each in px4.backend.bridge.sessions))
+    task = px4.uav.land(blocking=False)
+    asked = px4.mark()
+    px4.until(lambda: px4.now_s() > asked[1] + 0.3)
+    px4.backend.autopilot.pilot_take_over()
+    px4.until_state(State.FLYING_MANUAL, since=asked)
+    px4.until(lambda: px4.now_s() > asked[1] + 7.0)
+    assert modes == []
+    with pytest.raises(UalError):
+        task.wait(LIMIT_S)
+    assert px4.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
+    """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
+    px4.fly()
+    px4.backend.autopilot.pilot_take_over()
+    px4.until(lambda: px4.uav.telemetry().state is State.FLYING_MANUAL)
+    modes, node = record_modes(px4), px4.backend.node
+    step = node.step
+    taken_s: list[float] = []
+
+    def take_over_after_a_mode(now_s: float) -> Iterable[tuple[str, Message]]:
+        if modes and not taken_s and px4.now_s() >= modes[0][0] + 0.06:
+            taken_s.append(px4.now_s())
+            px4.backend.autopilot.pilot_take_over()
+        return step(now_s)
+
+    node.step = take_over_after_a_mode  # type: ignore[method-assign]
+    with contextlib.suppress(UalError):
+        px4.uav.recover_from_manual()
+    px4.until(lambda: bool(taken_s) and px4.now_s() > taken_s[0] + 5.0)
+    assert len(modes) == 1
+    assert px4.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> None:
+    """MAVROS executes no mode with ROS 2 while it waits for the acknowledgement of such a request."""
+    px4.fly()
+    intervals = record(px4, "set_message_interval")
+    px4.backend.bridge.faults.silent_topics |= {"/mavros/vfr_hud", "/mavros/imu/data"}
+    silent_s = px4.now_s()
+    px4.until(lambda: px4.now_s() > silent_s + 6.0)
+    assert {message["message_id"] for _, message in intervals} == {ATTITUDE_QUATERNION}
+
+
 def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
     flight.until(flight.uav.is_ready)
     flight.backend.bridge.faults.delay_s, flight.backend.bridge.faults.jitter_s = 0.03, 0.06
@@ -167,6 +302,16 @@ def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight)
     flight.uav.go_to_waypoint(_GOAL)
     assert flight.uav.telemetry().state is State.FLYING_AUTO
     flight.uav.land()
+
+
+@pytest.mark.parametrize("back_s", [3.0, 9.0])
+def test_a_clock_of_the_ros_computer_that_is_set_back_ends_no_flight(px4: Flight, back_s: float) -> None:
+    px4.fly()
+    task = px4.uav.go_to_waypoint(Pose.at(30.0, 0.0, 4.0), blocking=False)
+    index, _ = px4.mark()
+    px4.backend.node.clock_error_s = -back_s
+    task.wait(LIMIT_S)
+    assert {state for _, state in px4.backend.history[index:]} == {State.FLYING_AUTO}
 
 
 def test_data_that_are_seconds_late_are_no_data(px4: Flight) -> None:
@@ -210,6 +355,20 @@ def test_a_pilot_who_takes_over_is_seen_and_nothing_is_sent_after(
     late = [time_s for time_s, _ in flight.backend.node.setpoints if time_s > told_s + 0.02]
     assert not late
     assert flight.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_a_setpoint_that_waits_does_not_leave_after_the_pilot_has_taken_over(flight: Flight) -> None:
+    flight.fly()
+    stream(flight.uav)
+    flight.backend.is_socket_full = True
+    taken = flight.mark()
+    flight.backend.autopilot.pilot_take_over()
+    flight.until_state(State.FLYING_MANUAL, since=taken)
+    sent_count = flight.setpoints_count
+    flight.backend.is_socket_full = False
+    free_s = flight.now_s()
+    flight.until(lambda: flight.now_s() > free_s + 1.0)
+    assert flight.setpoints_count == sent_count
 
 
 def test_a_pilot_who_takes_over_ends_the_task(flight: Flight) -> None:

@@ -20,9 +20,10 @@ from typing_extensions import override
 from tests.simulators.rosbridge import Bridge, Message, RefusedError
 from tests.simulators.rosbridge_server import RosbridgeServer
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.rosbridge import LinkState, Ros, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, Ros, RosbridgeLink, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
+from ual_daemon.backends.rosbridge.websocket import Transport, dial
 
 STAMP = {"sec": 12, "nanosec": 500_000_000}
 
@@ -152,6 +153,53 @@ def test_services_answer_refuse_are_missing_or_never_answer() -> None:
             heard.link.call_service("slow", timeout_s=0.1).result(30.0)
 
 
+def test_a_service_that_does_not_answer_holds_up_no_setpoint() -> None:
+    """With ROS 2 rosbridge executes nothing more of a client while one of its calls waits."""
+    with bridged(2) as (server, talker), listening(server.url) as heard:
+        until(lambda: heard.link.is_up)
+        server.bridge.faults.dead_services.add("/uav/slow")
+        heard.link.call_service("slow", timeout_s=1.0)
+        behind = heard.link.call_service("add", {"a": 1, "b": 2})
+        heard.link.publish("setpoint", {"x": 1.5})
+        until(lambda: talker.heard)
+        assert not behind.done()
+
+
+def test_a_connection_on_which_no_service_answers_is_made_anew() -> None:
+    with bridged(2) as (server, talker), listening(server.url) as heard:
+        until(lambda: heard.link.is_up)
+        server.bridge.faults.dead_services.add("/uav/slow")
+        with pytest.raises(ServiceTimeoutError):
+            heard.link.call_service("slow", timeout_s=0.1).result(30.0)
+        took_s = until(lambda: heard.link.connections_count == 2 and heard.link.is_up)
+        assert took_s > 5.0
+        assert heard.link.call_service("add", {"a": 1, "b": 2}).result(30.0) == {"sum": 3}
+        heard.link.publish("setpoint", {"x": 1.5})
+        until(lambda: talker.heard)
+
+
+def test_a_service_that_does_not_answer_leaves_a_connection_on_which_others_do() -> None:
+    with bridged(1) as (server, _), listening(server.url) as heard:
+        until(lambda: heard.link.is_up)
+        server.bridge.faults.dead_services.add("/uav/slow")
+        asked = server.bridge.sessions[0].operations.count("call_service")
+        with pytest.raises(ServiceTimeoutError):
+            heard.link.call_service("slow", timeout_s=7.0).result(30.0)
+        assert server.bridge.sessions[0].operations.count("call_service") > asked + 1  # it has asked rosapi
+        assert heard.link.connections_count == 1
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_the_link_is_lost_when_either_of_its_connections_is(index: int) -> None:
+    with bridged() as (server, talker), listening(server.url) as heard:
+        until(lambda: heard.has_news)
+        server.drop(index)
+        until(lambda: heard.link.connections_count == 2 and heard.link.is_up)
+        until(lambda: server.accepted_count == 4)
+        heard.link.publish("setpoint", {"x": 1.5})
+        until(lambda: talker.heard)
+
+
 def test_what_is_published_arrives() -> None:
     with bridged(2) as (server, talker), listening(server.url) as heard:
         until(lambda: heard.link.is_up)
@@ -234,6 +282,55 @@ def test_a_node_that_comes_late_is_subscribed_to() -> None:
             until(lambda: not heard.link.faults())
 
 
+def test_a_connection_that_breaks_while_a_backend_subscribes_for_the_first_time_is_made_anew() -> None:
+    breaks = ["subscribe"]
+
+    def dial_breaking(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
+        transport = dial(url, on_wait)
+        send = transport.send
+
+        def send_or_break(text: bytes, *, is_perishable: bool = False) -> bool:
+            if breaks and b'"subscribe"' in text:
+                breaks.clear()
+                raise ConnectionResetError("the bridge closed the connection")
+            return send(text, is_perishable=is_perishable)
+
+        transport.send = send_or_break  # type: ignore[method-assign]
+        return transport
+
+    came: list[str] = []
+    begun: list[bool] = []
+
+    def begin() -> None:
+        if link.is_up and not begun:
+            begun.append(True)
+            link.subscribe("/uav/count", "test_msgs/Count", lambda *_: came.append("count"))
+            link.subscribe("/uav/other", "test_msgs/Count", lambda *_: came.append("other"))
+            link.advertise("/uav/setpoint", "test_msgs/Setpoint")
+
+    class Two(Talker):
+        @property
+        def topics(self) -> Mapping[str, str]:
+            return {**super().topics, "/uav/other": "test_msgs/Count"}
+
+        def step(self, now_s: float) -> Iterable[tuple[str, Message]]:
+            yield from super().step(now_s)
+            yield "/uav/other", {"count": 1}
+
+    talker = Two()
+    with RosbridgeServer(Bridge(1, [talker])) as server:
+        link = RosbridgeLink(parse_url(server.url), MonotonicClock(), begin, dial_breaking)
+        link.open()
+        try:
+            until(lambda: {"count", "other"} <= set(came))
+            link.publish("/uav/setpoint", {"x": 1.0})
+            until(lambda: talker.heard)
+        finally:
+            link.close()
+    assert not breaks
+    assert link.connections_count == 2
+
+
 def test_a_silent_topic_is_subscribed_anew() -> None:
     with bridged(2) as (server, _), listening(server.url) as heard:
         until(lambda: heard.has_news)
@@ -291,7 +388,7 @@ def test_late_and_overtaking_messages_arrive_and_status_is_logged(caplog: pytest
         server.bridge.faults.delay_s, server.bridge.faults.jitter_s = 0.05, 0.1
         with listening(server.url) as heard:
             until(lambda: len(heard.messages) > 30)
-            heard.link._transport.send(b'{"op":"publish","topic":"/x","msg":{}}')  # type: ignore[union-attr]
+            heard.link._connections.publisher.send(b'{"op":"publish","topic":"/x","msg":{}}')  # type: ignore[union-attr]
             until(lambda: any("was not advertised" in str(vars(each)) for each in caplog.records))
         counts = [message["count"] for message, _ in heard.messages]
         assert counts != sorted(counts)

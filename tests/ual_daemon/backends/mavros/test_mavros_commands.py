@@ -1,0 +1,125 @@
+"""Commands, with services that answer when the test says so, and a time that the test steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from ual.errors import RejectedByAutopilotError
+from ual_daemon.backends.autopilots.px4 import Px4
+from ual_daemon.backends.mavros import commands, messages
+from ual_daemon.backends.mavros.commands import Answer, Commands
+from ual_daemon.backends.rosbridge import Message
+from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
+from ual_daemon.backends.values import Sample, Snapshot
+
+
+class Exchange:
+    """The safety pilot flies, and control is taken. `calls` are the services that were called."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, Message, Callable[[Answer], None]]] = []
+        self.is_held_up = False
+        self.is_withdrawn = False
+        self.wanted_heartbeats = 0
+        self.now_s = 100.0
+        self.mode, self.heartbeat_s = "POSCTL", 100.0
+        self.commands = Commands("PX4", self._call, lambda _: 10.0, lambda: self.is_held_up, self._want_heartbeat)
+        step = commands.set_mode("OFFBOARD", "take control")
+        self.done = self.commands.submit((step,), self.snapshot(), lambda: self.is_withdrawn)
+
+    def _call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
+        self.calls.append((service, arguments, take))
+
+    def _want_heartbeat(self) -> None:
+        self.wanted_heartbeats += 1
+
+    def snapshot(self) -> Snapshot:
+        mode = Sample(messages.mode(self.mode, Px4()), self.heartbeat_s)
+        return Snapshot(self.now_s, heard_s=self.now_s, mode=mode)
+
+    def step(self, duration_s: float, *, heartbeat: str = "") -> None:
+        """Lets time pass. A heartbeat comes at its end, if at all."""
+        for _ in range(round(duration_s / 0.02)):
+            self.now_s += 0.02
+            self.commands.tick(self.snapshot())
+        if heartbeat:
+            self.mode, self.heartbeat_s = heartbeat, self.now_s
+            self.commands.tick(self.snapshot())
+
+    def answer(self, **values: object) -> None:
+        self.calls[-1][2](values)
+
+
+def test_a_mode_that_was_not_answered_is_not_asked_for_again() -> None:
+    it = Exchange()
+    it.step(4.0, heartbeat="POSCTL")
+    it.step(4.0, heartbeat="POSCTL")
+    assert len(it.calls) == 1
+
+
+def test_a_mode_is_asked_for_again_when_a_heartbeat_after_the_answer_shows_the_old_one() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.answer(mode_sent=True)
+    it.step(2.0)
+    assert len(it.calls) == 1  # nothing was heard since
+    it.step(0.1, heartbeat="POSCTL")
+    assert len(it.calls) == 2
+
+
+def test_a_heartbeat_is_wanted_once_a_mode_was_sent() -> None:
+    it = Exchange()
+    it.step(0.1)
+    assert it.wanted_heartbeats == 0
+    it.answer(mode_sent=True)
+    assert it.wanted_heartbeats == 1
+
+
+def test_a_mode_that_was_shown_is_not_asked_for_again() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.answer(mode_sent=True)
+    it.step(0.1, heartbeat="OFFBOARD")
+    assert it.done.done()
+    it.step(5.0, heartbeat="POSCTL")
+    assert len(it.calls) == 1
+
+
+def test_a_mode_waits_until_nothing_holds_up_its_call_and_is_not_sent_once_it_is_withdrawn() -> None:
+    it = Exchange()
+    it.is_held_up = True
+    it.step(1.0)
+    assert not it.calls
+    it.is_held_up, it.is_withdrawn = False, True
+    it.step(1.0)
+    assert not it.calls
+
+
+def test_a_mode_leaves_once_nothing_holds_up_its_call() -> None:
+    it = Exchange()
+    it.is_held_up = True
+    it.step(1.0)
+    it.is_held_up = False
+    it.step(0.1)
+    assert len(it.calls) == 1
+
+
+def test_a_service_that_is_not_there_refuses_by_its_name() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.calls[-1][2](ServiceError("/mavros/set_mode", "Service /mavros/set_mode does not exist"))
+    it.step(1.0)
+    with pytest.raises(RejectedByAutopilotError, match=r"MAVROS refused to take control: /mavros/set_mode.*not exist"):
+        it.done.result(0.0)
+    assert len(it.calls) == 1
+
+
+def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
+    it = Exchange()
+    it.step(0.1)
+    it.calls[-1][2](ServiceTimeoutError("/mavros/set_mode", "the service has not answered"))
+    it.step(1.0, heartbeat="OFFBOARD")
+    assert it.done.done()
+    assert it.done.exception() is None

@@ -1,0 +1,170 @@
+"""A bridge that stalls, in a time that the link's thread steps: what is sent meanwhile, and what is not."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from typing_extensions import override
+
+from tests.conftest import LIMIT_S
+from tests.simulators.rosbridge import Bridge
+from tests.simulators.rosbridge_server import RosbridgeServer
+from tests.ual_daemon.backends.rosbridge.test_link import Talker
+from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge.calls import ServiceError
+from ual_daemon.backends.rosbridge.websocket import Transport, WebSocket, dial
+
+STALLS_S, STEP_S = 2.0, 0.02
+
+
+class Stall:
+    """A bridge that stalls after 2 s, for `duration_s`. `on_step` is called on the link's thread until 6 s."""
+
+    def __init__(self, duration_s: float, on_step: Callable[[Stall], None]) -> None:
+        self.duration_s = duration_s
+        self.bridge = Bridge(1, [Talker()])
+        self.sent: list[tuple[float, dict[str, Any]]] = []
+        self.states: set[LinkState] = set()
+        self.time_s = 0.0
+        self._on_step = on_step
+        self._over = threading.Event()
+        self.link = RosbridgeLink(parse_url("rosbridge://127.0.0.1:1"), self, self._step, lambda *_: _Stepped(self))
+        self.link.advertise("/uav/setpoint", "test_msgs/Setpoint")
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    @property
+    def is_stalled(self) -> bool:
+        return STALLS_S < self.time_s < STALLS_S + self.duration_s
+
+    def run(self) -> None:
+        self.link.open()
+        assert self._over.wait(LIMIT_S)
+        self.link.close()
+
+    def sent_s(self, operation: str, name: str = "") -> list[float]:
+        """Returns when operations were sent; of a service, if it is given."""
+        return [at for at, each in self.sent if each["op"] == operation and name in each.get("service", "")]
+
+    def _step(self) -> None:
+        self.states.add(self.link.state)
+        if self.time_s > 6.0:
+            self._over.set()
+        else:
+            self._on_step(self)
+
+
+class _Stepped(Transport):
+    def __init__(self, it: Stall) -> None:
+        self._it = it
+        self._session = it.bridge.connect()
+        self._heard = 0
+
+    @property
+    @override
+    def heard(self) -> int:
+        return self._heard
+
+    @override
+    def receive(self, timeout_s: float) -> Sequence[str | bytes]:
+        it = self._it
+        if timeout_s:
+            it.time_s += STEP_S
+            it.bridge.step(it.time_s)
+        if it.is_stalled:
+            return ()
+        self._heard += 1
+        found = list(self._session.out)
+        self._session.out.clear()
+        return found
+
+    @override
+    def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
+        self._it.sent.append((self._it.time_s, json.loads(text)))
+        self._session.receive(text)
+        return True
+
+    @override
+    def ping(self) -> None:
+        """It is answered unless the bridge stalls."""
+
+    @override
+    def close(self) -> None:
+        """There is no socket."""
+
+
+def publish(it: Stall) -> None:
+    it.link.publish("/uav/setpoint", {"x": it.time_s})
+
+
+def test_no_setpoint_is_sent_to_a_bridge_that_has_not_answered_a_ping_for_long() -> None:
+    it = Stall(3.0, publish)
+    it.run()
+    assert LinkState.SILENT in it.states
+    during = [at for at in it.sent_s("publish") if it.duration_s + STALLS_S > at > STALLS_S]
+    assert max(during) < STALLS_S + 0.3 + 0.1 + 3.0 * STEP_S
+    assert max(it.sent_s("publish")) > 5.9
+
+
+def test_after_a_short_stall_the_newest_setpoint_leaves_and_no_older_one() -> None:
+    it = Stall(0.7, publish)
+    it.run()
+    assert LinkState.SILENT not in it.states
+    ages_s = [at - each["msg"]["x"] for at, each in it.sent if each["op"] == "publish"]
+    assert max(ages_s) < 2.0 * STEP_S
+
+
+def test_a_call_whose_time_is_over_is_not_sent_any_more() -> None:
+    def call(it: Stall) -> None:
+        if it.time_s > STALLS_S + 0.45 and not calls:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=0.1))
+
+    calls: list[Any] = []
+    it = Stall(0.7, call)
+    it.run()
+    assert isinstance(calls[0].exception(LIMIT_S), ServiceError)
+    assert it.sent_s("call_service", "/uav/add") == []
+
+
+def test_a_call_that_waits_is_sent_when_the_bridge_answers_again_within_its_time() -> None:
+    def call(it: Stall) -> None:
+        if it.time_s > STALLS_S + 0.45 and not calls:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=2.0))
+
+    calls: list[Any] = []
+    it = Stall(0.7, call)
+    it.run()
+    assert calls[0].result(LIMIT_S) == {"sum": 3}
+    assert min(it.sent_s("call_service", "/uav/add")) >= STALLS_S + 0.7
+
+
+def test_no_call_is_sent_while_the_bridge_is_silent_nor_kept_from_before() -> None:
+    def call(it: Stall) -> None:
+        if it.time_s > STALLS_S + 0.45 and not calls:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=4.0))
+        if it.link.state is LinkState.SILENT and len(calls) == 1:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=4.0))
+
+    calls: list[Any] = []
+    it = Stall(2.0, call)
+    it.run()
+    for each in calls:
+        assert "does not answer" in str(each.exception(LIMIT_S))
+    assert len(calls) == 2
+    assert it.sent_s("call_service", "/uav/add") == []
+
+
+def test_a_connection_that_is_given_up_is_reset() -> None:
+    with RosbridgeServer(Bridge(1, [Talker()])) as server:
+        transport = dial(BridgeUrl("127.0.0.1", server.port), lambda: None)
+        assert isinstance(transport, WebSocket)
+        other = transport._socket.dup()
+        transport.abort()
+        with other:
+            assert struct.unpack("ii", other.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)) == (1, 0)
