@@ -83,6 +83,8 @@ class Commander:
         self._lock = threading.Lock()
         self._phase = Phase.SETPOINTS
         self._handover: _Handover | None = None
+        self._replaced: list[Request] = []
+        """Requests of earlier handovers, which must not be sent again."""
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
         self._sent_s: float | None = None
@@ -129,7 +131,14 @@ class Commander:
 
     def _resume(self) -> None:
         """Takes setpoints again. Called with the lock held."""
-        self._phase, self._handover, self._notify_s, self._untold_count = Phase.SETPOINTS, None, [], 0
+        self._replace(None)
+        self._phase, self._notify_s, self._untold_count = Phase.SETPOINTS, [], 0
+
+    def _replace(self, handover: _Handover | None) -> None:
+        """Puts a handover in the place of the present one, whose request is withdrawn. Called with the lock held."""
+        if self._handover is not None:
+            self._replaced.append(self._handover.request)
+        self._handover = handover
 
     def take_control(self) -> None:
         """Ends what the high-level commander does: the next setpoint is sent."""
@@ -141,7 +150,7 @@ class Commander:
         """Has the high-level commander take over. The future ends with its answer."""
         handover = _Handover(phase, request)
         with self._lock:
-            self._handover = handover
+            self._replace(handover)
         return handover.future
 
     # --- From the thread that receives --------------------------------------------------------------------------------
@@ -154,18 +163,19 @@ class Commander:
                 self._sent_s = None
             elif self._is_silent(now_s):
                 self._last = None
-                self._handover = _Handover(Phase.HOVERING, self.encoder.stop(*flying))
+                self._replace(_Handover(Phase.HOVERING, self.encoder.stop(*flying)))
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
             if self._is_hover_due(now_s) and not is_on_ground:
                 self._begin_hover()
-            withdrawn = self._drop_withdrawn(now_s)
+            self._drop_withdrawn(now_s)
+            replaced, self._replaced = self._replaced, []
             handover = self._handover
             due = bool(self._notify_s) and now_s >= self._notify_s[0]
             if due:
                 self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
-        if withdrawn is not None:
-            requests.withdraw(withdrawn.request)
+        for request in replaced:
+            requests.withdraw(request)
         if due:
             self._emit(packets.setpoints_stop())
             self._untold_count = max(0, self._untold_count - 1)
@@ -188,20 +198,20 @@ class Commander:
         self._last, self._still_since_s = None, math.inf
         self._resume()
 
-    def _drop_withdrawn(self, now_s: float) -> _Handover | None:
+    def _drop_withdrawn(self, now_s: float) -> None:
         """Drops a handover that is not wanted any more, or a hover that has no answer: setpoints must go on."""
         handover = self._handover
         if handover is None:
-            return None
+            return
         is_hover = handover.phase is Phase.HOVERING
         is_late = is_hover and handover.asked_s is not None and now_s - handover.asked_s > HOVER_PATIENCE_S
         if not is_late and not handover.future.cancelled():
-            return None
+            return
         if is_hover or handover.asked_s is None:
-            self._handover, self._still_since_s = None, now_s if is_hover else math.inf
+            self._replace(None)
+            self._still_since_s = now_s if is_hover else math.inf
         else:
             self._forget()  # the firmware may do it already: any setpoint ends that, also one to where it hovered
-        return handover
 
     def _is_silent(self, now_s: float) -> bool:
         """Whether setpoints that flew it have stopped, and nothing else flies it."""
@@ -219,7 +229,7 @@ class Commander:
     def _begin_hover(self) -> None:
         place = self._last
         assert isinstance(place, PositionSetpoint)
-        self._handover = _Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad))
+        self._replace(_Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad)))
 
     def _ask(self, handover: _Handover, requests: Requests, now_s: float) -> None:
         handover.asked_s = now_s

@@ -14,6 +14,7 @@ from tests.simulators.ports import MemoryPort
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.flight.state import Estimate, estimate
@@ -93,6 +94,20 @@ class Flown:
                 due_s += RATE_S
                 self.backend.send(setpoint(self.now_s - begin_s))
             self._turn()
+
+    def lose_answers(self, count: int) -> list[float]:
+        """Loses the next answers of the high-level commander. Returns when each was lost, as it happens."""
+        lost: list[float] = []
+        send = self.crazyflie._send
+
+        def lossy(port: int, channel: int, data: bytes) -> None:
+            if port == HIGH_LEVEL and len(lost) < count:
+                lost.append(self.now_s)
+            else:
+                send(port, channel, data)
+
+        self.crazyflie._send = lossy  # type: ignore[method-assign]
+        return lost
 
     def ready(self) -> None:
         """Runs until it is connected and has a state."""

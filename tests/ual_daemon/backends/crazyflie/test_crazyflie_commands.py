@@ -246,6 +246,32 @@ def test_a_landing_can_be_ended(tmp_path: Path) -> None:
     assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
 
 
+def test_a_hover_whose_answer_was_lost_does_not_replace_the_landing_after_it(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    lost = flown.lose_answers(1)
+    while not lost:
+        flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.02)
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+
+
+def test_a_landing_whose_answer_was_lost_does_not_begin_again_once_control_is_taken(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    lost = flown.lose_answers(1)
+    flown.backend.land(LIMITS)
+    flown.until(lambda: bool(lost))
+    flown.end(flown.backend.take_control())
+    since = len(flown.crazyflie.received)
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 3.0)
+    landings = [p for _, p in flown.crazyflie.received[since:] if p.port == HIGH_LEVEL and p.data[0] == packets.LAND]
+    assert landings == []
+    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.05)
+
+
 @pytest.mark.parametrize("turns", range(1, 6))
 def test_a_landing_that_is_withdrawn_is_undone_whenever_that_is(tmp_path: Path, turns: int) -> None:
     """Also if the firmware has just answered, and nobody can have seen it yet."""
