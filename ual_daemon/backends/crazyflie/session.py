@@ -17,7 +17,7 @@ from ual_daemon.backends.crazyflie import connecting
 from ual_daemon.backends.crazyflie.arming import Arming
 from ual_daemon.backends.crazyflie.commander import Commander, Phase
 from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
-from ual_daemon.backends.crazyflie.encoder import Encoder
+from ual_daemon.backends.crazyflie.encoder import Encoder, rest
 from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink
 from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
 from ual_daemon.backends.crazyflie.requests import Requests
@@ -122,15 +122,17 @@ class Session:
     def hold(self) -> Future[None]:
         """Has it stop and hover by itself. Raises `RejectedByAutopilotError`."""
         pose, velocity = self._motion()
-        return self.commander.hand_over(Phase.HOLDING, self.commander.encoder.stop(pose, velocity))
+        return self.commander.hand_over(
+            Phase.HOLDING, self.commander.encoder.stop(pose, velocity), rest(pose, velocity)
+        )
 
     def land(self, descent_speed_m_s: float) -> Future[None]:
         """Has it land by itself. Raises `RejectedByAutopilotError`."""
-        pose, _ = self._motion()
+        pose, velocity = self._motion()
         ground_z = self.telemetry.ground_z
         ground_z = _GROUND_Z if ground_z is None else ground_z
         request = self.commander.encoder.land(pose.position.z, ground_z, descent_speed_m_s)
-        return self.commander.hand_over(Phase.LANDING, request)
+        return self.commander.hand_over(Phase.LANDING, request, rest(pose, velocity))
 
     def _motion(self) -> tuple[Pose, Vector3]:
         pose, velocity = self.telemetry.pose, self.telemetry.velocity

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.simulators.crazyflie import Crazyflie, Supervisor
-from tests.simulators.faults import Faults
+from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
 from ual.errors import RejectedByAutopilotError
@@ -16,6 +16,7 @@ from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.commander import NOTIFICATIONS, Commander, Phase
+from ual_daemon.backends.crazyflie.encoder import rest
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT, Packet
 from ual_daemon.backends.crazyflie.requests import Requests
 from ual_daemon.backends.values import Control, ExternalPose, LandedState, VelocitySetpoint
@@ -272,6 +273,77 @@ def test_a_landing_whose_answer_was_lost_does_not_begin_again_once_control_is_ta
     assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.05)
 
 
+@pytest.mark.parametrize("command", ["land", "hold", "silence"])
+def test_the_motors_run_on_while_the_high_level_commander_does_not_answer(tmp_path: Path, command: str) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.crazyflie.ignored = {HIGH_LEVEL}
+    if command == "land":
+        flown.backend.land(LIMITS)
+    elif command == "hold":
+        flown.backend.hold()
+    states = set()
+    for _ in range(500):
+        flown._turn()
+        states.add(flown.crazyflie.supervisor)
+    assert states == {Supervisor.FLYING}
+    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+    flown.crazyflie.ignored = set()
+    flown.run(8.0)
+    if command == "land":
+        assert flown.landed is LandedState.ON_GROUND
+    else:
+        assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+        assert flown.crazyflie.plan is not None
+    assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LANDED, Supervisor.CHECKS, Supervisor.PASSED)
+
+
+@pytest.mark.parametrize("command", ["land", "hold"])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_motors_run_on_over_a_link_that_loses_half(tmp_path: Path, command: str, seed: int) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.crazyflie.port = BadLink(flown.memory, seed, Faults(loss=0.5), Faults(loss=0.5))
+    future = flown.backend.land(LIMITS) if command == "land" else flown.backend.hold()
+    while not future.done():
+        flown._turn()
+        assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LEVEL_OUT)
+        assert flown.crazyflie.place[2] > 0.9
+    flown.run(8.0)
+    if command == "land":
+        assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
+        assert flown.crazyflie.supervisor is not Supervisor.LOCKED
+    else:
+        assert flown.crazyflie.supervisor is Supervisor.FLYING
+
+
+def test_a_late_answer_to_an_earlier_landing_does_not_stop_the_motors(tmp_path: Path) -> None:
+    """A setpoint has ended that landing; told that setpoints stop, the firmware would have nothing to fly."""
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    late: list[bytes] = []
+    send = flown.crazyflie._send
+
+    def slow(port: int, channel: int, data: bytes) -> None:
+        late.append(data) if port == HIGH_LEVEL else send(port, channel, data)
+
+    flown.crazyflie._send = slow  # type: ignore[method-assign]
+    flown.backend.land(LIMITS)
+    flown.until(lambda: bool(late))
+    flown.until(lambda: flown.crazyflie.plan is None)
+    flown.crazyflie.ignored = {HIGH_LEVEL}
+    flown.until(lambda: not flown.session._requests.is_empty)  # it is asked again
+    flown.crazyflie._send = send  # type: ignore[method-assign]
+    for data in late:
+        send(HIGH_LEVEL, 0, data)
+    flown.run(3.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize("turns", range(1, 6))
 def test_a_landing_that_is_withdrawn_is_undone_whenever_that_is(tmp_path: Path, turns: int) -> None:
     """Also if the firmware has just answered, and nobody can have seen it yet."""
@@ -350,13 +422,13 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     commander = Commander(sent.append, sent.append, hovers_by_itself=True)
     requests = Requests(sent.append)
     place = Pose.at(0.0, 0.0, 1.0)
-    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()))
+    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()), rest(place, Vector3()))
     flying = place, Vector3()
     commander.step(requests, 0.0, flying)
     requests.step(0.0)
     assert requests.take(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
     modes = []
-    for number in range(6):
+    for number in range(12):
         modes.append(commander.mode.control)
         commander.step(requests, number * 0.02, flying)
     told = [packet for packet in sent if packet == packets.setpoints_stop()]
