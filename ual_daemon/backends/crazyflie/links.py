@@ -5,6 +5,7 @@ UDP needs no cflib, whose client cannot be used on it (docs/decisions/0023): it 
 
 from __future__ import annotations
 
+import errno
 import importlib
 import logging
 import queue
@@ -22,6 +23,8 @@ from ual_daemon.backends.crazyflie.packets import Packet
 from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
+_UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
+"""What routers and firewalls answer for a while: it may come back, as a port where nobody listens."""
 _OUTBOX = 64
 _FLUSH_S = 0.5
 """How long a radio may take to send what still waits when it is closed."""
@@ -75,7 +78,7 @@ class UdpLink(Link):
             opened = socket.socket(family, kind, protocol)
             opened.setblocking(False)
             opened.connect(address)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
             raise LinkError(str(error)) from error
         self._socket = opened
 
@@ -88,14 +91,17 @@ class UdpLink(Link):
     @override
     def receive(self, timeout_s: float) -> list[Packet]:
         opened = self._socket
-        if opened is None or not select.select([opened], [], [], timeout_s)[0]:
+        if opened is None:
             return []
-        found = []
-        with suppress(BlockingIOError, ConnectionError):  # nobody listens there now: it may come back
-            while True:
-                packet = Packet.decode(opened.recv(LARGEST_PACKET))
-                if packet is not None:
-                    found.append(packet)
+        found: list[Packet] = []
+        try:
+            if select.select([opened], [], [], timeout_s)[0]:
+                _receive_all(opened, found)
+        except (BlockingIOError, ConnectionError):
+            pass  # nobody listens there now: it may come back
+        except OSError as error:
+            if error.errno not in _UNREACHABLE:
+                raise LinkError(str(error)) from error
         return found
 
     @override
@@ -104,6 +110,14 @@ class UdpLink(Link):
         if opened is not None:
             with suppress(OSError):
                 opened.send(packet.encode())
+
+
+def _receive_all(opened: socket.socket, found: list[Packet]) -> None:
+    """Receives until nothing is left, which raises BlockingIOError."""
+    while True:
+        packet = Packet.decode(opened.recv(LARGEST_PACKET))
+        if packet is not None:
+            found.append(packet)
 
 
 class Driver(Protocol):

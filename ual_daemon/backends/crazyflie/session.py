@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import struct
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -29,6 +31,8 @@ from ual_daemon.backends.crazyflie.toc import TocCache
 from ual_daemon.backends.crazyflie.values_reader import ValuesReader
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
+
+_log = logging.getLogger(__name__)
 
 TICK_S = 0.02
 """The longest wait for packets: commands of other threads wait for as long at most."""
@@ -69,6 +73,7 @@ class Session:
         self._updated_s = clock.now_s()
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
+        self._failure = ""
         self.snapshot = Snapshot(self._updated_s)
 
     def run(self) -> None:
@@ -77,7 +82,7 @@ class Session:
             while not self._closing.is_set():
                 self._turn()
         finally:
-            self._link.close()
+            self._supervision.close()
 
     def close(self) -> None:
         """Ends `run`."""
@@ -144,11 +149,26 @@ class Session:
     # --- One turn -----------------------------------------------------------------------------------------------------
 
     def _turn(self) -> None:
+        """Does one turn. No error ends the thread: whatever fails is logged, and the link is opened anew."""
+        try:
+            has_pose = self._talk()
+        except Exception as error:  # noqa: BLE001  logged with its traceback
+            has_pose = False
+            self._log_failure("the conversation with the Crazyflie failed", error)
+            self._supervision.reopen(str(error) or repr(error), self._clock.now_s())
+            self.commander.on_lost()
+        try:
+            self._update_if_due(self._clock.now_s(), has_pose=has_pose)
+        except Exception as error:  # noqa: BLE001  logged; the link is not at fault, and it may be in the air
+            self._log_failure("an update of the Crazyflie failed", error)
+
+    def _talk(self) -> bool:
+        """Receives, and sends what is due. Returns whether a new pose has come."""
+        was_connected = self.is_connected
         has_pose = self._receive()
         now_s = self._clock.now_s()
         while self._posted:
             self._posted.popleft()(now_s)
-        was_connected = self.is_connected
         self._supervision.step(now_s, self._reader.motion_s)
         if was_connected and not self.is_connected:
             self.commander.on_lost()
@@ -159,9 +179,19 @@ class Session:
             self.commander.step(self._requests, now_s, self._flying())
             self._arming.step(now_s, self.firmware.protocol)
         self._requests.step(now_s)
+        return has_pose
+
+    def _update_if_due(self, now_s: float, *, has_pose: bool) -> None:
         if has_pose or now_s - self._updated_s >= UPDATE_S:
             self._update(now_s)
             self.commander.finish()
+
+    def _log_failure(self, what: str, error: Exception) -> None:
+        """Logs an error with its traceback, unless it is the same as the last one."""
+        words = repr(error)
+        if words != self._failure:
+            self._failure = words
+            _log.error("%s; this is a defect of UAL, please report it", what, exc_info=error)
 
     def _flying(self) -> tuple[Pose, Vector3] | None:
         """Its pose and velocity; None if it is not known to be in the air."""
@@ -184,7 +214,10 @@ class Session:
         now_s = self._clock.now_s()
         for packet in received:
             self.telemetry.heard_s = now_s
-            self._take(packet, now_s)
+            try:
+                self._take(packet, now_s)
+            except (ValueError, LookupError, struct.error) as error:  # it may be in the air: the others still count
+                self._log_failure("a packet of the Crazyflie was dropped", error)
         return self.telemetry.pose is not before
 
     def _take(self, packet: Packet, now_s: float) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.simulators.crazyflie import Crazyflie
+from tests.simulators.crazyflie import Crazyflie, Supervisor
 from tests.simulators.faults import Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown, place
@@ -151,3 +153,54 @@ def test_says_what_its_console_says(tmp_path: Path) -> None:
     flown.crazyflie.say("KALMAN: a line that is longer than the thirty bytes of one packet")
     flown.run(0.2)
     assert flown.backend.snapshot().status_text == "KALMAN: a line that is longer than the thirty bytes of one packet"
+
+
+def failing_once(error: Exception, call: Callable[..., Any]) -> Callable[..., Any]:
+    """The call, which raises an error the first time."""
+    errors = [error]
+
+    def called(*args: Any) -> Any:
+        if errors:
+            raise errors.pop()
+        return call(*args)
+
+    return called
+
+
+@pytest.mark.parametrize("method", ["open", "receive"])
+def test_an_error_of_the_link_that_nobody_knows_is_said_and_it_connects_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    flown = Flown(tmp_path)
+    link = flown.backend._link
+    monkeypatch.setattr(link, method, failing_once(RuntimeError("its cable glows"), getattr(link, method)))
+    flown.until(lambda: "its cable glows" in flown.backend.snapshot().status_text)
+    flown.ready()
+    assert flown.estimate().state is State.LANDED_DISARMED
+
+
+def test_an_answer_that_is_cut_short_is_said_and_asked_for_again(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    send = flown.crazyflie._send
+    cut: list[bytes] = []
+
+    def short(port: int, channel: int, data: bytes) -> None:
+        if (port, channel, data[:1]) == (LOG, 0, b"\x03") and not cut:
+            cut.append(data)
+            data = data[:1]
+        send(port, channel, data)
+
+    flown.crazyflie._send = short  # type: ignore[method-assign]
+    flown.ready()
+    assert cut
+    assert flown.estimate().state is State.LANDED_DISARMED
+
+
+def test_an_update_that_fails_above_does_not_end_the_link(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.session._on_update = failing_once(RuntimeError("a defect"), flown.updates.append)
+    flown.run(3.0)
+    assert flown.session.is_connected
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert sum(record.getMessage().startswith("an update of the Crazyflie failed") for record in caplog.records) == 1

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import queue
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,9 +18,12 @@ from cflib.drivers import crazyradio
 
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
+from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import CrazyflieBackend, links
 from ual_daemon.backends.crazyflie.links import CflibLink, LinkError, ScannedLink, UdpLink, make_link
 from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
 from ual_daemon.settings import ConfigError
 
 RADIO = "radio://0/80/2M/E7E7E7E7E7"
@@ -70,6 +75,75 @@ def test_udp_to_nobody_is_silence() -> None:
         assert link.receive(0.01) == []
     link.close()
     link.send(PACKET)  # is lost
+
+
+class BrokenSocket:
+    """A socket with an error that waits."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._near, self._far = socket.socketpair()
+        self._far.send(b"x")
+
+    def fileno(self) -> int:
+        return self._near.fileno()
+
+    def recv(self, _: int) -> bytes:
+        raise OSError(self._number, "an error")
+
+    def close(self) -> None:
+        self._near.close()
+        self._far.close()
+
+
+@pytest.mark.parametrize("number", [errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ECONNREFUSED])
+def test_a_host_that_cannot_be_reached_now_is_silence(number: int) -> None:
+    link = UdpLink("127.0.0.1", 9)
+    link._socket = BrokenSocket(number)  # type: ignore[assignment]
+    assert link.receive(LIMIT_S) == []
+    link.close()
+
+
+def test_any_other_error_of_the_socket_is_one_of_the_link() -> None:
+    link = UdpLink("127.0.0.1", 9)
+    link._socket = BrokenSocket(errno.ENOMEM)  # type: ignore[assignment]
+    with pytest.raises(LinkError, match="an error"):
+        link.receive(LIMIT_S)
+    link.close()
+
+
+def test_a_name_that_no_host_can_have_is_an_error_of_the_link() -> None:
+    with pytest.raises(LinkError):
+        UdpLink("crazy..lab", 19850).open()
+
+
+@pytest.mark.parametrize("is_opened_later", [False, True])
+def test_a_link_that_is_closed_while_it_is_being_opened_is_closed_in_the_end(*, is_opened_later: bool) -> None:
+    closed, may_open, is_opening = threading.Event(), threading.Event(), threading.Event()
+
+    class SlowLink(UdpLink):
+        def open(self) -> None:
+            is_opening.set()
+            may_open.wait(LIMIT_S)
+            super().open()
+
+        def close(self) -> None:
+            super().close()
+            if may_open.is_set():
+                closed.set()
+
+    link = SlowLink("127.0.0.1", 9)
+    if not is_opened_later:
+        may_open.set()
+    session = Session(link, CrazyflieSettings(), MonotonicClock(), lambda _: None)
+    thread = threading.Thread(target=session.run)
+    thread.start()
+    assert is_opening.wait(LIMIT_S)
+    session.close()
+    thread.join(LIMIT_S)
+    may_open.set()
+    assert closed.wait(LIMIT_S)
+    until(lambda: link._socket is None)
 
 
 class Driver:
