@@ -111,12 +111,17 @@ class Backend(ABC):
         """Makes backends that share one simulation (``--fleet``) or one radio (``--fleet-url``), in one process.
 
         `places` are where simulated vehicles stand, relative to the first one, in metres east, north, up. Vehicles with
-        a URL (`BackendOptions.url`) stand where they stand; no two URLs are the same text.
+        a URL (`BackendOptions.url`) stand where they stand; no two URLs have the same `vehicle_key`.
 
         Raises:
             ConfigError: This backend cannot fly a fleet, or a setting is not valid.
         """
         raise ConfigError(f"the {cls.name} backend flies only one UAV: start a daemon for each UAV", "fleet")
+
+    @classmethod
+    def vehicle_key(cls, url: str) -> str:
+        """Returns a text that is the same for all URLs that lead to one vehicle, so that no fleet flies it twice."""
+        return url
 
     @abstractmethod
     def open(self, on_update: UpdateCallback) -> None:

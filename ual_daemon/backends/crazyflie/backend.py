@@ -16,7 +16,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
-from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link, vehicle_key
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.simulated_pilot import SimulatedPilot
@@ -31,6 +31,7 @@ class CrazyflieBackend(Backend):
 
     name = SECTION
     clock: MonotonicClock
+    outlived = True
     freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=2.0)
 
     def __init__(self, options: BackendOptions) -> None:
@@ -50,6 +51,11 @@ class CrazyflieBackend(Backend):
         if any(each.url is None for each in options):
             raise ConfigError("a fleet of Crazyflies needs a --fleet-url for each", "fleet")
         return [cls(each) for each in options]
+
+    @classmethod
+    @override
+    def vehicle_key(cls, url: str) -> str:
+        return vehicle_key(url)
 
     def _make_link(self) -> Link:
         return ScannedLink() if self.url is None else make_link(self.url)

@@ -26,6 +26,9 @@ LARGEST_PACKET = 64
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 """What routers and firewalls answer for a while: it may come back, as a port where nobody listens."""
 _OUTBOX = 64
+_RATES = ("250K", "1M", "2M")
+_DEFAULT_CHANNEL, _DEFAULT_RATE, _DEFAULT_ADDRESS = "2", "2M", "E7E7E7E7E7"
+_LOOPBACK = "127.0.0.1"
 _FLUSH_S = 0.5
 """How long a radio may take to send what still waits when it is closed."""
 _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
@@ -42,6 +45,8 @@ class Link(ABC):
     """
 
     is_slow = False
+    url = ""
+    """Where it leads to; empty while that is not known."""
 
     @abstractmethod
     def open(self) -> None:
@@ -69,6 +74,7 @@ class UdpLink(Link):
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port
+        self.url = f"udp://{host}:{port}"
         self._socket: socket.socket | None = None
 
     @override
@@ -139,7 +145,7 @@ class CflibLink(Link):
     is_slow = True
 
     def __init__(self, url: str) -> None:
-        self._url = url
+        self.url = url
         self._cflib = load_cflib()
         self._driver: Driver | None = None
         self._broken = ""
@@ -150,14 +156,14 @@ class CflibLink(Link):
     def open(self) -> None:
         self._broken = ""
         try:
-            driver = self._cflib.get_link_driver(self._url, None, self._on_error)
+            driver = self._cflib.get_link_driver(self.url, None, self._on_error)
         except Exception as error:
             raise LinkError(str(error) or repr(error)) from error
         if driver is None:
-            raise LinkError(f"cflib has no driver for {self._url}")
+            raise LinkError(f"cflib has no driver for {self.url}")
         self._driver, self._outbox = driver, queue.SimpleQueue()
         self._thread = threading.Thread(
-            target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self._url}", daemon=True
+            target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self.url}", daemon=True
         )
         self._thread.start()
 
@@ -252,6 +258,23 @@ def make_link(url: str) -> Link:
     return UdpLink(host, port)
 
 
+def vehicle_key(url: str) -> str:
+    """Returns a text that is the same for all URLs of one vehicle, as far as the URLs say it.
+
+    The dongle is left out: two of them reach the same Crazyflie. What a radio's URL leaves out is cflib's default.
+    """
+    parts = urlsplit(url.strip())
+    where = parts.path.strip("/").split("/")
+    if parts.scheme == "radio":
+        channel, rate, address = (*where, *("", "", "")[len(where) :])[:3]
+        rate = rate if rate in _RATES else _DEFAULT_RATE
+        return f"radio {channel.lstrip('0') or _DEFAULT_CHANNEL}/{rate}/{(address or _DEFAULT_ADDRESS).upper():0>10}"
+    if parts.scheme not in ("udp", "usb"):
+        return url  # is refused later
+    host, _, port = parts.netloc.lower().partition(":")
+    return f"{parts.scheme} {_LOOPBACK if host == 'localhost' else host}" + (f":{port.lstrip('0')}" if port else "")
+
+
 def scan() -> list[str]:
     """Returns the URLs of the Crazyflies that are found, at least one. Takes some seconds.
 
@@ -288,7 +311,7 @@ class ScannedLink(Link):
             raise LinkError(f"several Crazyflies: give --url, one of {', '.join(found)}")
         link = make_link(found[0])
         link.open()
-        self._link = link
+        self._link, self.url = link, found[0]
 
     @override
     def close(self) -> None:

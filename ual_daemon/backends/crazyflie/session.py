@@ -20,7 +20,7 @@ from ual_daemon.backends.crazyflie.arming import Arming
 from ual_daemon.backends.crazyflie.commander import Commander, Phase
 from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
 from ual_daemon.backends.crazyflie.encoder import Encoder, rest
-from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink
+from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink, vehicle_key
 from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
 from ual_daemon.backends.crazyflie.requests import Requests
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
@@ -62,7 +62,6 @@ class Session:
         self._arming = Arming(link.send, self.telemetry)
         self._settings = settings
         self._is_simulation = isinstance(link, UdpLink)
-        self._describe("")
         self._link = link
         self._clock = clock
         self._on_update = on_update
@@ -70,6 +69,7 @@ class Session:
         self._reader = ValuesReader(self.telemetry)
         make_steps = partial(connecting.steps, settings, TocCache(settings.cache_directory))
         self._supervision = Supervision(link, self._requests, make_steps, self._use)
+        self._describe("")
         self._updated_s = clock.now_s()
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
@@ -242,8 +242,13 @@ class Session:
         self._describe(data[1:].split(b"\0")[0].decode("ascii", "replace"))
 
     def _describe(self, version: str) -> None:
+        url = self._link.url
         self.info = describe(
-            self.firmware.parameters, self._settings.yaw_rate_rad_s, version, is_simulation=self._is_simulation
+            self.firmware.parameters,
+            self._settings.yaw_rate_rad_s,
+            version,
+            f"crazyflie {vehicle_key(url)}" if self.is_connected and url else "",
+            is_simulation=self._is_simulation,
         )
 
     def _update(self, now_s: float) -> None:

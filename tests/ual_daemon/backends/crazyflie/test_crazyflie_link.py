@@ -14,6 +14,9 @@ from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown, place
 from ual.types import State
 from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, Packet
+from ual_daemon.frames.home_file import HomeFile
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.settings import VehicleSettings
 
 BAD = Faults(loss=0.2, delay_s=0.01, jitter_s=0.03, duplication=0.2)
 
@@ -153,6 +156,36 @@ def test_says_what_its_console_says(tmp_path: Path) -> None:
     flown.crazyflie.say("KALMAN: a line that is longer than the thirty bytes of one packet")
     flown.run(0.2)
     assert flown.backend.snapshot().status_text == "KALMAN: a line that is longer than the thirty bytes of one packet"
+
+
+def test_says_which_vehicle_it_is_once_it_is_connected(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    assert flown.backend.info().identity == ""
+    flown.ready()
+    assert flown.backend.info().identity == "crazyflie udp 127.0.0.1:1"
+
+
+def test_a_home_of_before_a_restart_is_lost_and_not_silently_another_one(tmp_path: Path) -> None:
+    """Nothing ties its local frame to Earth, so a home that was set would move to the origin of the local frame."""
+
+    def resolved(file: HomeFile) -> tuple[Flown, FrameResolver]:
+        flown = Flown(tmp_path)
+        resolver = FrameResolver(
+            "uav_1", VehicleSettings(), file if flown.backend.outlived else None, lambda: flown.backend.info().identity
+        )
+        resolver.open()
+        flown.ready()
+        resolver.update(flown.backend.snapshot())
+        return flown, resolver
+
+    flown, before = resolved(HomeFile(tmp_path / "uav_1.home"))
+    pose = flown.backend.snapshot().pose
+    assert pose is not None
+    before.set_home(pose.value.position, flown.backend.snapshot(), set_z=True)
+    _, after = resolved(HomeFile(tmp_path / "uav_1.home"))
+    assert before.odom_loss is None
+    assert after.odom_loss is not None
+    assert "nothing tied it to Earth" in after.odom_loss.why
 
 
 def failing_once(error: Exception, call: Callable[..., Any]) -> Callable[..., Any]:

@@ -248,6 +248,7 @@ def test_the_only_crazyflie_of_a_scan_is_taken(crtp: Crtp) -> None:
     link.open()
     link.send(PACKET)
     assert crtp.driver.sent.get(timeout=LIMIT_S).port == PACKET.port
+    assert link.url == RADIO
     link.close()
 
 
@@ -297,6 +298,32 @@ def test_udp_needs_no_cflib(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_wrong_urls_are_refused(url: str) -> None:
     with pytest.raises(ConfigError, match="url"):
         make_link(url)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "is_same"),
+    [
+        (RADIO, "radio://0/80/2M/e7e7e7e7e7", True),
+        (RADIO, "radio://0/80/2M", True),
+        (RADIO, "radio://0/80", True),
+        (RADIO, "radio://1/80/2M/E7E7E7E7E7", True),  # another dongle
+        (RADIO, f"{RADIO}/?rate_limit=100", True),
+        (RADIO, "radio://0/80/2M/E7E7E7E701", False),
+        (RADIO, "radio://0/81/2M/E7E7E7E7E7", False),
+        (RADIO, "radio://0/80/1M/E7E7E7E7E7", False),
+        ("radio://0/80/2M/01", "radio://0/80/2M/0000000001", True),
+        ("udp://127.0.0.1:19850", "udp://localhost:19850", True),
+        ("udp://127.0.0.1:19850", "UDP://127.0.0.1:19850/", True),
+        ("udp://127.0.0.1:19850", "udp://127.0.0.1:19851", False),
+        ("udp://LAB:19850", "udp://lab:19850", True),
+        ("usb://0", "usb://0/", True),
+        ("usb://0", "usb://1", False),
+        ("nonsense", "other nonsense", False),
+    ],
+)
+def test_urls_of_one_vehicle_are_known(one: str, other: str, *, is_same: bool) -> None:
+    key = CrazyflieBackend.vehicle_key
+    assert (key(one) == key(other)) is is_same
 
 
 def test_a_fleet_has_a_url_for_each() -> None:
