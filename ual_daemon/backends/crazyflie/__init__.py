@@ -8,7 +8,7 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``commander``: which of the firmware's two commanders flies, and the setpoints
 - ``telemetry``, ``supervisor``: from logged variables to snapshots and words
 - ``log_blocks``, ``toc``, ``requests``, ``packets``: CRTP
-- ``links``: UDP; Crazyradio and USB through cflib's drivers
+- ``links``, ``outbox``: UDP; Crazyradio and USB through cflib's drivers
 - ``settings``
 """
 

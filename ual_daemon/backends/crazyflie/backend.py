@@ -136,7 +136,7 @@ class CrazyflieBackend(Backend):
         if session is not None and session.is_connected:
             position, orientation = measured.pose.position, measured.pose.orientation
             has_orientation = self._settings.sends_orientation
-            self._link.send(
+            self._link.send_pose(
                 packets.external_pose(position, orientation) if has_orientation else packets.external_position(position)
             )
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import importlib
 import logging
-import queue
 import select
 import socket
 import threading
@@ -19,13 +18,13 @@ from urllib.parse import urlsplit
 
 from typing_extensions import override
 
+from ual_daemon.backends.crazyflie.outbox import Outbox
 from ual_daemon.backends.crazyflie.packets import Packet
 from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 """What routers and firewalls answer for a while: it may come back, as a port where nobody listens."""
-_OUTBOX = 64
 _RATES = ("250K", "1M", "2M")
 _DEFAULT_CHANNEL, _DEFAULT_RATE, _DEFAULT_ADDRESS = "2", "2M", "E7E7E7E7E7"
 _LOOPBACK = "127.0.0.1"
@@ -66,6 +65,10 @@ class Link(ABC):
 
     def send_now(self, packet: Packet) -> None:
         """Sends a packet before it returns, which may take a while."""
+        self.send(packet)
+
+    def send_pose(self, packet: Packet) -> None:
+        """Sends a pose from outside without blocking. One that cannot be sent at once is replaced by the next."""
         self.send(packet)
 
 
@@ -149,7 +152,7 @@ class CflibLink(Link):
         self._cflib = load_cflib()
         self._driver: Driver | None = None
         self._broken = ""
-        self._outbox: queue.SimpleQueue[Packet | None] = queue.SimpleQueue()
+        self._outbox = Outbox()
         self._thread: threading.Thread | None = None
 
     @override
@@ -161,7 +164,7 @@ class CflibLink(Link):
             raise LinkError(str(error) or repr(error)) from error
         if driver is None:
             raise LinkError(f"cflib has no driver for {self.url}")
-        self._driver, self._outbox = driver, queue.SimpleQueue()
+        self._driver, self._outbox = driver, Outbox()
         self._thread = threading.Thread(
             target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self.url}", daemon=True
         )
@@ -172,7 +175,7 @@ class CflibLink(Link):
         driver, self._driver = self._driver, None
         if driver is None:
             return
-        self._outbox.put(None)
+        self._outbox.close()
         if self._thread is not None:
             self._thread.join(_FLUSH_S)
         with suppress(Exception):  # an unplugged device cannot be closed
@@ -194,8 +197,11 @@ class CflibLink(Link):
 
     @override
     def send(self, packet: Packet) -> None:
-        if self._outbox.qsize() < _OUTBOX:
-            self._outbox.put(packet)
+        self._outbox.put(packet)
+
+    @override
+    def send_pose(self, packet: Packet) -> None:
+        self._outbox.put_pose(packet)
 
     @override
     def send_now(self, packet: Packet) -> None:
@@ -203,9 +209,9 @@ class CflibLink(Link):
         if driver is not None:
             self._send_through(driver, packet)
 
-    def _send_all(self, driver: Driver, outbox: queue.SimpleQueue[Packet | None]) -> None:
+    def _send_all(self, driver: Driver, outbox: Outbox) -> None:
         """Sends what waits until the link is closed; the last packets may be those that keep it in the air."""
-        while (packet := outbox.get()) is not None:
+        while (packet := outbox.take()) is not None:
             if not self._broken:
                 self._send_through(driver, packet)
 
@@ -332,3 +338,8 @@ class ScannedLink(Link):
     def send_now(self, packet: Packet) -> None:
         if self._link is not None:
             self._link.send_now(packet)
+
+    @override
+    def send_pose(self, packet: Packet) -> None:
+        if self._link is not None:
+            self._link.send_pose(packet)

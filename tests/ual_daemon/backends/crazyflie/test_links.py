@@ -16,11 +16,13 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.drivers import crazyradio
 
+from ual.geometry import Vector3
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.crazyflie import CrazyflieBackend, links
+from ual_daemon.backends.crazyflie import CrazyflieBackend, links, packets
 from ual_daemon.backends.crazyflie.links import CflibLink, LinkError, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.outbox import OLDEST_POSE_S, Outbox
 from ual_daemon.backends.crazyflie.packets import Packet
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
@@ -228,6 +230,69 @@ def test_what_was_given_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> Non
         link.send(PACKET)
     link.close()
     assert crtp.driver.sent.qsize() == 20
+
+
+def pose(number: int) -> Packet:
+    return packets.external_position(Vector3(number, 0.0, 1.0))
+
+
+def test_only_the_newest_pose_leaves_and_after_all_else() -> None:
+    outbox = Outbox(lambda: 0.0)
+    for number in range(100):
+        outbox.put_pose(pose(number))
+    outbox.put(PACKET)
+    outbox.put(PACKET)
+    assert [outbox.take() for _ in range(3)] == [PACKET, PACKET, pose(99)]
+    outbox.close()
+    assert outbox.take() is None
+
+
+def test_a_pose_that_had_to_wait_for_too_long_does_not_leave() -> None:
+    time_s = 0.0
+    outbox = Outbox(lambda: time_s)
+    outbox.put_pose(pose(1))
+    time_s = OLDEST_POSE_S + 0.01
+    outbox.put(PACKET)
+    outbox.close()
+    assert [outbox.take() for _ in range(2)] == [PACKET, None]
+
+
+def test_a_stale_pose_is_passed_over_for_what_comes_next() -> None:
+    times_s = iter([0.0, OLDEST_POSE_S + 0.01, 1.0, 1.0])
+    outbox = Outbox(lambda: next(times_s))
+    outbox.put_pose(pose(1))
+    taken: list[Packet | None] = []
+    taking = threading.Thread(target=lambda: taken.append(outbox.take()))
+    taking.start()
+    until(lambda: outbox._pose is None)
+    outbox.put_pose(pose(2))
+    taking.join(LIMIT_S)
+    assert taken == [pose(2)]
+
+
+def test_poses_given_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> None:
+    is_blocked, may_send = threading.Event(), threading.Event()
+    send = crtp.driver.send_packet
+
+    def send_slowly(packet: CRTPPacket) -> None:
+        is_blocked.set()
+        may_send.wait(LIMIT_S)
+        send(packet)
+
+    crtp.driver.send_packet = send_slowly  # type: ignore[method-assign]
+    link = make_link(RADIO)
+    link.open()
+    link.send_pose(pose(0))
+    assert is_blocked.wait(LIMIT_S)
+    for number in range(1, 100):
+        link.send_pose(pose(number))
+    link.send(PACKET)
+    may_send.set()
+    sent = [crtp.driver.sent.get(timeout=LIMIT_S) for _ in range(2)]
+    assert [Packet(each.port, each.channel, bytes(each.data)) for each in sent] == [pose(0), PACKET]
+    link.close()
+    rest = [bytes(crtp.driver.sent.get_nowait().data) for _ in range(crtp.driver.sent.qsize())]
+    assert rest in ([], [pose(99).data])  # it has left, unless this computer was slow
 
 
 def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
