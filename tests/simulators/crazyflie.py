@@ -373,6 +373,8 @@ class Crazyflie:
         command, error = data[0], 0
         if command == 5:
             self.blocks.clear()
+        elif command == 2:
+            error = ENOENT if self.blocks.pop(data[1], None) is None else 0
         elif command in (6, 7):
             error = self._define(data[1], data[2:], is_new=command == 6)
         elif command == 3:

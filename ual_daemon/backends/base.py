@@ -97,6 +97,10 @@ class Backend(ABC):
         changed, as long as `snapshot` returns the newest data all the same. This saves a backend with many vehicles
         most of their cost.
         """
+        self.is_watch_only = False
+        """Whether nothing may be sent that flies, or changes how it flies (``--watch-only``). Set by the vehicle above,
+        before `open`; commands do not come then.
+        """
         self.on_packet: Callable[[Packet], None] | None = None
         """Called with each packet of the link, from any thread, by backends that have one that can be recorded. Set
         before `open`; never blocks.

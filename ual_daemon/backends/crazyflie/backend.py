@@ -65,9 +65,12 @@ class CrazyflieBackend(Backend):
         if self._link.is_slow:
             self._mailbox = SetpointMailbox(self._send_now, self.clock, f"crazyflie setpoints {self.options.ns}")
             self._mailbox.open()
-        self._session = Session(self._link, self._settings, self.clock, on_update)
+        self._session = self._make_session(on_update)
         self._thread = threading.Thread(target=self._session.run, name=f"crazyflie {self.options.ns}", daemon=True)
         self._thread.start()
+
+    def _make_session(self, on_update: UpdateCallback) -> Session:
+        return Session(self._link, self._settings, self.clock, on_update, is_watch_only=self.is_watch_only)
 
     @override
     def close(self) -> None:

@@ -54,6 +54,8 @@ class Session:
         settings: CrazyflieSettings,
         clock: MonotonicClock,
         on_update: UpdateCallback,
+        *,
+        is_watch_only: bool = False,
     ) -> None:
         self.firmware = Firmware()
         self.info = VehicleInfo()
@@ -67,7 +69,8 @@ class Session:
         self._on_update = on_update
         self._requests = Requests(link.send)
         self._reader = ValuesReader(self.telemetry)
-        make_steps = partial(connecting.steps, settings, TocCache(settings.cache_directory))
+        cache = TocCache(settings.cache_directory)
+        make_steps = partial(connecting.steps, settings, cache, is_watch_only=is_watch_only)
         self._supervision = Supervision(link, self._requests, make_steps, self._use)
         self._describe("")
         self._updated_s = clock.now_s()
@@ -222,7 +225,8 @@ class Session:
 
     def _take(self, packet: Packet, now_s: float) -> None:
         if packet.port == LOG and packet.channel == LOG_DATA_CHANNEL:
-            self._reader.take(packet.data, now_s, self._clock.utc_s())
+            if self._supervision.state is not LinkState.CONNECTING:  # they may be of another boot, whose blocks are new
+                self._reader.take(packet.data, now_s, self._clock.utc_s())
         elif packet.port == CONSOLE:
             self.telemetry.on_console(packet.data)
         elif not self._requests.take(packet):

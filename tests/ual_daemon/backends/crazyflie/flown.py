@@ -32,6 +32,7 @@ class Flown:
         crazyflie: Crazyflie | None = None,
         faults: Faults | None = None,
         positioning_deck: str = "",
+        is_watch_only: bool = False,
         **settings: object,
     ) -> None:
         self.memory = MemoryPort()
@@ -41,6 +42,7 @@ class Flown:
         if positioning_deck:
             self.crazyflie.parameters[positioning_deck] = "B", 1, True
         self._cache = cache
+        self._is_watch_only = is_watch_only
         self._settings = settings
         self.backend = self._make_backend()
 
@@ -48,7 +50,8 @@ class Flown:
         settings = {"cache_directory": str(self._cache), **self._settings}
         backend = LockstepCrazyflie(BackendOptions("uav_1", None, settings), self.crazyflie, self.memory, math.inf)
         self.updates: list[Snapshot] = []
-        backend._session = Session(backend._link, backend._settings, backend.clock, self.updates.append)
+        backend.is_watch_only = self._is_watch_only
+        backend._session = backend._make_session(self.updates.append)
         return backend
 
     def restart_daemon(self) -> None:

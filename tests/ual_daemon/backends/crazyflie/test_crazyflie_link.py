@@ -13,7 +13,7 @@ from tests.simulators.faults import Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown, place
 from ual.types import State
-from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, Packet
+from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, RESET_LOG, WRITE_CHANNEL, Packet
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
@@ -186,6 +186,35 @@ def test_a_home_of_before_a_restart_is_lost_and_not_silently_another_one(tmp_pat
     assert before.odom_loss is None
     assert after.odom_loss is not None
     assert "nothing tied it to Earth" in after.odom_loss.why
+
+
+def test_one_that_only_watches_changes_nothing_and_takes_no_log_from_another(tmp_path: Path) -> None:
+    flown = Flown(tmp_path, is_watch_only=True, parameters={"posCtlPid.xVelMax": 3.0})
+    flown.crazyflie._on_log_control(bytes((6, 0)))  # another program has a block
+    others = flown.crazyflie.blocks[0]
+    for _ in range(2):
+        flown.ready()
+        assert flown.estimate().state is State.LANDED_DISARMED
+        assert flown.crazyflie.blocks[0] is others
+        flown.restart_daemon()
+    assert flown.crazyflie.parameters["posCtlPid.xVelMax"][1] == 1.0
+    assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 0
+    sent = [packet for _, packet in flown.crazyflie.received]
+    assert not any(p.port == PARAMETER and p.channel == WRITE_CHANNEL for p in sent)
+    assert not any(p.port == LOG and p.channel == 1 and p.data[:1] == bytes((RESET_LOG,)) for p in sent)
+
+
+@pytest.mark.parametrize("is_watch_only", [False, True])
+def test_a_reboot_after_a_while_is_noticed(tmp_path: Path, *, is_watch_only: bool) -> None:
+    flown = Flown(tmp_path, is_watch_only=is_watch_only, positioning_deck="deck.bcFlow2")
+    flown.ready()
+    flown.run(10.0)
+    flown.crazyflie.is_silent = True
+    flown.run(2.0)
+    flown.crazyflie.boot()
+    flown.crazyflie.is_silent = False
+    flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+    assert flown.backend.snapshot().boots_count == 1
 
 
 def failing_once(error: Exception, call: Callable[..., Any]) -> Callable[..., Any]:
