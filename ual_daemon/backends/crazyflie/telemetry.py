@@ -138,6 +138,8 @@ class Telemetry:
         if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY:
             return Estimator(False, f"its estimator knows no position: set {ESTIMATOR}=2 (Kalman)")
         variances = [values[name] for name in _VARIANCES if name in values]
+        if not all(map(math.isfinite, variances)):
+            return Estimator(False, "its estimator has diverged: the variance of its position is not finite")
         std_m = math.sqrt(max(0.0, *variances)) if len(variances) == len(_VARIANCES) else None
         if std_m is not None and std_m <= self._largest_std_m:
             return Estimator(True)
@@ -153,9 +155,11 @@ class Telemetry:
 
     @property
     def begins_anew(self) -> bool:
-        """Whether its local frame begins anew when it boots: with a flow deck alone, which knows no place."""
-        decks = {words for name, words in _DECKS.items() if self.parameters.get(name)}
-        return decks == {_FLOW}
+        """Whether its local frame may begin anew when it boots: with a flow deck, which knows no place.
+
+        Another deck beside it does not show that there is a position from outside: its base stations may be off.
+        """
+        return any(words == _FLOW and self.parameters.get(name) for name, words in _DECKS.items())
 
     @property
     def is_on_ground(self) -> bool:

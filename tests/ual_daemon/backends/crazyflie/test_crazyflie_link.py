@@ -105,10 +105,15 @@ def test_out_of_reach_and_back_is_no_reboot(tmp_path: Path) -> None:
     assert flown.backend.snapshot().boots_count == 0
 
 
-@pytest.mark.parametrize(("deck", "frames"), [("deck.bcFlow2", 1), ("deck.bcLighthouse4", 0)])
-def test_a_reboot_is_noticed_and_healed(tmp_path: Path, deck: str, frames: int) -> None:
-    """With a flow deck alone its local frame begins anew; Lighthouse knows where it is."""
-    flown = Flown(tmp_path, positioning_deck=deck)
+@pytest.mark.parametrize(
+    ("decks", "frames"),
+    [(("deck.bcFlow2",), 1), (("deck.bcLighthouse4",), 0), (("deck.bcFlow2", "deck.bcLighthouse4"), 1)],
+)
+def test_a_reboot_is_noticed_and_healed(tmp_path: Path, decks: tuple[str, ...], frames: int) -> None:
+    """With a flow deck its local frame may begin anew, also if Lighthouse is there but off."""
+    flown = Flown(tmp_path)
+    for deck in decks:
+        flown.crazyflie.parameters[deck] = "B", 1, True
     flown.take_off()
     flown.crazyflie.is_silent = True
     flown.run(1.0)
