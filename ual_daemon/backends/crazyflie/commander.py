@@ -177,8 +177,13 @@ class Commander:
 
     # --- From the thread that receives --------------------------------------------------------------------------------
 
-    def step(self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None) -> None:
-        """Does what is due. `flying` are its pose and velocity while it is in the air."""
+    def step(
+        self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None, *, touches: bool = False
+    ) -> None:
+        """Does what is due. `flying` are its pose and velocity while it is in the air.
+
+        `touches` ends a landing: what it stands on is where it was to land.
+        """
         is_on_ground = flying is None
         with self._lock:
             if flying is None:
@@ -194,6 +199,8 @@ class Commander:
             due = self._due_notification(now_s)
             if flying is not None:
                 due += self._due_setpoint(now_s)
+            if touches and self._phase is Phase.LANDING:  # repeated until they stand still
+                due.append(packets.stop())
             handover = self._begin_to_ask(now_s)
             replaced, self._replaced = self._replaced, []
         for request in replaced:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.simulators.crazyflie import Crazyflie, Supervisor
+from tests.simulators.crazyflie import REST_Z_M, Crazyflie, Supervisor
 from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
@@ -233,6 +233,29 @@ def test_lands_by_itself(tmp_path: Path, protocol: int) -> None:
     flown.until(lambda: flown.landed is LandedState.ON_GROUND)
     assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
+
+
+@pytest.mark.parametrize("table_m", [0.0, 0.7, -0.3])
+def test_beside_where_it_stood_it_lands_on_what_is_there(tmp_path: Path, table_m: float) -> None:
+    """Off a table, beside it on the same floor, and onto a box."""
+    begin_z = REST_Z_M + max(0.0, table_m)
+    flown = Flown(tmp_path, Crazyflie(MemoryPort(), start=(0.0, 0.0, begin_z)))
+    flown.take_off()
+    flown.fly(lambda t: place(min(1.0, 0.5 * t), 0.0, begin_z + 1.0), 4.0)
+    floor_z = begin_z - table_m
+    flown.crazyflie.body.ground_z_m = -floor_z
+    flown.end(flown.backend.land(LIMITS))
+    fastest_m_s = 0.0
+    while flown.crazyflie.thrust > 0:
+        flown._turn()
+        fastest_m_s = max(fastest_m_s, -flown.crazyflie.velocity[2])
+        if not flown.crazyflie.body.is_on_ground:
+            touched_s = flown.now_s
+    assert flown.crazyflie.body.is_on_ground  # its motors have not stopped in the air
+    assert fastest_m_s < 0.6
+    assert flown.now_s - touched_s < 1.0
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+    assert flown.crazyflie.place[2] == pytest.approx(floor_z, abs=0.01)
 
 
 def test_a_landing_can_be_ended(tmp_path: Path) -> None:
