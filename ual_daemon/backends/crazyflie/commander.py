@@ -110,6 +110,8 @@ class Commander:
         """How many of the first notifications are still to be sent."""
         self._again: Packet | None = None
         """A goal that is sent once more before each of the first notifications."""
+        self._sending_count = 0
+        """How many setpoints are being sent: a radio may block meanwhile."""
         self._landings_count = 0
         self._answered: tuple[_Handover, int] | None = None
 
@@ -133,7 +135,12 @@ class Commander:
                 return
             packet = self.encoder.encode(setpoint, here)
             self._sent_s = now_s
-        self._emit_setpoint(packet)
+            self._sending_count += 1
+        try:
+            self._emit_setpoint(packet)
+        finally:
+            with self._lock:
+                self._sending_count -= 1
 
     def _passes(self, setpoint: Setpoint, now_s: float) -> bool:
         handover = self._handover
@@ -241,9 +248,12 @@ class Commander:
         return [self.encoder.encode(handover.stays)]
 
     def _begin_to_ask(self, now_s: float) -> _Handover | None:
-        """Returns the handover that is to be asked for now. Called with the lock held."""
+        """Returns the handover that is to be asked for now. Called with the lock held.
+
+        A setpoint that is being sent leaves first: it would end the flight of the high-level commander.
+        """
         handover = self._handover
-        if handover is None or handover.asked_s is not None:
+        if handover is None or handover.asked_s is not None or self._sending_count:
             return None
         handover.asked_s = now_s
         handover.asked_count += 1

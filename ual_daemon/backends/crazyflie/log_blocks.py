@@ -73,8 +73,11 @@ class Block(NamedTuple):
     layout: struct.Struct
 
     def decode(self, data: bytes) -> dict[str, float] | None:
-        """Returns the values in a packet by name; None if the packet has another length."""
-        if len(data) != HEADER + self.layout.size:
+        """Returns the values in a packet by name; None if the packet is too short.
+
+        It is longer where the answer to a part of the block was lost: the firmware has then added that part twice.
+        """
+        if len(data) < HEADER + self.layout.size:
             return None
         values = self.layout.unpack_from(data, HEADER)
         return {each.name: value for each, value in zip(self.variables, values, strict=True)}

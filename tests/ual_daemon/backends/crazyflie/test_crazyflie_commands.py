@@ -458,3 +458,22 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     assert modes[: len(NOTIFICATIONS)] == [Control.REFERENCES] * len(NOTIFICATIONS)
     assert modes[-1] is Control.OTHER
     assert len(told) == len(NOTIFICATIONS)
+
+
+def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> None:
+    """A radio may block meanwhile, and the setpoint would arrive second and end the landing."""
+    sent: list[Packet] = []
+    requests = Requests(sent.append)
+    pose, velocity = Pose.at(0.0, 0.0, 1.0), Vector3()
+
+    def blocked(packet: Packet) -> None:
+        commander.hand_over(Phase.LANDING, commander.encoder.land(1.0, 0.0, 0.5), rest(pose, velocity))
+        commander.step(requests, 0.0, (pose, velocity))
+        requests.step(0.0)
+        sent.append(packet)
+
+    commander = Commander(sent.append, blocked, hovers_by_itself=True)
+    commander.send(place(0.5, 0.0, 1.0), 0.0)
+    commander.step(requests, 0.02, (pose, velocity))
+    requests.step(0.02)
+    assert [packet.port for packet in sent] == [SETPOINT, HIGH_LEVEL]

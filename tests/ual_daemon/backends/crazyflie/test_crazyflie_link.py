@@ -271,3 +271,23 @@ def test_an_update_that_fails_above_does_not_end_the_link(tmp_path: Path, caplog
     assert flown.session.is_connected
     assert flown.crazyflie.supervisor is Supervisor.FLYING
     assert sum(record.getMessage().startswith("an update of the Crazyflie failed") for record in caplog.records) == 1
+
+
+def test_a_lost_answer_to_the_second_part_of_a_log_block_does_not_stop_its_values(tmp_path: Path) -> None:
+    """The firmware adds the variables once more when they are asked for again."""
+    flown = Flown(tmp_path)
+    flown.crazyflie.logged["radio.rssi"] = "B", lambda: 40.0
+    send = flown.crazyflie._send
+    lost: list[bytes] = []
+
+    def lossy(port: int, channel: int, data: bytes) -> None:
+        if (port, channel, data[:1]) == (LOG, 1, b"\x07") and not lost:
+            lost.append(data)
+        else:
+            send(port, channel, data)
+
+    flown.crazyflie._send = lossy  # type: ignore[method-assign]
+    flown.ready()
+    assert lost
+    assert flown.estimate().state is State.LANDED_DISARMED
+    assert flown.session.telemetry.rssi_dbm == -40.0
