@@ -26,6 +26,8 @@ FLYING_S = 2.0
 """It says that it flies for so long after its motors have stopped."""
 LANDED_S = 3.0
 """After so long on the ground it disarms itself."""
+LEAST_THRUST = 20000
+"""On the ground, with a goal below it."""
 REST_Z_M = 0.014
 ENOENT, E2BIG, ENOEXEC, EEXIST = 2, 7, 8, 17
 _RATE_S = 0.02
@@ -254,6 +256,9 @@ class Crazyflie:
             target = Target(position=(None, None, target.position[2]), velocity=(vx, vy, 0.0))
         acceleration, yaw_rate = control(_AGILITY, target, self.body.position, self.body.velocity, self.body.yaw_rad)
         self.body.fly(acceleration, yaw_rate, _AGILITY.jerk_m_s3, STEP_S)
+        down = target.position[2]
+        if self.body.is_on_ground and down is not None and down > self.body.ground_z_m:
+            self.thrust = LEAST_THRUST
 
     def _target(self) -> Target | None:
         """Returns what the commander with the priority wants; None: motors off."""
@@ -373,6 +378,8 @@ class Crazyflie:
         command, error = data[0], 0
         if command == 5:
             self.blocks.clear()
+        elif command == 2:
+            error = ENOENT if self.blocks.pop(data[1], None) is None else 0
         elif command in (6, 7):
             error = self._define(data[1], data[2:], is_new=command == 6)
         elif command == 3:

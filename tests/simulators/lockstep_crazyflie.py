@@ -47,6 +47,7 @@ class SteppedLink(Link):
     """Advances the Crazyflie's time instead of waiting, at most `speed` times as fast as real time."""
 
     def __init__(self, crazyflie: Crazyflie, port: MemoryPort, speed: float) -> None:
+        self.url = "udp://127.0.0.1:1"
         self._crazyflie = crazyflie
         self._port = port
         self._pace = Pace(STEP_S, speed)

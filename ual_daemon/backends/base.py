@@ -97,6 +97,10 @@ class Backend(ABC):
         changed, as long as `snapshot` returns the newest data all the same. This saves a backend with many vehicles
         most of their cost.
         """
+        self.is_watch_only = False
+        """Whether nothing may be sent that flies, or changes how it flies (``--watch-only``). Set by the vehicle above,
+        before `open`; commands do not come then.
+        """
         self.on_packet: Callable[[Packet], None] | None = None
         """Called with each packet of the link, from any thread, by backends that have one that can be recorded. Set
         before `open`; never blocks.
@@ -111,12 +115,17 @@ class Backend(ABC):
         """Makes backends that share one simulation (``--fleet``) or one radio (``--fleet-url``), in one process.
 
         `places` are where simulated vehicles stand, relative to the first one, in metres east, north, up. Vehicles with
-        a URL (`BackendOptions.url`) stand where they stand; no two URLs are the same text.
+        a URL (`BackendOptions.url`) stand where they stand; no two URLs have the same `vehicle_key`.
 
         Raises:
             ConfigError: This backend cannot fly a fleet, or a setting is not valid.
         """
         raise ConfigError(f"the {cls.name} backend flies only one UAV: start a daemon for each UAV", "fleet")
+
+    @classmethod
+    def vehicle_key(cls, url: str) -> str:
+        """Returns a text that is the same for all URLs that lead to one vehicle, so that no fleet flies it twice."""
+        return url
 
     @abstractmethod
     def open(self, on_update: UpdateCallback) -> None:

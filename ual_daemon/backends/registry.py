@@ -75,6 +75,12 @@ def make_fleet(name: str, options: Sequence[BackendOptions], places: Sequence[Ve
     return kind.fleet(options, places)
 
 
+def vehicle_key(name: str, url: str) -> str:
+    """Returns which vehicle a URL leads to (see `Backend.vehicle_key`). Raises as `make` does."""
+    kind = _kind(name)
+    return kind.vehicle_key(url) if issubclass(kind, Backend) else url
+
+
 def _kind(name: str) -> type:
     """Imports and returns the class of the backend with this name."""
     try:

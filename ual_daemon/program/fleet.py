@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import resource
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from msgspec import structs
 
@@ -35,8 +35,8 @@ def names(first: str, count: int) -> list[str]:
     return [f"{base}_{begin + i}" for i in range(count)]
 
 
-def urls(count: int | None, given: Sequence[str]) -> list[str | None]:
-    """Returns the URL of each vehicle; None for each of a simulated fleet.
+def urls(count: int | None, given: Sequence[str], key: Callable[[str], str] = str) -> list[str | None]:
+    """Returns the URL of each vehicle; None for each of a simulated fleet. `key` says which vehicle a URL leads to.
 
     Raises:
         ConfigError: There are more or fewer URLs than UAVs, or two UAVs would be one vehicle.
@@ -45,9 +45,14 @@ def urls(count: int | None, given: Sequence[str]) -> list[str | None]:
         return [None] * (count or 0)
     if count is not None and count != len(given):
         raise ConfigError(f"{count} UAVs, but {len(given)} --fleet-url: leave out --fleet", "fleet")
-    twice = next((url for i, url in enumerate(given) if url in given[:i]), None)
-    if twice is not None:
-        raise ConfigError(f"{twice} is given twice: two UAVs cannot be one vehicle", "fleet_url")
+    seen: dict[str, str] = {}
+    for url in given:
+        vehicle = key(url)
+        if vehicle in seen:
+            first = seen[vehicle]
+            twice = f"{url} is given twice" if first == url else f"{first} and {url} lead to the same vehicle"
+            raise ConfigError(f"{twice}: two UAVs cannot be one vehicle", "fleet_url")
+        seen[vehicle] = url
     return list(given)
 
 

@@ -12,6 +12,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -266,7 +267,7 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
     if settings.url is not None:
         raise ConfigError("a fleet needs a URL for each vehicle: give --fleet-url for each", "url")
     section = configuration.backends.get(settings.backend, {})
-    urls = fleet.urls(settings.fleet, settings.fleet_url)
+    urls = fleet.urls(settings.fleet, settings.fleet_url, partial(registry.vehicle_key, settings.backend))
     names = fleet.names(settings.ns, len(urls))
     places = fleet.places(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]

@@ -66,6 +66,7 @@ class Vehicle:
         self.log_name = ""
         """The name of this UAV in the log, if there are several in the process."""
         self.backend = backend
+        backend.is_watch_only = watch_only
         settings = settings or VehicleSettings()
         self._pose_frame_id = settings.pose_frame_id
         kept = home_file if backend.outlived else None

@@ -53,6 +53,12 @@ def test_vehicles_with_urls_of_their_own_stand_where_they_stand() -> None:
     assert fleet.places(["radio://1", "radio://2"], 3.0) == [Vector3(), Vector3()]
 
 
+def test_two_urls_of_one_vehicle_are_refused() -> None:
+    with pytest.raises(ConfigError, match="A and a lead to the same vehicle: two UAVs cannot be one vehicle"):
+        fleet.urls(None, ["A", "b", "a"], str.lower)
+    assert fleet.urls(None, ["A", "a"]) == ["A", "a"]
+
+
 def test_a_home_pose_is_that_of_the_first() -> None:
     placed = fleet.placed(VehicleSettings(home_pose=(1.0, 2.0, 3.0)), Vector3(6.0, 3.0, 0.0))
     assert placed.home_pose == (7.0, 5.0, 3.0)
@@ -248,6 +254,10 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
         (
             ["--fleet-url", "a", "--fleet-url", "a"],
             "ual-daemon: --fleet-url: a is given twice: two UAVs cannot be one vehicle",
+        ),
+        (
+            ["--backend", "crazyflie", "--fleet-url", "udp://localhost:19850", "--fleet-url", "udp://127.0.0.1:19850/"],
+            "ual-daemon: --fleet-url: udp://localhost:19850 and udp://127.0.0.1:19850/ lead to the same vehicle",
         ),
         (["--fleet", "3", "--fleet-url", "a"], "ual-daemon: --fleet: 3 UAVs, but 1 --fleet-url: leave out --fleet"),
         (

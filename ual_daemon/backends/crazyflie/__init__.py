@@ -6,9 +6,9 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``session``: the conversation with one Crazyflie over time, and the thread that receives
 - ``connecting``: what is asked of a Crazyflie before it can be flown, step by step
 - ``commander``: which of the firmware's two commanders flies, and the setpoints
-- ``telemetry``, ``supervisor``: from logged variables to snapshots and words
+- ``telemetry``, ``contact``, ``supervisor``: from logged variables to snapshots and words
 - ``log_blocks``, ``toc``, ``requests``, ``packets``: CRTP
-- ``links``: UDP; Crazyradio and USB through cflib's drivers
+- ``links``, ``outbox``: UDP; Crazyradio and USB through cflib's drivers
 - ``settings``
 """
 

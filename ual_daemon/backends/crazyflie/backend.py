@@ -16,7 +16,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
-from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link, vehicle_key
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.simulated_pilot import SimulatedPilot
@@ -31,6 +31,7 @@ class CrazyflieBackend(Backend):
 
     name = SECTION
     clock: MonotonicClock
+    outlived = True
     freshness = Freshness(link_s=1.0, pose_s=1.0, mode_s=1.0, landed_s=1.0, estimator_s=2.0)
 
     def __init__(self, options: BackendOptions) -> None:
@@ -51,6 +52,11 @@ class CrazyflieBackend(Backend):
             raise ConfigError("a fleet of Crazyflies needs a --fleet-url for each", "fleet")
         return [cls(each) for each in options]
 
+    @classmethod
+    @override
+    def vehicle_key(cls, url: str) -> str:
+        return vehicle_key(url)
+
     def _make_link(self) -> Link:
         return ScannedLink() if self.url is None else make_link(self.url)
 
@@ -59,9 +65,12 @@ class CrazyflieBackend(Backend):
         if self._link.is_slow:
             self._mailbox = SetpointMailbox(self._send_now, self.clock, f"crazyflie setpoints {self.options.ns}")
             self._mailbox.open()
-        self._session = Session(self._link, self._settings, self.clock, on_update)
+        self._session = self._make_session(on_update)
         self._thread = threading.Thread(target=self._session.run, name=f"crazyflie {self.options.ns}", daemon=True)
         self._thread.start()
+
+    def _make_session(self, on_update: UpdateCallback) -> Session:
+        return Session(self._link, self._settings, self.clock, on_update, is_watch_only=self.is_watch_only)
 
     @override
     def close(self) -> None:
@@ -130,7 +139,7 @@ class CrazyflieBackend(Backend):
         if session is not None and session.is_connected:
             position, orientation = measured.pose.position, measured.pose.orientation
             has_orientation = self._settings.sends_orientation
-            self._link.send(
+            self._link.send_pose(
                 packets.external_pose(position, orientation) if has_orientation else packets.external_position(position)
             )
 

@@ -4,6 +4,10 @@ Setpoints go to the low-level commander, whose silence stops the motors after 2 
 itself, to a place or to the ground, and needs nobody. It takes over in two steps: first it gets its goal, and only when
 it has answered, the firmware is notified that setpoints stop. The other way round the motors would stop if the goal
 were lost. A setpoint ends what the high-level commander does, so none is sent meanwhile.
+
+Where no answer comes, the motors would stop. Then setpoints go on for a while, and the goal is sent anew: those of the
+layers above for a hover, which nobody asked for; for a hold, a landing, and a hover because setpoints are missing, one
+that keeps it where it is.
 """
 
 from __future__ import annotations
@@ -19,16 +23,22 @@ from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie import packets
-from ual_daemon.backends.crazyflie.encoder import Encoder
+from ual_daemon.backends.crazyflie.encoder import Encoder, rest
 from ual_daemon.backends.crazyflie.packets import Packet
 from ual_daemon.backends.crazyflie.requests import Request, Requests
 from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
 
 HOVERS_AFTER_S = 0.5
 """A Crazyflie that is to stay where it is for so long hovers by itself."""
-HOVER_PATIENCE_S = 0.25
-"""A hover without an answer for so long is given up: after 0.5 s without setpoints the firmware levels out."""
-NOTIFICATIONS = (0.0, 0.02, 0.05)
+PATIENCE_S = 0.25
+"""After so long without an answer setpoints go on: after 0.5 s without them the firmware levels out."""
+SILENCE_PATIENCE_S = 0.1
+"""The same where setpoints have been missing for `SILENCE_S` before."""
+KEEP_S, KEEP_EACH_S = 0.1, 0.02
+"""Setpoints keep it where it is for so long, at this interval, before the high-level commander is asked again."""
+ASK_EACH_S = 0.05
+"""The interval at which a command to the high-level commander is repeated."""
+NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15)
 """The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`."""
 NOTIFY_AGAIN_S = 0.2
 SILENCE_S = 0.3
@@ -63,8 +73,14 @@ class _Handover:
 
     phase: Phase
     request: Request
+    stays: PositionSetpoint | None = None
+    """Keeps it in the air while no answer comes; None: the layers above do."""
+    patience_s: float = PATIENCE_S
     future: Future[None] = field(default_factory=Future)
     asked_s: float | None = None
+    asked_count: int = 0
+    keep_s: float | None = None
+    """When the next setpoint that keeps it in the air is due; None while an answer may come."""
 
 
 class Commander:
@@ -83,6 +99,8 @@ class Commander:
         self._lock = threading.Lock()
         self._phase = Phase.SETPOINTS
         self._handover: _Handover | None = None
+        self._replaced: list[Request] = []
+        """Requests of earlier handovers, which must not be sent again."""
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
         self._sent_s: float | None = None
@@ -90,6 +108,11 @@ class Commander:
         self._notify_s: list[float] = []
         self._untold_count = 0
         """How many of the first notifications are still to be sent."""
+        self._again: Packet | None = None
+        """A goal that is sent once more before each of the first notifications."""
+        self._sending_count = 0
+        """How many setpoints are being sent: a radio may block meanwhile."""
+        self._landings_count = 0
         self._answered: tuple[_Handover, int] | None = None
 
     @property
@@ -112,7 +135,12 @@ class Commander:
                 return
             packet = self.encoder.encode(setpoint, here)
             self._sent_s = now_s
-        self._emit_setpoint(packet)
+            self._sending_count += 1
+        try:
+            self._emit_setpoint(packet)
+        finally:
+            with self._lock:
+                self._sending_count -= 1
 
     def _passes(self, setpoint: Setpoint, now_s: float) -> bool:
         handover = self._handover
@@ -129,7 +157,14 @@ class Commander:
 
     def _resume(self) -> None:
         """Takes setpoints again. Called with the lock held."""
-        self._phase, self._handover, self._notify_s, self._untold_count = Phase.SETPOINTS, None, [], 0
+        self._replace(None)
+        self._phase, self._notify_s, self._untold_count = Phase.SETPOINTS, [], 0
+
+    def _replace(self, handover: _Handover | None) -> None:
+        """Puts a handover in the place of the present one, whose request is withdrawn. Called with the lock held."""
+        if self._handover is not None:
+            self._replaced.append(self._handover.request)
+        self._handover = handover
 
     def take_control(self) -> None:
         """Ends what the high-level commander does: the next setpoint is sent."""
@@ -137,40 +172,97 @@ class Commander:
             if self._phase is not Phase.SETPOINTS or self._handover is not None:
                 self._forget()
 
-    def hand_over(self, phase: Phase, request: Request) -> Future[None]:
-        """Has the high-level commander take over. The future ends with its answer."""
-        handover = _Handover(phase, request)
+    def hand_over(self, phase: Phase, request: Request, stays: PositionSetpoint) -> Future[None]:
+        """Has the high-level commander take over. The future ends with its answer.
+
+        `stays` is sent while no answer comes.
+        """
+        handover = _Handover(phase, request, stays)
         with self._lock:
-            self._handover = handover
+            self._replace(handover)
         return handover.future
 
     # --- From the thread that receives --------------------------------------------------------------------------------
 
-    def step(self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None) -> None:
-        """Does what is due. `flying` are its pose and velocity while it is in the air."""
+    def step(
+        self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None, *, touches: bool = False
+    ) -> None:
+        """Does what is due. `flying` are its pose and velocity while it is in the air.
+
+        `touches` ends a landing: what it stands on is where it was to land.
+        """
         is_on_ground = flying is None
         with self._lock:
             if flying is None:
                 self._sent_s = None
             elif self._is_silent(now_s):
                 self._last = None
-                self._handover = _Handover(Phase.HOVERING, self.encoder.stop(*flying))
+                self._replace(_Handover(Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), SILENCE_PATIENCE_S))
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
             if self._is_hover_due(now_s) and not is_on_ground:
                 self._begin_hover()
-            withdrawn = self._drop_withdrawn(now_s)
-            handover = self._handover
-            due = bool(self._notify_s) and now_s >= self._notify_s[0]
-            if due:
-                self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
-        if withdrawn is not None:
-            requests.withdraw(withdrawn.request)
-        if due:
-            self._emit(packets.setpoints_stop())
-            self._untold_count = max(0, self._untold_count - 1)
-        if handover is not None and handover.asked_s is None:
+            self._drop_withdrawn(now_s)
+            due = self._due_notification(now_s)
+            if flying is not None:
+                due += self._due_setpoint(now_s)
+            if touches and self._phase is Phase.LANDING:  # repeated until they stand still
+                due.append(packets.stop())
+            handover = self._begin_to_ask(now_s)
+            replaced, self._replaced = self._replaced, []
+        for request in replaced:
+            requests.withdraw(request)
+        for packet in due:
+            self._emit(packet)
+        if handover is not None:
             self._ask(handover, requests, now_s)
+
+    def _due_notification(self, now_s: float) -> list[Packet]:
+        """Returns the notification that setpoints stop, if it is due. Called with the lock held."""
+        if not self._notify_s or now_s < self._notify_s[0]:
+            return []
+        self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
+        again = [self._again] if self._again is not None and self._untold_count else []
+        self._untold_count = max(0, self._untold_count - 1)
+        return [*again, packets.setpoints_stop()]
+
+    def _due_setpoint(self, now_s: float) -> list[Packet]:
+        """Returns the setpoint that keeps it in the air while no answer comes, if it is due. Called with the lock held.
+
+        Only if setpoints have flown it: the high-level commander that flies already does not stop the motors.
+        """
+        handover = self._handover
+        if handover is None or handover.stays is None or self._phase is not Phase.SETPOINTS:
+            return []
+        if handover.asked_s is None or now_s - handover.asked_s <= handover.patience_s:
+            return []
+        if handover.keep_s is None:  # an answer would be to a goal that the setpoint ends
+            self._replaced.append(handover.request)
+            handover.keep_s = now_s
+        if now_s - handover.asked_s > handover.patience_s + KEEP_S:
+            handover.asked_s = handover.keep_s = None
+            return []
+        if now_s < handover.keep_s:
+            return []
+        handover.keep_s, self._sent_s = now_s + KEEP_EACH_S, now_s
+        return [self.encoder.encode(handover.stays)]
+
+    def _begin_to_ask(self, now_s: float) -> _Handover | None:
+        """Returns the handover that is to be asked for now. Called with the lock held.
+
+        A setpoint that is being sent leaves first: it would end the flight of the high-level commander.
+        """
+        handover = self._handover
+        if handover is None or handover.asked_s is not None or self._sending_count:
+            return None
+        handover.asked_s = now_s
+        handover.asked_count += 1
+        packet = handover.request.packet
+        if handover.phase is Phase.LANDING:  # not to be taken for the answer to an earlier one
+            self._landings_count += 1
+            packet = packets.numbered_landing(packet, self._landings_count)
+            handover.request = Request(packet, packet.data[:3])
+        return handover
 
     def on_lost(self) -> None:
         """Notes that requests which were on their way are forgotten."""
@@ -188,20 +280,21 @@ class Commander:
         self._last, self._still_since_s = None, math.inf
         self._resume()
 
-    def _drop_withdrawn(self, now_s: float) -> _Handover | None:
+    def _drop_withdrawn(self, now_s: float) -> None:
         """Drops a handover that is not wanted any more, or a hover that has no answer: setpoints must go on."""
         handover = self._handover
         if handover is None:
-            return None
+            return
         is_hover = handover.phase is Phase.HOVERING
-        is_late = is_hover and handover.asked_s is not None and now_s - handover.asked_s > HOVER_PATIENCE_S
+        asked_s = handover.asked_s if handover.stays is None else None
+        is_late = asked_s is not None and now_s - asked_s > handover.patience_s
         if not is_late and not handover.future.cancelled():
-            return None
+            return
         if is_hover or handover.asked_s is None:
-            self._handover, self._still_since_s = None, now_s if is_hover else math.inf
+            self._replace(None)
+            self._still_since_s = now_s if is_hover else math.inf
         else:
             self._forget()  # the firmware may do it already: any setpoint ends that, also one to where it hovered
-        return handover
 
     def _is_silent(self, now_s: float) -> bool:
         """Whether setpoints that flew it have stopped, and nothing else flies it."""
@@ -219,15 +312,13 @@ class Commander:
     def _begin_hover(self) -> None:
         place = self._last
         assert isinstance(place, PositionSetpoint)
-        self._handover = _Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad))
+        self._replace(_Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad)))
 
     def _ask(self, handover: _Handover, requests: Requests, now_s: float) -> None:
-        handover.asked_s = now_s
-
         def on_answer(data: bytes) -> None:
             self._on_answer(handover, data[3] if len(data) > 3 else 0, now_s)
 
-        requests.add(handover.request, on_answer)
+        requests.add(handover.request, on_answer, ASK_EACH_S)
 
     def _on_answer(self, handover: _Handover, error: int, now_s: float) -> None:
         is_fine = error == 0 or (handover.phase is Phase.LANDING and error == _ALREADY_LANDING)
@@ -238,6 +329,8 @@ class Commander:
             self._answered = handover, error
             if is_fine:
                 self._untold_count = len(NOTIFICATIONS)
+                # The answer may be a late one, to a goal that a setpoint has ended.
+                self._again = handover.request.packet if handover.asked_count > 1 else None
                 self._phase = handover.phase
                 self._notify_s = [now_s + delay_s for delay_s in NOTIFICATIONS]
             else:

@@ -54,8 +54,17 @@ class Firmware:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
-def steps(settings: CrazyflieSettings, cache: TocCache, tell: Callable[[str], None], known: Firmware | None) -> Steps:
+def steps(
+    settings: CrazyflieSettings,
+    cache: TocCache,
+    tell: Callable[[str], None],
+    known: Firmware | None,
+    *,
+    is_watch_only: bool = False,
+) -> Steps:
     """Asks for everything. `tell` gets what is being done, in words. `known` is the firmware before the link was lost.
+
+    With `is_watch_only` no parameter is set, and the log blocks of other programs stay.
 
     Raises:
         UnfitError: The firmware lacks something that is needed.
@@ -69,11 +78,15 @@ def steps(settings: CrazyflieSettings, cache: TocCache, tell: Callable[[str], No
     log_toc = yield from _table(LOG, cache, tell)
     _require(log_toc)
     parameter_toc = yield from _table(PARAMETER, cache, tell)
-    tell("setting parameters")
-    yield from _set_parameters(parameter_toc, {**ALWAYS_SET, **settings.parameters})
+    if not is_watch_only:
+        tell("setting parameters")
+        yield from _set_parameters(parameter_toc, {**ALWAYS_SET, **settings.parameters})
     parameters = yield from _read_parameters(parameter_toc)
     tell("starting the log")
-    blocks = yield from _start_log(log_toc, settings.pose_rate_hz)
+    first_ident = log_blocks.WATCHING_IDENT if is_watch_only else 0
+    blocks = log_blocks.make_blocks(log_toc, settings.pose_rate_hz, first_ident)
+    yield [log_blocks.ask_deletion(block) for block in blocks] if is_watch_only else [log_blocks.ask_reset()]
+    yield from _start_log(log_toc, blocks)
     return Firmware(protocol, blocks, parameters)
 
 
@@ -139,9 +152,7 @@ def _ask_read(variable: toc.Variable) -> Request:
     return Request(Packet(PARAMETER, READ_CHANNEL, ident), ident)
 
 
-def _start_log(table: Toc, pose_rate_hz: float) -> Generator[Sequence[Request], list[bytes], tuple[Block, ...]]:
-    yield [log_blocks.ask_reset()]
-    blocks = log_blocks.make_blocks(table, pose_rate_hz)
+def _start_log(table: Toc, blocks: Sequence[Block]) -> Generator[Sequence[Request], list[bytes], None]:
     for block in blocks:
         for request in log_blocks.ask_creation(block, table):
             (answer,) = yield [request]
@@ -149,4 +160,3 @@ def _start_log(table: Toc, pose_rate_hz: float) -> Generator[Sequence[Request], 
             if error not in (0, log_blocks.EXISTS):
                 raise UnfitError(f"it refuses a log block (error {error})")
         yield [log_blocks.ask_start(block)]
-    return blocks

@@ -73,8 +73,7 @@ class Encoder:
 
     def stop(self, pose: Pose, velocity: Vector3) -> Request:
         """Returns the request to come to rest, and to hover there."""
-        duration_s = max(STAY_S, PEAK * velocity.norm() / BRAKE_M_S2)
-        return self._go_to(pose.position + velocity * (duration_s / PEAK), pose.yaw_rad, duration_s)
+        return self._go_to(rest(pose, velocity).position, pose.yaw_rad, _braking_s(velocity))
 
     def land(self, height_m: float, ground_m: float, descent_speed_m_s: float) -> Request:
         """Returns the request to land from a height on the ground, with a speed that is nowhere exceeded."""
@@ -85,6 +84,15 @@ class Encoder:
     def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> Request:
         packet = packets.go_to(position, yaw_rad, duration_s, self._protocol)
         return Request(packet, packet.data[:2])
+
+
+def rest(pose: Pose, velocity: Vector3) -> PositionSetpoint:
+    """Returns the setpoint that stays where it comes to rest."""
+    return PositionSetpoint(pose.position + velocity * (_braking_s(velocity) / PEAK), pose.yaw_rad)
+
+
+def _braking_s(velocity: Vector3) -> float:
+    return max(STAY_S, PEAK * velocity.norm() / BRAKE_M_S2)
 
 
 def _corrected(missing: Vector3) -> Vector3:

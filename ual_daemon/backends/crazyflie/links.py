@@ -5,9 +5,9 @@ UDP needs no cflib, whose client cannot be used on it (docs/decisions/0023): it 
 
 from __future__ import annotations
 
+import errno
 import importlib
 import logging
-import queue
 import select
 import socket
 import threading
@@ -18,11 +18,16 @@ from urllib.parse import urlsplit
 
 from typing_extensions import override
 
+from ual_daemon.backends.crazyflie.outbox import Outbox
 from ual_daemon.backends.crazyflie.packets import Packet
 from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
-_OUTBOX = 64
+_UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
+"""What routers and firewalls answer for a while: it may come back, as a port where nobody listens."""
+_RATES = ("250K", "1M", "2M")
+_DEFAULT_CHANNEL, _DEFAULT_RATE, _DEFAULT_ADDRESS = "2", "2M", "E7E7E7E7E7"
+_LOOPBACK = "127.0.0.1"
 _FLUSH_S = 0.5
 """How long a radio may take to send what still waits when it is closed."""
 _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
@@ -39,6 +44,8 @@ class Link(ABC):
     """
 
     is_slow = False
+    url = ""
+    """Where it leads to; empty while that is not known."""
 
     @abstractmethod
     def open(self) -> None:
@@ -60,12 +67,17 @@ class Link(ABC):
         """Sends a packet before it returns, which may take a while."""
         self.send(packet)
 
+    def send_pose(self, packet: Packet) -> None:
+        """Sends a pose from outside without blocking. One that cannot be sent at once is replaced by the next."""
+        self.send(packet)
+
 
 class UdpLink(Link):
     """One CRTP packet for each datagram, to the simulator at a host and port."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port
+        self.url = f"udp://{host}:{port}"
         self._socket: socket.socket | None = None
 
     @override
@@ -75,7 +87,7 @@ class UdpLink(Link):
             opened = socket.socket(family, kind, protocol)
             opened.setblocking(False)
             opened.connect(address)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
             raise LinkError(str(error)) from error
         self._socket = opened
 
@@ -88,14 +100,17 @@ class UdpLink(Link):
     @override
     def receive(self, timeout_s: float) -> list[Packet]:
         opened = self._socket
-        if opened is None or not select.select([opened], [], [], timeout_s)[0]:
+        if opened is None:
             return []
-        found = []
-        with suppress(BlockingIOError, ConnectionError):  # nobody listens there now: it may come back
-            while True:
-                packet = Packet.decode(opened.recv(LARGEST_PACKET))
-                if packet is not None:
-                    found.append(packet)
+        found: list[Packet] = []
+        try:
+            if select.select([opened], [], [], timeout_s)[0]:
+                _receive_all(opened, found)
+        except (BlockingIOError, ConnectionError):
+            pass  # nobody listens there now: it may come back
+        except OSError as error:
+            if error.errno not in _UNREACHABLE:
+                raise LinkError(str(error)) from error
         return found
 
     @override
@@ -104,6 +119,14 @@ class UdpLink(Link):
         if opened is not None:
             with suppress(OSError):
                 opened.send(packet.encode())
+
+
+def _receive_all(opened: socket.socket, found: list[Packet]) -> None:
+    """Receives until nothing is left, which raises BlockingIOError."""
+    while True:
+        packet = Packet.decode(opened.recv(LARGEST_PACKET))
+        if packet is not None:
+            found.append(packet)
 
 
 class Driver(Protocol):
@@ -125,25 +148,25 @@ class CflibLink(Link):
     is_slow = True
 
     def __init__(self, url: str) -> None:
-        self._url = url
+        self.url = url
         self._cflib = load_cflib()
         self._driver: Driver | None = None
         self._broken = ""
-        self._outbox: queue.SimpleQueue[Packet | None] = queue.SimpleQueue()
+        self._outbox = Outbox()
         self._thread: threading.Thread | None = None
 
     @override
     def open(self) -> None:
         self._broken = ""
         try:
-            driver = self._cflib.get_link_driver(self._url, None, self._on_error)
+            driver = self._cflib.get_link_driver(self.url, None, self._on_error)
         except Exception as error:
             raise LinkError(str(error) or repr(error)) from error
         if driver is None:
-            raise LinkError(f"cflib has no driver for {self._url}")
-        self._driver, self._outbox = driver, queue.SimpleQueue()
+            raise LinkError(f"cflib has no driver for {self.url}")
+        self._driver, self._outbox = driver, Outbox()
         self._thread = threading.Thread(
-            target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self._url}", daemon=True
+            target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self.url}", daemon=True
         )
         self._thread.start()
 
@@ -152,7 +175,7 @@ class CflibLink(Link):
         driver, self._driver = self._driver, None
         if driver is None:
             return
-        self._outbox.put(None)
+        self._outbox.close()
         if self._thread is not None:
             self._thread.join(_FLUSH_S)
         with suppress(Exception):  # an unplugged device cannot be closed
@@ -174,8 +197,11 @@ class CflibLink(Link):
 
     @override
     def send(self, packet: Packet) -> None:
-        if self._outbox.qsize() < _OUTBOX:
-            self._outbox.put(packet)
+        self._outbox.put(packet)
+
+    @override
+    def send_pose(self, packet: Packet) -> None:
+        self._outbox.put_pose(packet)
 
     @override
     def send_now(self, packet: Packet) -> None:
@@ -183,9 +209,9 @@ class CflibLink(Link):
         if driver is not None:
             self._send_through(driver, packet)
 
-    def _send_all(self, driver: Driver, outbox: queue.SimpleQueue[Packet | None]) -> None:
+    def _send_all(self, driver: Driver, outbox: Outbox) -> None:
         """Sends what waits until the link is closed; the last packets may be those that keep it in the air."""
-        while (packet := outbox.get()) is not None:
+        while (packet := outbox.take()) is not None:
             if not self._broken:
                 self._send_through(driver, packet)
 
@@ -238,6 +264,23 @@ def make_link(url: str) -> Link:
     return UdpLink(host, port)
 
 
+def vehicle_key(url: str) -> str:
+    """Returns a text that is the same for all URLs of one vehicle, as far as the URLs say it.
+
+    The dongle is left out: two of them reach the same Crazyflie. What a radio's URL leaves out is cflib's default.
+    """
+    parts = urlsplit(url.strip())
+    where = parts.path.strip("/").split("/")
+    if parts.scheme == "radio":
+        channel, rate, address = (*where, *("", "", "")[len(where) :])[:3]
+        rate = rate if rate in _RATES else _DEFAULT_RATE
+        return f"radio {channel.lstrip('0') or _DEFAULT_CHANNEL}/{rate}/{(address or _DEFAULT_ADDRESS).upper():0>10}"
+    if parts.scheme not in ("udp", "usb"):
+        return url  # is refused later
+    host, _, port = parts.netloc.lower().partition(":")
+    return f"{parts.scheme} {_LOOPBACK if host == 'localhost' else host}" + (f":{port.lstrip('0')}" if port else "")
+
+
 def scan() -> list[str]:
     """Returns the URLs of the Crazyflies that are found, at least one. Takes some seconds.
 
@@ -274,7 +317,7 @@ class ScannedLink(Link):
             raise LinkError(f"several Crazyflies: give --url, one of {', '.join(found)}")
         link = make_link(found[0])
         link.open()
-        self._link = link
+        self._link, self.url = link, found[0]
 
     @override
     def close(self) -> None:
@@ -295,3 +338,8 @@ class ScannedLink(Link):
     def send_now(self, packet: Packet) -> None:
         if self._link is not None:
             self._link.send_now(packet)
+
+    @override
+    def send_pose(self, packet: Packet) -> None:
+        if self._link is not None:
+            self._link.send_pose(packet)

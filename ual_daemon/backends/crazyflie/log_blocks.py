@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ual_daemon.backends.crazyflie.packets import (
     CREATE_BLOCK,
+    DELETE_BLOCK,
     LOG,
     LOG_CONTROL_CHANNEL,
     RESET_LOG,
@@ -21,6 +22,8 @@ HEADER = 4
 """Of a packet of values: the block, and 24 bits of milliseconds."""
 _PERIOD_S = 0.01
 _TYPES = {letter: number for number, letter in LOG_FORMATS.items()}
+WATCHING_IDENT = 0xE0
+"""The first block of a daemon that only watches: others number theirs from 0."""
 EXISTS = 17
 """The firmware's EEXIST."""
 
@@ -70,16 +73,20 @@ class Block(NamedTuple):
     layout: struct.Struct
 
     def decode(self, data: bytes) -> dict[str, float] | None:
-        """Returns the values in a packet by name; None if the packet has another length."""
-        if len(data) != HEADER + self.layout.size:
+        """Returns the values in a packet by name; None if the packet is too short.
+
+        It is longer where the answer to a part of the block was lost: the firmware has then added that part twice.
+        """
+        if len(data) < HEADER + self.layout.size:
             return None
         values = self.layout.unpack_from(data, HEADER)
         return {each.name: value for each, value in zip(self.variables, values, strict=True)}
 
 
-def make_blocks(toc: Toc, pose_rate_hz: float) -> tuple[Block, ...]:
-    """Returns the blocks for a firmware; what it does not have is left out."""
-    return _block(0, toc, MOTION, pose_rate_hz), _block(1, toc, STATUS, min(STATUS_RATE_HZ, pose_rate_hz))
+def make_blocks(toc: Toc, pose_rate_hz: float, first_ident: int = 0) -> tuple[Block, Block]:
+    """Returns the blocks for a firmware, that of the motion first; what it does not have is left out."""
+    motion = _block(first_ident, toc, MOTION, pose_rate_hz)
+    return motion, _block(first_ident + 1, toc, STATUS, min(STATUS_RATE_HZ, pose_rate_hz))
 
 
 def _block(ident: int, toc: Toc, variables: tuple[Logged, ...], rate_hz: float) -> Block:
@@ -91,6 +98,11 @@ def _block(ident: int, toc: Toc, variables: tuple[Logged, ...], rate_hz: float) 
 def ask_reset() -> Request:
     """Returns the request to forget all blocks, also those of another client."""
     return _control(bytes((RESET_LOG,)), bytes((RESET_LOG,)))
+
+
+def ask_deletion(block: Block) -> Request:
+    """Returns the request to forget one block, which need not be there."""
+    return _control(bytes((DELETE_BLOCK, block.ident)), bytes((DELETE_BLOCK, block.ident)))
 
 
 def ask_creation(block: Block, toc: Toc) -> tuple[Request, ...]:

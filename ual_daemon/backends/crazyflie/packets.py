@@ -21,8 +21,8 @@ VERSION_CHANNEL = 1
 """Of the port PLATFORM."""
 
 TOC_ITEM, TOC_INFO = 2, 3
-CREATE_BLOCK, START_BLOCK, RESET_LOG = 6, 3, 5
-TAKE_OFF, LAND, GO_TO_LEGACY, GO_TO = 7, 8, 4, 12
+CREATE_BLOCK, DELETE_BLOCK, START_BLOCK, RESET_LOG = 6, 2, 3, 5
+TAKE_OFF, LAND, GO_TO_LEGACY, GO_TO, STOP = 7, 8, 4, 12, 3
 SET_ARMED, RESPONSE = 1, 0x80
 FIRST_SUPERVISOR_PROTOCOL = 12
 """From this version of the protocol on, arming has a port of its own."""
@@ -103,6 +103,19 @@ def go_to(position: Vector3, yaw_rad: float, duration_s: float, protocol: int) -
 def land(height_m: float, duration_s: float) -> Packet:
     """Returns the high-level command to land at the present place and heading, at a height in the local frame."""
     return Packet(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, ALL_GROUPS, height_m, 0.0, True, duration_s))
+
+
+def stop() -> Packet:
+    """Returns the high-level command that stops the motors."""
+    return Packet(HIGH_LEVEL, 0, bytes((STOP, ALL_GROUPS)))
+
+
+def numbered_landing(packet: Packet, number: int) -> Packet:
+    """Returns a landing whose answer differs from that of another number: its third byte comes back with the answer.
+
+    It is the lowest byte of the height, which changes by less than 0.1 mm (below 3 m).
+    """
+    return packet._replace(data=packet.data[:2] + bytes((number & 0xFF,)) + packet.data[3:])
 
 
 def arm(protocol: int, *, is_armed: bool) -> Packet:

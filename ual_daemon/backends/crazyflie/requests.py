@@ -21,11 +21,12 @@ class Request(NamedTuple):
 
 
 class _Pending:
-    def __init__(self, request: Request, on_answer: Callable[[bytes], None]) -> None:
+    def __init__(self, request: Request, on_answer: Callable[[bytes], None], repeat_s: float | None) -> None:
         self.request = request
         self.on_answer = on_answer
         self.due_s = 0.0
-        self.repeat_s = FIRST_REPEAT_S
+        self.repeat_s = FIRST_REPEAT_S if repeat_s is None else repeat_s
+        self.longest_s = LONGEST_REPEAT_S if repeat_s is None else repeat_s
 
 
 class Requests:
@@ -35,9 +36,12 @@ class Requests:
         self._send = send
         self._pending: list[_Pending] = []
 
-    def add(self, request: Request, on_answer: Callable[[bytes], None]) -> None:
-        """Adds a request. `on_answer` gets the data of its answer, once."""
-        self._pending.append(_Pending(request, on_answer))
+    def add(self, request: Request, on_answer: Callable[[bytes], None], repeat_s: float | None = None) -> None:
+        """Adds a request. `on_answer` gets the data of its answer, once.
+
+        `repeat_s` is the interval at which it is repeated; None: an interval that grows.
+        """
+        self._pending.append(_Pending(request, on_answer, repeat_s))
 
     def clear(self) -> None:
         """Forgets all requests."""
@@ -58,7 +62,7 @@ class Requests:
             if now_s >= pending.due_s:
                 self._send(pending.request.packet)
                 pending.due_s = now_s + pending.repeat_s
-                pending.repeat_s = min(2.0 * pending.repeat_s, LONGEST_REPEAT_S)
+                pending.repeat_s = min(2.0 * pending.repeat_s, pending.longest_s)
 
     def take(self, packet: Packet) -> bool:
         """Takes an answer. Returns False if it answers nothing that was asked, or is a second answer."""

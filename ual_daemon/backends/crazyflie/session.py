@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import struct
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -17,8 +19,8 @@ from ual_daemon.backends.crazyflie import connecting
 from ual_daemon.backends.crazyflie.arming import Arming
 from ual_daemon.backends.crazyflie.commander import Commander, Phase
 from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
-from ual_daemon.backends.crazyflie.encoder import Encoder
-from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink
+from ual_daemon.backends.crazyflie.encoder import Encoder, rest
+from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink, vehicle_key
 from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
 from ual_daemon.backends.crazyflie.requests import Requests
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
@@ -30,10 +32,17 @@ from ual_daemon.backends.crazyflie.values_reader import ValuesReader
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 
+_log = logging.getLogger(__name__)
+
 TICK_S = 0.02
 """The longest wait for packets: commands of other threads wait for as long at most."""
 UPDATE_S = 0.05
 """The longest interval between two updates, whatever comes."""
+
+BESIDE_M = 0.5
+"""Farther from where it stood than this, the ground is not known: it may have flown off a table."""
+DEEPER_M = 1.5
+"""A landing there leads so much deeper. It ends at the ground, by the thrust and the velocity."""
 
 _NEW_S = 0.15
 """An older pose does not say where it is now."""
@@ -50,6 +59,8 @@ class Session:
         settings: CrazyflieSettings,
         clock: MonotonicClock,
         on_update: UpdateCallback,
+        *,
+        is_watch_only: bool = False,
     ) -> None:
         self.firmware = Firmware()
         self.info = VehicleInfo()
@@ -58,17 +69,19 @@ class Session:
         self._arming = Arming(link.send, self.telemetry)
         self._settings = settings
         self._is_simulation = isinstance(link, UdpLink)
-        self._describe("")
         self._link = link
         self._clock = clock
         self._on_update = on_update
         self._requests = Requests(link.send)
         self._reader = ValuesReader(self.telemetry)
-        make_steps = partial(connecting.steps, settings, TocCache(settings.cache_directory))
+        cache = TocCache(settings.cache_directory)
+        make_steps = partial(connecting.steps, settings, cache, is_watch_only=is_watch_only)
         self._supervision = Supervision(link, self._requests, make_steps, self._use)
+        self._describe("")
         self._updated_s = clock.now_s()
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
+        self._failure = ""
         self.snapshot = Snapshot(self._updated_s)
 
     def run(self) -> None:
@@ -77,7 +90,7 @@ class Session:
             while not self._closing.is_set():
                 self._turn()
         finally:
-            self._link.close()
+            self._supervision.close()
 
     def close(self) -> None:
         """Ends `run`."""
@@ -122,15 +135,24 @@ class Session:
     def hold(self) -> Future[None]:
         """Has it stop and hover by itself. Raises `RejectedByAutopilotError`."""
         pose, velocity = self._motion()
-        return self.commander.hand_over(Phase.HOLDING, self.commander.encoder.stop(pose, velocity))
+        return self.commander.hand_over(
+            Phase.HOLDING, self.commander.encoder.stop(pose, velocity), rest(pose, velocity)
+        )
 
     def land(self, descent_speed_m_s: float) -> Future[None]:
         """Has it land by itself. Raises `RejectedByAutopilotError`."""
-        pose, _ = self._motion()
-        ground_z = self.telemetry.ground_z
-        ground_z = _GROUND_Z if ground_z is None else ground_z
+        pose, velocity = self._motion()
+        ground_z = self._landing_z(pose.position)
         request = self.commander.encoder.land(pose.position.z, ground_z, descent_speed_m_s)
-        return self.commander.hand_over(Phase.LANDING, request)
+        return self.commander.hand_over(Phase.LANDING, request, rest(pose, velocity))
+
+    def _landing_z(self, here: Vector3) -> float:
+        """Returns the height to land at: where it stood, or deeper beside that place, where the ground may be lower."""
+        stood_at = self.telemetry.stood_at
+        if stood_at is None:
+            return _GROUND_Z - DEEPER_M
+        is_beside = (here - stood_at).horizontal_norm() > BESIDE_M
+        return stood_at.z - (DEEPER_M if is_beside else 0.0)
 
     def _motion(self) -> tuple[Pose, Vector3]:
         pose, velocity = self.telemetry.pose, self.telemetry.velocity
@@ -142,11 +164,26 @@ class Session:
     # --- One turn -----------------------------------------------------------------------------------------------------
 
     def _turn(self) -> None:
+        """Does one turn. No error ends the thread: whatever fails is logged, and the link is opened anew."""
+        try:
+            has_pose = self._talk()
+        except Exception as error:  # noqa: BLE001  logged with its traceback
+            has_pose = False
+            self._log_failure("the conversation with the Crazyflie failed", error)
+            self._supervision.reopen(str(error) or repr(error), self._clock.now_s())
+            self.commander.on_lost()
+        try:
+            self._update_if_due(self._clock.now_s(), has_pose=has_pose)
+        except Exception as error:  # noqa: BLE001  logged; the link is not at fault, and it may be in the air
+            self._log_failure("an update of the Crazyflie failed", error)
+
+    def _talk(self) -> bool:
+        """Receives, and sends what is due. Returns whether a new pose has come."""
+        was_connected = self.is_connected
         has_pose = self._receive()
         now_s = self._clock.now_s()
         while self._posted:
             self._posted.popleft()(now_s)
-        was_connected = self.is_connected
         self._supervision.step(now_s, self._reader.motion_s)
         if was_connected and not self.is_connected:
             self.commander.on_lost()
@@ -154,12 +191,22 @@ class Session:
             self._reader.has_rebooted = False
             self.commander.on_reboot()
         if self.is_connected:
-            self.commander.step(self._requests, now_s, self._flying())
+            self.commander.step(self._requests, now_s, self._flying(), touches=self.telemetry.contact.touches)
             self._arming.step(now_s, self.firmware.protocol)
         self._requests.step(now_s)
+        return has_pose
+
+    def _update_if_due(self, now_s: float, *, has_pose: bool) -> None:
         if has_pose or now_s - self._updated_s >= UPDATE_S:
             self._update(now_s)
             self.commander.finish()
+
+    def _log_failure(self, what: str, error: Exception) -> None:
+        """Logs an error with its traceback, unless it is the same as the last one."""
+        words = repr(error)
+        if words != self._failure:
+            self._failure = words
+            _log.error("%s; this is a defect of UAL, please report it", what, exc_info=error)
 
     def _flying(self) -> tuple[Pose, Vector3] | None:
         """Its pose and velocity; None if it is not known to be in the air."""
@@ -182,12 +229,16 @@ class Session:
         now_s = self._clock.now_s()
         for packet in received:
             self.telemetry.heard_s = now_s
-            self._take(packet, now_s)
+            try:
+                self._take(packet, now_s)
+            except (ValueError, LookupError, struct.error) as error:  # it may be in the air: the others still count
+                self._log_failure("a packet of the Crazyflie was dropped", error)
         return self.telemetry.pose is not before
 
     def _take(self, packet: Packet, now_s: float) -> None:
         if packet.port == LOG and packet.channel == LOG_DATA_CHANNEL:
-            self._reader.take(packet.data, now_s, self._clock.utc_s())
+            if self._supervision.state is not LinkState.CONNECTING:  # they may be of another boot, whose blocks are new
+                self._reader.take(packet.data, now_s, self._clock.utc_s())
         elif packet.port == CONSOLE:
             self.telemetry.on_console(packet.data)
         elif not self._requests.take(packet):
@@ -207,8 +258,13 @@ class Session:
         self._describe(data[1:].split(b"\0")[0].decode("ascii", "replace"))
 
     def _describe(self, version: str) -> None:
+        url = self._link.url
         self.info = describe(
-            self.firmware.parameters, self._settings.yaw_rate_rad_s, version, is_simulation=self._is_simulation
+            self.firmware.parameters,
+            self._settings.yaw_rate_rad_s,
+            version,
+            f"crazyflie {vehicle_key(url)}" if self.is_connected and url else "",
+            is_simulation=self._is_simulation,
         )
 
     def _update(self, now_s: float) -> None:

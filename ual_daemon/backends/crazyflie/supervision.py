@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -10,9 +11,8 @@ from enum import Enum
 
 from ual_daemon import logs
 from ual_daemon.backends.crazyflie.connecting import Firmware, Steps, UnfitError
-from ual_daemon.backends.crazyflie.links import Link, LinkError
+from ual_daemon.backends.crazyflie.links import Link
 from ual_daemon.backends.crazyflie.requests import Request, Requests
-from ual_daemon.settings import ConfigError
 
 _log = logging.getLogger(__name__)
 
@@ -82,9 +82,18 @@ class Supervision:
         """Closes the link, and opens it again after a while."""
         self._requests.clear()
         self._steps = None
-        self._link.close()
+        if self._opening is None:
+            self._link.close()
         self._change(LinkState.OPENING, why)
         self._due_s = now_s + RETRY_S
+
+    def close(self) -> None:
+        """Closes the link for good; one that is being opened, as soon as it is open."""
+        opening, self._opening = self._opening, None
+        if opening is None:
+            self._link.close()
+        else:
+            opening.add_done_callback(lambda _: self._link.close())
 
     # --- Opening ------------------------------------------------------------------------------------------------------
 
@@ -101,7 +110,7 @@ class Supervision:
                 self._change(LinkState.CONNECTING, "")
                 self._begin()
             else:
-                self._change(LinkState.OPENING, str(error))
+                self._change(LinkState.OPENING, str(error) or repr(error))
                 self._due_s = now_s + RETRY_S
 
     # --- Connecting ---------------------------------------------------------------------------------------------------
@@ -125,7 +134,7 @@ class Supervision:
             self._ask(self._steps.send([each for each in self._answers if each is not None]))
         except StopIteration as finished:
             self._connected(finished.value, now_s)
-        except (UnfitError, ValueError, LookupError) as error:
+        except (UnfitError, ValueError, LookupError, struct.error) as error:
             self._steps = None
             self._requests.clear()
             self._change(LinkState.CONNECTING, str(error))
@@ -151,7 +160,7 @@ class Supervision:
 def _open(link: Link, opening: Future[None]) -> None:
     try:
         link.open()
-    except (LinkError, ConfigError) as error:
+    except Exception as error:  # noqa: BLE001  whoever waits for it says so, and tries again
         opening.set_exception(error)
     else:
         opening.set_result(None)

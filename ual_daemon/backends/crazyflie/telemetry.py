@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
 from ual_daemon.backends.autopilots.plausibility import Plausibility
+from ual_daemon.backends.crazyflie.contact import Contact
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
@@ -91,8 +92,9 @@ class Telemetry:
         self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
         self._moved_s = -math.inf
         self._measured_s = self._stamp_s = 0.0
-        self.ground_z: float | None = None
-        """The height at which it last stood, in this boot; None if that was not seen."""
+        self.stood_at: Vector3 | None = None
+        """Where it last stood, in this boot; None if that was not seen."""
+        self.contact = Contact()
 
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
         """Takes the values of the block `MOTION`."""
@@ -113,12 +115,14 @@ class Telemetry:
         assert self.info is not None
         assert self.pose is not None
         is_flying = bool(self.info.value & Supervisor.FLYING)
+        if thrust is not None:
+            self.contact.update(thrust, velocity, now_s)
         if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
             self._moved_s = now_s
         rests = now_s - self._moved_s >= REST_S
         is_on_ground = not is_flying if thrust is None else thrust == 0 and (rests or not is_flying)
         if is_on_ground and rests:
-            self.ground_z = self.pose.value.position.z
+            self.stood_at = self.pose.value.position
         self._landed = Sample(LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR, now_s)
 
     def on_status(self, values: Mapping[str, float], now_s: float) -> None:
@@ -138,6 +142,8 @@ class Telemetry:
         if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY:
             return Estimator(False, f"its estimator knows no position: set {ESTIMATOR}=2 (Kalman)")
         variances = [values[name] for name in _VARIANCES if name in values]
+        if not all(map(math.isfinite, variances)):
+            return Estimator(False, "its estimator has diverged: the variance of its position is not finite")
         std_m = math.sqrt(max(0.0, *variances)) if len(variances) == len(_VARIANCES) else None
         if std_m is not None and std_m <= self._largest_std_m:
             return Estimator(True)
@@ -153,9 +159,11 @@ class Telemetry:
 
     @property
     def begins_anew(self) -> bool:
-        """Whether its local frame begins anew when it boots: with a flow deck alone, which knows no place."""
-        decks = {words for name, words in _DECKS.items() if self.parameters.get(name)}
-        return decks == {_FLOW}
+        """Whether its local frame may begin anew when it boots: with a flow deck, which knows no place.
+
+        Another deck beside it does not show that there is a position from outside: its base stations may be off.
+        """
+        return any(words == _FLOW and self.parameters.get(name) for name, words in _DECKS.items())
 
     @property
     def is_on_ground(self) -> bool:

@@ -8,7 +8,6 @@ from ual_daemon.backends.crazyflie.telemetry import BoardTime, Telemetry
 
 CLOCK_TOLERANCE_S = 1.0
 """A firmware whose blocks are gone has booted if its clock is off by more than this; else another client took them."""
-MOTION_IDENT = 0
 
 
 class ValuesReader:
@@ -17,6 +16,7 @@ class ValuesReader:
     def __init__(self, telemetry: Telemetry) -> None:
         self._telemetry = telemetry
         self._blocks: dict[int, Block] = {}
+        self._motion_ident = -1
         self._times: dict[int, BoardTime] = {}
         self._is_boot_open = False
         self.motion_s: float | None = None
@@ -25,9 +25,13 @@ class ValuesReader:
         """Whether it has booted since the last time; the caller sets it back."""
 
     def use(self, blocks: tuple[Block, ...]) -> None:
-        """Reads these blocks from now on, which were made anew: the firmware may have booted."""
+        """Reads these blocks from now on, which were made anew: the firmware may have booted.
+
+        The first is that of the motion.
+        """
         self._blocks = {block.ident: block for block in blocks}
-        self._is_boot_open = MOTION_IDENT in self._times
+        self._motion_ident = blocks[0].ident
+        self._is_boot_open = self._motion_ident in self._times
 
     def take(self, data: bytes, now_s: float, utc_s: float) -> None:
         """Takes a packet of values."""
@@ -41,7 +45,7 @@ class ValuesReader:
         measured_s = self._times.setdefault(block.ident, BoardTime()).update(stamp_ms, now_s)
         if measured_s is None:
             return
-        if block.ident == MOTION_IDENT:
+        if block.ident == self._motion_ident:
             self.motion_s = now_s
             self._telemetry.on_motion(values, measured_s, now_s, utc_s)
         else:
@@ -49,7 +53,7 @@ class ValuesReader:
 
     def _judge_boot(self, stamp_ms: int, now_s: float) -> None:
         self._is_boot_open = False
-        if not self._times[MOTION_IDENT].fits(stamp_ms, now_s, CLOCK_TOLERANCE_S):
+        if not self._times[self._motion_ident].fits(stamp_ms, now_s, CLOCK_TOLERANCE_S):
             self._times.clear()
             self._telemetry.discard()
             if self._telemetry.begins_anew:

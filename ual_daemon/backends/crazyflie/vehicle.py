@@ -19,9 +19,14 @@ CAPABILITIES = frozenset(Capability) - {Capability.GEO}
 
 
 def describe(
-    parameters: Mapping[str, float], yaw_rate_rad_s: float, version: str = "", *, is_simulation: bool
+    parameters: Mapping[str, float],
+    yaw_rate_rad_s: float,
+    version: str = "",
+    identity: str = "",
+    *,
+    is_simulation: bool,
 ) -> VehicleInfo:
-    """Returns the description of a vehicle with these parameters."""
+    """Returns the description of a vehicle with these parameters. `identity` is empty while none is connected."""
     is_pid = parameters.get(CONTROLLER, 1) in _PID
     share = _PID_SHARE if is_pid else 1.0
     x, y, z = (share * parameters.get(name, _SPEED_M_S) for name in SPEEDS)
@@ -36,4 +41,5 @@ def describe(
         takes=Takes.ALL if is_pid else Takes.POSITION | Takes.FEED_FORWARD,
         setpoint_loss=SetpointLoss.FALLS,
         has_safety_pilot=False,
+        identity=identity,
     )

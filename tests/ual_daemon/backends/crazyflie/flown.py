@@ -14,6 +14,7 @@ from tests.simulators.ports import MemoryPort
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL
 from ual_daemon.backends.crazyflie.session import Session
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.flight.state import Estimate, estimate
@@ -31,6 +32,7 @@ class Flown:
         crazyflie: Crazyflie | None = None,
         faults: Faults | None = None,
         positioning_deck: str = "",
+        is_watch_only: bool = False,
         **settings: object,
     ) -> None:
         self.memory = MemoryPort()
@@ -40,6 +42,7 @@ class Flown:
         if positioning_deck:
             self.crazyflie.parameters[positioning_deck] = "B", 1, True
         self._cache = cache
+        self._is_watch_only = is_watch_only
         self._settings = settings
         self.backend = self._make_backend()
 
@@ -47,7 +50,8 @@ class Flown:
         settings = {"cache_directory": str(self._cache), **self._settings}
         backend = LockstepCrazyflie(BackendOptions("uav_1", None, settings), self.crazyflie, self.memory, math.inf)
         self.updates: list[Snapshot] = []
-        backend._session = Session(backend._link, backend._settings, backend.clock, self.updates.append)
+        backend.is_watch_only = self._is_watch_only
+        backend._session = backend._make_session(self.updates.append)
         return backend
 
     def restart_daemon(self) -> None:
@@ -93,6 +97,20 @@ class Flown:
                 due_s += RATE_S
                 self.backend.send(setpoint(self.now_s - begin_s))
             self._turn()
+
+    def lose_answers(self, count: int) -> list[float]:
+        """Loses the next answers of the high-level commander. Returns when each was lost, as it happens."""
+        lost: list[float] = []
+        send = self.crazyflie._send
+
+        def lossy(port: int, channel: int, data: bytes) -> None:
+            if port == HIGH_LEVEL and len(lost) < count:
+                lost.append(self.now_s)
+            else:
+                send(port, channel, data)
+
+        self.crazyflie._send = lossy  # type: ignore[method-assign]
+        return lost
 
     def ready(self) -> None:
         """Runs until it is connected and has a state."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.simulators.crazyflie import Crazyflie, Supervisor
-from tests.simulators.faults import Faults
+from tests.simulators.crazyflie import REST_Z_M, Crazyflie, Supervisor
+from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
 from ual.errors import RejectedByAutopilotError
@@ -16,6 +16,7 @@ from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.commander import NOTIFICATIONS, Commander, Phase
+from ual_daemon.backends.crazyflie.encoder import rest
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT, Packet
 from ual_daemon.backends.crazyflie.requests import Requests
 from ual_daemon.backends.values import Control, ExternalPose, LandedState, VelocitySetpoint
@@ -234,6 +235,29 @@ def test_lands_by_itself(tmp_path: Path, protocol: int) -> None:
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
 
 
+@pytest.mark.parametrize("table_m", [0.0, 0.7, -0.3])
+def test_beside_where_it_stood_it_lands_on_what_is_there(tmp_path: Path, table_m: float) -> None:
+    """Off a table, beside it on the same floor, and onto a box."""
+    begin_z = REST_Z_M + max(0.0, table_m)
+    flown = Flown(tmp_path, Crazyflie(MemoryPort(), start=(0.0, 0.0, begin_z)))
+    flown.take_off()
+    flown.fly(lambda t: place(min(1.0, 0.5 * t), 0.0, begin_z + 1.0), 4.0)
+    floor_z = begin_z - table_m
+    flown.crazyflie.body.ground_z_m = -floor_z
+    flown.end(flown.backend.land(LIMITS))
+    fastest_m_s = 0.0
+    while flown.crazyflie.thrust > 0:
+        flown._turn()
+        fastest_m_s = max(fastest_m_s, -flown.crazyflie.velocity[2])
+        if not flown.crazyflie.body.is_on_ground:
+            touched_s = flown.now_s
+    assert flown.crazyflie.body.is_on_ground  # its motors have not stopped in the air
+    assert fastest_m_s < 0.6
+    assert flown.now_s - touched_s < 1.0
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+    assert flown.crazyflie.place[2] == pytest.approx(floor_z, abs=0.01)
+
+
 def test_a_landing_can_be_ended(tmp_path: Path) -> None:
     flown = Flown(tmp_path)
     flown.take_off()
@@ -244,6 +268,103 @@ def test_a_landing_can_be_ended(tmp_path: Path) -> None:
     flown.fly(lambda _: place(0.0, 0.0, z), 2.0)
     assert flown.estimate().state is State.FLYING_AUTO
     assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
+
+
+def test_a_hover_whose_answer_was_lost_does_not_replace_the_landing_after_it(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    lost = flown.lose_answers(1)
+    while not lost:
+        flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.02)
+    flown.end(flown.backend.land(LIMITS))
+    flown.until(lambda: flown.landed is LandedState.ON_GROUND)
+
+
+def test_a_landing_whose_answer_was_lost_does_not_begin_again_once_control_is_taken(tmp_path: Path) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    lost = flown.lose_answers(1)
+    flown.backend.land(LIMITS)
+    flown.until(lambda: bool(lost))
+    flown.end(flown.backend.take_control())
+    since = len(flown.crazyflie.received)
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 3.0)
+    landings = [p for _, p in flown.crazyflie.received[since:] if p.port == HIGH_LEVEL and p.data[0] == packets.LAND]
+    assert landings == []
+    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.05)
+
+
+@pytest.mark.parametrize("command", ["land", "hold", "silence"])
+def test_the_motors_run_on_while_the_high_level_commander_does_not_answer(tmp_path: Path, command: str) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.crazyflie.ignored = {HIGH_LEVEL}
+    if command == "land":
+        flown.backend.land(LIMITS)
+    elif command == "hold":
+        flown.backend.hold()
+    states = set()
+    for _ in range(500):
+        flown._turn()
+        states.add(flown.crazyflie.supervisor)
+    assert states == {Supervisor.FLYING}
+    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+    flown.crazyflie.ignored = set()
+    flown.run(8.0)
+    if command == "land":
+        assert flown.landed is LandedState.ON_GROUND
+    else:
+        assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+        assert flown.crazyflie.plan is not None
+    assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LANDED, Supervisor.CHECKS, Supervisor.PASSED)
+
+
+@pytest.mark.parametrize("command", ["land", "hold"])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_motors_run_on_over_a_link_that_loses_half(tmp_path: Path, command: str, seed: int) -> None:
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.crazyflie.port = BadLink(flown.memory, seed, Faults(loss=0.5), Faults(loss=0.5))
+    future = flown.backend.land(LIMITS) if command == "land" else flown.backend.hold()
+    while not future.done():
+        flown._turn()
+        assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LEVEL_OUT)
+        assert flown.crazyflie.place[2] > 0.9
+    flown.run(8.0)
+    if command == "land":
+        assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
+        assert flown.crazyflie.supervisor is not Supervisor.LOCKED
+    else:
+        assert flown.crazyflie.supervisor is Supervisor.FLYING
+
+
+def test_a_late_answer_to_an_earlier_landing_does_not_stop_the_motors(tmp_path: Path) -> None:
+    """A setpoint has ended that landing; told that setpoints stop, the firmware would have nothing to fly."""
+    flown = Flown(tmp_path)
+    flown.take_off()
+    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    late: list[bytes] = []
+    send = flown.crazyflie._send
+
+    def slow(port: int, channel: int, data: bytes) -> None:
+        late.append(data) if port == HIGH_LEVEL else send(port, channel, data)
+
+    flown.crazyflie._send = slow  # type: ignore[method-assign]
+    flown.backend.land(LIMITS)
+    flown.until(lambda: bool(late))
+    flown.until(lambda: flown.crazyflie.plan is None)
+    flown.crazyflie.ignored = {HIGH_LEVEL}
+    flown.until(lambda: not flown.session._requests.is_empty)  # it is asked again
+    flown.crazyflie._send = send  # type: ignore[method-assign]
+    for data in late:
+        send(HIGH_LEVEL, 0, data)
+    flown.run(3.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("turns", range(1, 6))
@@ -324,16 +445,35 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     commander = Commander(sent.append, sent.append, hovers_by_itself=True)
     requests = Requests(sent.append)
     place = Pose.at(0.0, 0.0, 1.0)
-    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()))
+    commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()), rest(place, Vector3()))
     flying = place, Vector3()
     commander.step(requests, 0.0, flying)
     requests.step(0.0)
     assert requests.take(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
     modes = []
-    for number in range(6):
+    for number in range(12):
         modes.append(commander.mode.control)
         commander.step(requests, number * 0.02, flying)
     told = [packet for packet in sent if packet == packets.setpoints_stop()]
     assert modes[: len(NOTIFICATIONS)] == [Control.REFERENCES] * len(NOTIFICATIONS)
     assert modes[-1] is Control.OTHER
     assert len(told) == len(NOTIFICATIONS)
+
+
+def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> None:
+    """A radio may block meanwhile, and the setpoint would arrive second and end the landing."""
+    sent: list[Packet] = []
+    requests = Requests(sent.append)
+    pose, velocity = Pose.at(0.0, 0.0, 1.0), Vector3()
+
+    def blocked(packet: Packet) -> None:
+        commander.hand_over(Phase.LANDING, commander.encoder.land(1.0, 0.0, 0.5), rest(pose, velocity))
+        commander.step(requests, 0.0, (pose, velocity))
+        requests.step(0.0)
+        sent.append(packet)
+
+    commander = Commander(sent.append, blocked, hovers_by_itself=True)
+    commander.send(place(0.5, 0.0, 1.0), 0.0)
+    commander.step(requests, 0.02, (pose, velocity))
+    requests.step(0.02)
+    assert [packet.port for packet in sent] == [SETPOINT, HIGH_LEVEL]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import queue
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,11 +16,16 @@ import pytest
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.drivers import crazyradio
 
+from ual.geometry import Vector3
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
-from ual_daemon.backends.crazyflie import CrazyflieBackend, links
+from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.crazyflie import CrazyflieBackend, links, packets
 from ual_daemon.backends.crazyflie.links import CflibLink, LinkError, ScannedLink, UdpLink, make_link
+from ual_daemon.backends.crazyflie.outbox import OLDEST_POSE_S, Outbox
 from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
 from ual_daemon.settings import ConfigError
 
 RADIO = "radio://0/80/2M/E7E7E7E7E7"
@@ -70,6 +77,75 @@ def test_udp_to_nobody_is_silence() -> None:
         assert link.receive(0.01) == []
     link.close()
     link.send(PACKET)  # is lost
+
+
+class BrokenSocket:
+    """A socket with an error that waits."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._near, self._far = socket.socketpair()
+        self._far.send(b"x")
+
+    def fileno(self) -> int:
+        return self._near.fileno()
+
+    def recv(self, _: int) -> bytes:
+        raise OSError(self._number, "an error")
+
+    def close(self) -> None:
+        self._near.close()
+        self._far.close()
+
+
+@pytest.mark.parametrize("number", [errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ECONNREFUSED])
+def test_a_host_that_cannot_be_reached_now_is_silence(number: int) -> None:
+    link = UdpLink("127.0.0.1", 9)
+    link._socket = BrokenSocket(number)  # type: ignore[assignment]
+    assert link.receive(LIMIT_S) == []
+    link.close()
+
+
+def test_any_other_error_of_the_socket_is_one_of_the_link() -> None:
+    link = UdpLink("127.0.0.1", 9)
+    link._socket = BrokenSocket(errno.ENOMEM)  # type: ignore[assignment]
+    with pytest.raises(LinkError, match="an error"):
+        link.receive(LIMIT_S)
+    link.close()
+
+
+def test_a_name_that_no_host_can_have_is_an_error_of_the_link() -> None:
+    with pytest.raises(LinkError):
+        UdpLink("crazy..lab", 19850).open()
+
+
+@pytest.mark.parametrize("is_opened_later", [False, True])
+def test_a_link_that_is_closed_while_it_is_being_opened_is_closed_in_the_end(*, is_opened_later: bool) -> None:
+    closed, may_open, is_opening = threading.Event(), threading.Event(), threading.Event()
+
+    class SlowLink(UdpLink):
+        def open(self) -> None:
+            is_opening.set()
+            may_open.wait(LIMIT_S)
+            super().open()
+
+        def close(self) -> None:
+            super().close()
+            if may_open.is_set():
+                closed.set()
+
+    link = SlowLink("127.0.0.1", 9)
+    if not is_opened_later:
+        may_open.set()
+    session = Session(link, CrazyflieSettings(), MonotonicClock(), lambda _: None)
+    thread = threading.Thread(target=session.run)
+    thread.start()
+    assert is_opening.wait(LIMIT_S)
+    session.close()
+    thread.join(LIMIT_S)
+    may_open.set()
+    assert closed.wait(LIMIT_S)
+    until(lambda: link._socket is None)
 
 
 class Driver:
@@ -156,6 +232,69 @@ def test_what_was_given_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> Non
     assert crtp.driver.sent.qsize() == 20
 
 
+def pose(number: int) -> Packet:
+    return packets.external_position(Vector3(number, 0.0, 1.0))
+
+
+def test_only_the_newest_pose_leaves_and_after_all_else() -> None:
+    outbox = Outbox(lambda: 0.0)
+    for number in range(100):
+        outbox.put_pose(pose(number))
+    outbox.put(PACKET)
+    outbox.put(PACKET)
+    assert [outbox.take() for _ in range(3)] == [PACKET, PACKET, pose(99)]
+    outbox.close()
+    assert outbox.take() is None
+
+
+def test_a_pose_that_had_to_wait_for_too_long_does_not_leave() -> None:
+    time_s = 0.0
+    outbox = Outbox(lambda: time_s)
+    outbox.put_pose(pose(1))
+    time_s = OLDEST_POSE_S + 0.01
+    outbox.put(PACKET)
+    outbox.close()
+    assert [outbox.take() for _ in range(2)] == [PACKET, None]
+
+
+def test_a_stale_pose_is_passed_over_for_what_comes_next() -> None:
+    times_s = iter([0.0, OLDEST_POSE_S + 0.01, 1.0, 1.0])
+    outbox = Outbox(lambda: next(times_s))
+    outbox.put_pose(pose(1))
+    taken: list[Packet | None] = []
+    taking = threading.Thread(target=lambda: taken.append(outbox.take()))
+    taking.start()
+    until(lambda: outbox._pose is None)
+    outbox.put_pose(pose(2))
+    taking.join(LIMIT_S)
+    assert taken == [pose(2)]
+
+
+def test_poses_given_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> None:
+    is_blocked, may_send = threading.Event(), threading.Event()
+    send = crtp.driver.send_packet
+
+    def send_slowly(packet: CRTPPacket) -> None:
+        is_blocked.set()
+        may_send.wait(LIMIT_S)
+        send(packet)
+
+    crtp.driver.send_packet = send_slowly  # type: ignore[method-assign]
+    link = make_link(RADIO)
+    link.open()
+    link.send_pose(pose(0))
+    assert is_blocked.wait(LIMIT_S)
+    for number in range(1, 100):
+        link.send_pose(pose(number))
+    link.send(PACKET)
+    may_send.set()
+    sent = [crtp.driver.sent.get(timeout=LIMIT_S) for _ in range(2)]
+    assert [Packet(each.port, each.channel, bytes(each.data)) for each in sent] == [pose(0), PACKET]
+    link.close()
+    rest = [bytes(crtp.driver.sent.get_nowait().data) for _ in range(crtp.driver.sent.qsize())]
+    assert rest in ([], [pose(99).data])  # it has left, unless this computer was slow
+
+
 def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
     link = make_link(RADIO)
     link.open()
@@ -174,6 +313,7 @@ def test_the_only_crazyflie_of_a_scan_is_taken(crtp: Crtp) -> None:
     link.open()
     link.send(PACKET)
     assert crtp.driver.sent.get(timeout=LIMIT_S).port == PACKET.port
+    assert link.url == RADIO
     link.close()
 
 
@@ -223,6 +363,32 @@ def test_udp_needs_no_cflib(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_wrong_urls_are_refused(url: str) -> None:
     with pytest.raises(ConfigError, match="url"):
         make_link(url)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "is_same"),
+    [
+        (RADIO, "radio://0/80/2M/e7e7e7e7e7", True),
+        (RADIO, "radio://0/80/2M", True),
+        (RADIO, "radio://0/80", True),
+        (RADIO, "radio://1/80/2M/E7E7E7E7E7", True),  # another dongle
+        (RADIO, f"{RADIO}/?rate_limit=100", True),
+        (RADIO, "radio://0/80/2M/E7E7E7E701", False),
+        (RADIO, "radio://0/81/2M/E7E7E7E7E7", False),
+        (RADIO, "radio://0/80/1M/E7E7E7E7E7", False),
+        ("radio://0/80/2M/01", "radio://0/80/2M/0000000001", True),
+        ("udp://127.0.0.1:19850", "udp://localhost:19850", True),
+        ("udp://127.0.0.1:19850", "UDP://127.0.0.1:19850/", True),
+        ("udp://127.0.0.1:19850", "udp://127.0.0.1:19851", False),
+        ("udp://LAB:19850", "udp://lab:19850", True),
+        ("usb://0", "usb://0/", True),
+        ("usb://0", "usb://1", False),
+        ("nonsense", "other nonsense", False),
+    ],
+)
+def test_urls_of_one_vehicle_are_known(one: str, other: str, *, is_same: bool) -> None:
+    key = CrazyflieBackend.vehicle_key
+    assert (key(one) == key(other)) is is_same
 
 
 def test_a_fleet_has_a_url_for_each() -> None:
