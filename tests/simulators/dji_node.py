@@ -83,9 +83,9 @@ class _OneThreadSession(Session):
         if operation["service"].startswith("/rosapi"):
             super()._call_service(operation)
         else:
-            self._thread.serve(lambda: self._execute(operation))
+            self._thread.serve(lambda: self._serve(operation))
 
-    def _execute(self, operation: Message) -> None:
+    def _serve(self, operation: Message) -> None:
         task = operation["args"].get("task") if operation["service"] == _TASK else None
         super()._call_service(operation)
         answer = self.out[-1] if self.out else ""
