@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 from ual.types import State
+from ual_daemon.backends.values import Control, LandedState, Snapshot
+
+LONGEST_GAP_S = 10.0
+"""After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
+_IN_AIR = frozenset({State.TAKING_OFF, State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING})
 
 
 class Authority:
@@ -20,13 +25,23 @@ class Authority:
         """Whether UAL was commanded in this flight, and nobody has taken the UAV since."""
         self.is_ground_theirs = False
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
+        self._heard_s: float | None = None
+        self._was_in_air = self._was_blind = False
 
-    def observe(self, state: State, *, is_sending: bool) -> None:
+    def observe(self, state: State, snapshot: Snapshot, *, is_sending: bool) -> None:
         """Notes what an update shows while no manoeuvre of UAL is under way.
 
         `is_sending` is whether a reference is sent: on the ground a descent that has touched down keeps its stream.
         """
-        if state is State.LANDED_DISARMED:
+        self._follow_silence(snapshot)
+        was_blind, self._was_blind = self._was_blind, state is State.UNINITIALIZED
+        if state is State.UNINITIALIZED:
+            self._observe_blind(snapshot)
+            return
+        was_in_air, self._was_in_air = self._was_in_air, state in _IN_AIR
+        if state is State.LANDED_ARMED and was_blind and was_in_air:  # nobody saw who landed it
+            self.is_ours, self.is_ground_theirs = False, True
+        elif state is State.LANDED_DISARMED:
             self.is_ours = self.is_ground_theirs = False
         elif state is State.LANDED_ARMED:
             self.is_ours = self.is_ours and is_sending
@@ -34,3 +49,18 @@ class Authority:
             self.is_ours, self.is_ground_theirs = False, True
         elif state is State.FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
+
+    def _follow_silence(self, snapshot: Snapshot) -> None:
+        """Gives the flight up after a long silence."""
+        heard_s, before_s = snapshot.heard_s, self._heard_s
+        self._heard_s = heard_s
+        if heard_s is not None and before_s is not None and heard_s - before_s > LONGEST_GAP_S:
+            self.is_ours = False
+
+    def _observe_blind(self, snapshot: Snapshot) -> None:
+        """Notes who flies while the state is not known: the mode may be heard all the time."""
+        if snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR:
+            self._was_in_air = True
+        mode = snapshot.mode
+        if self._was_in_air and mode is not None and mode.value.control is not Control.REFERENCES:
+            self.is_ours, self.is_ground_theirs = False, True

@@ -505,7 +505,7 @@ class Flight:
         """Sends the setpoint of the reference, and forgets the reference once the autopilot does not follow UAL."""
         old = self._reference
         may_send = _may_send_reference(snapshot, raw, is_begun=old is not None)
-        self.authority.observe(raw.state, is_sending=may_send and old is not None)
+        self.authority.observe(raw.state, snapshot, is_sending=may_send and old is not None)
         if not (may_send and self.is_flown_by_us()):
             self.drift.forget()
             self._exchange(old, None)

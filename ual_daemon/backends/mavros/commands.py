@@ -133,8 +133,8 @@ class _Running:
 class Commands:
     """The command under way to one autopilot; a newer one replaces it. Belongs to the link's thread.
 
-    `call` calls a service, `setpoints_s` returns for how long setpoints have been sent, and `holds_up_mode` whether
-    MAVROS may execute ``set_mode`` late. `on_mode_sent` is called when it has been executed.
+    `call` calls a service, `setpoints_s` returns for how long setpoints have been sent, and `is_held_up` whether
+    MAVROS may execute a command late: none leaves then. `on_mode_sent` is called when it has been executed.
     """
 
     def __init__(
@@ -142,13 +142,13 @@ class Commands:
         name: str,
         call: CallService,
         setpoints_s: Callable[[float], float],
-        holds_up_mode: Callable[[], bool],
+        is_held_up: Callable[[], bool],
         on_mode_sent: Callable[[], None],
     ) -> None:
         self._name = name
         self._call = call
         self._setpoints_s = setpoints_s
-        self._holds_up_mode = holds_up_mode
+        self._is_held_up = is_held_up
         self._on_mode_sent = on_mode_sent
         self._running: _Running | None = None
         self._now_s = 0.0
@@ -211,7 +211,7 @@ class Commands:
         now_s, needed_s = snapshot.time_s, running.step.setpoints_before_s
         if needed_s and self._setpoints_s(now_s) < needed_s and now_s - running.begun_s < SETPOINTS_WAIT_S:
             return False
-        if running.step.is_mode and (self._holds_up_mode() or not self._may_ask(running, snapshot)):
+        if self._is_held_up() or (running.step.is_mode and not self._may_ask(running, snapshot)):
             return False
         return running.sends_count == 0 or (snapshot.heard_s is not None and now_s - snapshot.heard_s < SILENT_S)
 

@@ -8,12 +8,15 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
-from tests.simulators.ardupilot import RTL
+from tests.simulators.ardupilot import RTL, STABILIZE
 from tests.simulators.autopilot import Sticks
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight, px4_of
+from tests.simulators.faults import GOOD
+from tests.simulators.px4 import ALTCTL
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, SILENT, Flight, px4_of
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
+from ual_daemon.flight.authority import LONGEST_GAP_S
 
 OURS, GROUND_STATION = (1, 191), (255, 190)
 POSITION_ONLY = 0b110111111000
@@ -161,6 +164,58 @@ def test_a_looping_take_off_does_not_lift_what_the_pilot_has_landed_by_hand(flig
     assert autopilot.body.is_on_ground
     flight.take_off()
     flight.land()
+
+
+def land_by_hand(flight: Flight) -> None:
+    """The pilot takes over and lands. PX4 does not disarm by itself for a minute."""
+    autopilot = flight.autopilot
+    autopilot.parameters["COM_DISARM_LAND"] = 60.0
+    with autopilot.lock:
+        if isinstance(autopilot, ArduPilot):
+            autopilot.set_mode(STABILIZE)
+        else:
+            px4_of(flight).request_mode(ALTCTL)
+
+    def is_down() -> bool:
+        autopilot.pilot_moves(Sticks(up=-0.7))
+        return bool(autopilot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+    flight.wait_for(is_down, "on the ground")
+    autopilot.pilot_moves(Sticks())
+
+
+def test_a_landing_by_hand_without_gps_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+    flight.take_off()
+    with flight.autopilot.lock:
+        flight.autopilot.lose_gps()
+    flight.wait_for_state(State.UNINITIALIZED)
+    land_by_hand(flight)
+    with flight.autopilot.lock:
+        flight.autopilot.find_gps()
+    flight.wait_for_state(State.LANDED_ARMED)
+    with pytest.raises(WrongStateError, match="others"):
+        flight.uav.take_off(HEIGHT_M)
+
+
+def test_a_landing_by_hand_that_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+    flight.take_off()
+    flight.link.down = flight.link.up = SILENT
+    land_by_hand(flight)
+    flight.link.down = flight.link.up = GOOD
+    flight.wait_for_state(State.LANDED_ARMED)
+    with pytest.raises(WrongStateError, match="others"):
+        flight.uav.take_off(HEIGHT_M)
+
+
+def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(flight: Flight) -> None:
+    flight.take_off()
+    flight.link.down = flight.link.up = SILENT
+    flight.let_pass(LONGEST_GAP_S + 2.0)
+    flight.autopilot.setpoint_senders.clear()
+    flight.link.down = flight.link.up = GOOD
+    flight.wait_for_state(*(state for state in State if state is not State.UNINITIALIZED))
+    flight.let_pass(3.0)
+    assert ours(flight) == 0
 
 
 def test_recover_on_the_ground_allows_the_next_take_off(flight: Flight) -> None:
