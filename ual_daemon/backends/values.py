@@ -139,12 +139,14 @@ class OwnFence(NamedTuple):
     """The fence that the autopilot itself applies around its home; None: no such limit. Heights are above home.
 
     `unread` says for people what else it has that is not known here, such as a polygon; empty if there is nothing.
+    `is_cut_by_unread` is whether it surely has that: a goal that is admitted may then lie beyond it.
     """
 
     radius: FenceLimit | None = None
     highest: FenceLimit | None = None
     lowest: FenceLimit | None = None
     unread: str = ""
+    is_cut_by_unread: bool = False
 
     @property
     def limits(self) -> tuple[FenceLimit, ...]:

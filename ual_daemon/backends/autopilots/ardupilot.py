@@ -256,6 +256,7 @@ class ArduCopter(Autopilot):
             fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
             fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
             unread,
+            is_cut_by_unread=bool(unread),
         )
 
     @override

@@ -37,4 +37,6 @@ class FenceReader:
         self._fence = fence
         self.limits = fence if fence.limits else None
         limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
-        logs.event(_log, logging.INFO, "autopilot_fence", limits=limits, not_read=fence.unread or None)
+        level = logging.WARNING if fence.is_cut_by_unread else logging.INFO
+        remedy = "configure it as the geofence of the vehicle" if fence.is_cut_by_unread else None
+        logs.event(_log, level, "autopilot_fence", limits=limits, not_read=fence.unread or None, remedy=remedy)

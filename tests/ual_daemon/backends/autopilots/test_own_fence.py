@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+
 import pytest
 
 from ual_daemon.backends.autopilots.ardupilot import ArduCopter
+from ual_daemon.backends.autopilots.fence_reader import FenceReader
 from ual_daemon.backends.autopilots.px4 import Px4
 from ual_daemon.backends.values import NO_FENCE, FenceLimit, OwnFence
 
@@ -21,7 +24,11 @@ RADIUS, HIGHEST = FenceLimit(30.0, "FENCE_RADIUS"), FenceLimit(100.0, "FENCE_ALT
         ({"FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 3.0}, False, OwnFence(RADIUS, HIGHEST)),
         ({"FENCE_TYPE": 2.0}, False, OwnFence(RADIUS)),
         ({"FENCE_TYPE": 8.0}, False, OwnFence(lowest=FenceLimit(-10.0, "FENCE_ALT_MIN"))),
-        ({"FENCE_TYPE": 4.0, "FENCE_TOTAL": 5.0}, False, OwnFence(unread="its polygons and circles (FENCE_TOTAL 5)")),
+        (
+            {"FENCE_TYPE": 4.0, "FENCE_TOTAL": 5.0},
+            False,
+            OwnFence(unread="its polygons and circles (FENCE_TOTAL 5)", is_cut_by_unread=True),
+        ),
     ],
 )
 def test_ardupilots_fence(changed: dict[str, float], is_enabled: bool, expected: OwnFence) -> None:
@@ -36,3 +43,10 @@ def test_px4s_fence_is_off_without_an_action_and_without_distances() -> None:
     found = own({"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 30.0, "GF_MAX_VER_DIST": 20.0}, is_enabled=False)
     assert found.limits == (FenceLimit(30.0, "GF_MAX_HOR_DIST"), FenceLimit(20.0, "GF_MAX_VER_DIST"))
     assert "polygons" in found.unread
+
+
+def test_a_fence_that_is_known_only_in_part_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    parameters = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 4.0, "FENCE_TOTAL": 5.0}
+    with caplog.at_level(logging.INFO):
+        FenceReader(ArduCopter(), parameters).update()
+    assert [each.levelno for each in caplog.records if each.getMessage() == "autopilot_fence"] == [logging.WARNING]
