@@ -103,6 +103,7 @@ class DjiBackend(Backend):
         self._stepped_s = self._read_s = self._late_s = float("-inf")
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
+        self._had_authority = False
         self._ended_landings_count = 0
         self._landing: LandingRequest | None = None
         self._descent: Descent | None = None
@@ -330,12 +331,19 @@ class DjiBackend(Backend):
         if telemetry is not None:
             if telemetry.is_authority_known:
                 self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
+            self._withdraw_setpoint(telemetry)
             if self._read_s == now_s:
                 self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
         if poses_count != self._poses_count or now_s - self._updated_s >= _UPDATE_S:
             self._poses_count, self._updated_s = poses_count, now_s
             self._update()
+
+    def _withdraw_setpoint(self, telemetry: Telemetry) -> None:
+        """Withdraws the setpoint that may wait in a full socket, once the authority is lost."""
+        had_authority, self._had_authority = self._had_authority, telemetry.has_authority
+        if had_authority and not self._had_authority and telemetry.wrapper.setpoint_topic:
+            self._link.withdraw(telemetry.wrapper.setpoint_topic)
 
     def _watch_pause(self, now_s: float) -> None:
         """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
