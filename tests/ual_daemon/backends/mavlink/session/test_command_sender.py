@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 
 import pytest
 
@@ -437,3 +438,44 @@ def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mo
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     harness.run(0.05)
     assert len(harness.commands(command.id)) == 1
+
+
+IN_RTL, IN_LOITER = 4 << 16 | 5 << 24, 4 << 16 | 3 << 24
+
+
+@pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
+def test_what_was_sent_is_not_sent_again_once_another_mode_was_chosen(make: Callable[[], CommandLong]) -> None:
+    harness = Harness()
+    harness.setpoints.sent_for_s = 1.0
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    command = make()
+    harness.submit(command)
+    _run_heard(harness, 0.1, heartbeat(IN_POSCTL, armed=True))
+    assert len(harness.commands(command.id)) == 1
+    harness.receive(heartbeat(IN_RTL, armed=True), heartbeat(IN_POSCTL, armed=True))  # in one batch
+    _run_heard(harness, 3.0, heartbeat(IN_POSCTL, armed=True))
+    assert harness.commands(command.id) == []
+
+
+def test_what_follows_a_change_of_the_mode_is_not_sent_once_another_mode_was_chosen() -> None:
+    """ArduPilot takes off in other modes than GUIDED, too."""
+    harness = Harness()
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    climb = CommandLong(mavlink.MAV_CMD_NAV_TAKEOFF, (), "climb", group="mode", mode="AUTO.LOITER")
+    harness.submit(replace(PX4.hold(), then=climb))
+    harness.receive(ack(SET_MODE, ACCEPTED), heartbeat(IN_RTL, armed=True), ack(SET_MODE, ACCEPTED))
+    _run_heard(harness, 3.0, heartbeat(IN_RTL, armed=True))
+    assert harness.commands(climb.id) == []
+
+
+def test_the_mode_of_the_command_before_may_still_be_seen_first() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    harness.submit(PX4.hold())
+    landing = harness.submit(PX4.land())
+    _run_heard(harness, 0.2, heartbeat(IN_LOITER, armed=True))
+    harness.commands(LAND)
+    _run_heard(harness, 0.5, heartbeat(IN_LOITER, armed=True))
+    assert len(harness.commands(LAND)) >= 1
+    harness.receive(heartbeat(LANDING, armed=True))
+    assert landing.done()
