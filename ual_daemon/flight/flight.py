@@ -407,7 +407,7 @@ class Flight:
             self.drift.forget()
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
-        self._watched.step(snapshot)
+        self._watched.step(snapshot, raw)
         self._update_note(snapshot)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)

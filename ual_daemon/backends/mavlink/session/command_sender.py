@@ -24,6 +24,8 @@ each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6
 FLYING_GROUP = "mode"
 """The group of the commands that decide who or what flies. They are not repeated while nothing is heard: the safety
 pilot may have taken over meanwhile, and an OFFBOARD that arrives then would take control from the pilot."""
+ARMING_GROUP = "arm"
+"""The group of arming and disarming, which are not repeated then either: the pilot may have disarmed it meanwhile."""
 SILENT_S = RESEND_S
 """Where nothing was heard for so long, its mode must be heard again first. An autopilot sends 50 messages a second."""
 OWN_MODE_S = 2.0
@@ -195,19 +197,20 @@ class CommandSender:
         )
 
     def _notice_silence(self, now_s: float) -> None:
-        if any(pending.command.group == FLYING_GROUP for pending in self._in_flight.values()):
+        if any(pending.command.group in (FLYING_GROUP, ARMING_GROUP) for pending in self._in_flight.values()):
             heard_s = self._snapshot(now_s).heard_s
             if heard_s is not None and now_s - heard_s > SILENT_S:
                 self._silent_s = now_s
 
     def _may_repeat(self, pending: _Pending, now_s: float) -> bool:
-        """Whether the vehicle has been heard since a command was sent, and its mode since the last silence."""
-        if pending.command.group != FLYING_GROUP:
+        """Whether the vehicle has been heard since a command was sent, and what it changes since the last silence."""
+        group = pending.command.group
+        if group not in (FLYING_GROUP, ARMING_GROUP):
             return True
         snapshot = self._snapshot(now_s)
-        heard_s, mode = snapshot.heard_s, snapshot.mode
+        heard_s, changed = snapshot.heard_s, snapshot.mode if group == FLYING_GROUP else snapshot.armed
         is_heard = heard_s is not None and heard_s > pending.sent_s
-        return is_heard and mode is not None and mode.time_s > self._silent_s
+        return is_heard and changed is not None and changed.time_s > self._silent_s
 
     def _drop_overtaken(self, now_s: float) -> None:
         """Drops the commands for a mode once others have chosen one: repeated, they would take control from those.
