@@ -270,3 +270,30 @@ def test_a_command_that_was_lost_is_not_sent_again_into_a_mode_that_others_chose
     flight.let_pass(3.0)
     assert uav.telemetry().flight_mode == mode
     assert len([each for each in autopilot.commands if each[0] >= before_s and each[1] in FLYING]) == 1
+
+
+def test_the_hold_of_a_shutdown_is_not_sent_again_into_a_landing_that_others_began(flight: Flight) -> None:
+    flight.take_off()
+    autopilot = flight.autopilot
+    autopilot.ignored.add(mavlink.MAV_CMD_DO_SET_MODE)
+    before_s = flight.now_s
+    landed: list[float] = []
+
+    def act(telemetry: Telemetry) -> None:
+        if not landed and flight.commands_since(before_s):
+            landed.append(flight.now_s)
+            if isinstance(autopilot, ArduPilot):
+                autopilot.set_mode(ardupilot.LAND)
+            else:
+                assert isinstance(autopilot, Px4)
+                assert autopilot.request_mode(px4.LAND)
+        elif landed and telemetry.state is State.LANDING:
+            autopilot.ignored.clear()
+
+    flight.uav.vehicle.subscribe(act)
+    done = flight.uav.vehicle.prepare_shutdown()
+    flight.wait_for(lambda: bool(landed) and not autopilot.ignored, "the landing")
+    flight.let_pass(2.0)
+    assert done.done()
+    assert flight.uav.state() is State.LANDING
+    assert len([each for each in autopilot.commands if each[0] >= before_s and each[1] in FLYING]) == 1
