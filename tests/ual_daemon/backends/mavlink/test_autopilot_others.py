@@ -77,6 +77,21 @@ def test_a_ground_station_that_makes_it_hold_is_named_and_land_ends_the_flight(f
     flight.wait_for_state(State.LANDED_DISARMED)
 
 
+def test_a_ground_station_is_named_soon_after_a_command_of_ours_for_another_mode(flight: Flight, kind: str) -> None:
+    flight.take_off()
+    flight.autopilot.pilot_take_over()
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(1.0)
+    flight.uav.recover_from_manual()
+    task = flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+    flight.let_pass(1.5)  # the pilot's switch, which has moved, does not explain it any more
+    hold_by_station(flight, kind)
+    with pytest.raises(TaskAbortedError) as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == "ground station"
+    assert held_by(flight) == "ground station"
+
+
 class OnAnotherLink(Flight):
     """An ArduCopter with a second link, for a daemon that does not step it."""
 

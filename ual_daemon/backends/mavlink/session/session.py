@@ -180,7 +180,7 @@ class Session:
     ) -> Future[None]:
         """Sends a command; see `CommandSender.submit`."""
         if command.group == "mode":
-            self._causes.on_own_command(now_s)
+            self._causes.on_own_command(command.mode, now_s)
         future = self._commands.submit(command, now_s, is_withdrawn)
         future.add_done_callback(lambda _: self._heartbeats.want())  # runs on the thread that this belongs to
         return future
