@@ -426,6 +426,8 @@ class Autopilot(ABC):
 
     def _obey(self, command: int, params: tuple[float, ...], sender: Sender) -> None:
         self.commands.append((self.elapsed_s, command, params, (sender.system_id, sender.component_id)))
+        if command in self.ignored:
+            return
         if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             result: int | None = self._set_interval(int(params[0]), params[1], sender.channel)
         elif command == mavlink.MAV_CMD_REQUEST_MESSAGE:

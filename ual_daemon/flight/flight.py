@@ -89,6 +89,8 @@ class Flight:
         self._watched = WatchedCommands()
         self._lock = threading.Lock()
         self._manoeuvre: Manoeuvre | None = None
+        self._stepped: Manoeuvre | None = None
+        """The manoeuvre that was stepped last. Belongs to the update thread."""
         self._reference: Reference | None = None
         self._shutdown: Shutdown | None = None
         self._last_command = LastCommand(0, "")
@@ -405,7 +407,7 @@ class Flight:
             self.drift.forget()
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
-        self._watched.step(snapshot)
+        self._watched.step(snapshot, raw)
         self._update_note(snapshot)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
@@ -456,7 +458,10 @@ class Flight:
         if manoeuvre is None:
             return False
         if snapshot.held_by is Cause.OPEN and raw.is_link_up:
-            return True  # nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre
+            # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
+            self._withdraw_older(manoeuvre)
+            return True
+        self._stepped = manoeuvre
         try:
             step = manoeuvre.step(snapshot, raw)
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller
@@ -481,6 +486,11 @@ class Flight:
         if step.is_autopilot_to_hold:
             self._hold_by_autopilot(snapshot, manoeuvre.name)
         return False
+
+    def _withdraw_older(self, manoeuvre: Manoeuvre) -> None:
+        """Withdraws the command of a manoeuvre from before the mode changed: repeated, it would change that again."""
+        if self._stepped is manoeuvre and manoeuvre.command is not None:
+            manoeuvre.command.withdraw()
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover) -> None:
         """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""

@@ -45,9 +45,6 @@ class Shutdown:
                 return False
             failure = self._hold.failure(snapshot)
             logs.event(_log, logging.ERROR, "hold_failed", why=str(failure or "its mode did not change"))
-        elif state is State.FLYING_MANUAL:
-            # The autopilot holds, or the safety pilot flies: a repeated command would take control from the pilot.
-            self._hold.withdraw()
         return True
 
     def _state(self, snapshot: Snapshot) -> State:
@@ -65,6 +62,11 @@ class Shutdown:
         return True
 
     def finish(self) -> None:
-        """Ends the future, unless another thread has ended it."""
+        """Ends the future, unless another thread has ended it, and withdraws the hold command.
+
+        The autopilot holds, or others fly or land it: a repeated command would take control from those.
+        """
+        if self._hold is not None:
+            self._hold.withdraw()
         with suppress(InvalidStateError):
             self.future.set_result(None)

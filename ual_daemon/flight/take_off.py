@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -88,6 +89,9 @@ class TakeOff(Manoeuvre):
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
         self._was_ours = False
+        # A mode from before the arming says nothing: to arm, the autopilot may have been made to leave it.
+        self._modes_since_s = -math.inf if start.armed is None else start.armed.time_s
+        self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
         self._longest_s = height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
 
@@ -119,7 +123,7 @@ class TakeOff(Manoeuvre):
         return Step(self._ground.setpoint(snapshot) if self._on_setpoints else None)
 
     def _is_taken_over(self, snapshot: Snapshot, estimate: Estimate) -> bool:
-        """Whether the safety pilot took over before the climb began: the UAV flies, or the right mode was left.
+        """Whether others took over before the climb began: the UAV flies, or another mode than at the start was chosen.
 
         The command must not be repeated then: a repeated OFFBOARD would take control from the safety pilot, and an
         autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
@@ -128,7 +132,16 @@ class TakeOff(Manoeuvre):
         is_taken_over = (self._was_ours and not is_ours) or estimate.state is State.FLYING_MANUAL
         self._is_mode_left_over = self._is_mode_left_over and is_ours
         self._was_ours = is_ours and not self._is_mode_left_over
-        return is_taken_over
+        other = self._other_mode(snapshot)
+        self._began_in = self._began_in or other
+        return is_taken_over or other not in ("", self._began_in)
+
+    def _other_mode(self, snapshot: Snapshot) -> str:
+        """Returns the mode, as far as it was heard since the arming and is not ours; empty otherwise."""
+        mode = snapshot.mode
+        if mode is None or mode.time_s < self._modes_since_s or _is_ours(snapshot):
+            return ""
+        return mode.value.name
 
     def _has_begun(self, snapshot: Snapshot) -> bool:
         """Whether the autopilot is in the right mode and has accepted the command, or its acknowledgement was lost."""

@@ -7,12 +7,13 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 
-from ual.errors import UalError
+from ual.errors import LinkLostError, UalError
 from ual_daemon import logs
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.refusals import shutting_down
+from ual_daemon.flight.state import Estimate
 
 _log = logging.getLogger(__name__)
 
@@ -70,11 +71,14 @@ class WatchedCommands:
         for watched in ended:
             watched.end(error)
 
-    def step(self, snapshot: Snapshot) -> None:
-        """Ends the commands whose effect shows in a snapshot, and those that have failed."""
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> None:
+        """Ends the commands whose effect shows in a snapshot, and those that have failed.
+
+        With the link lost they have failed, too: repeated afterwards, they would undo what the pilot did meanwhile.
+        """
         for watched in self._watched:
-            is_done = watched.is_done(snapshot)
-            error = None if is_done else watched.command.failure(snapshot)
+            is_done = estimate.is_link_up and watched.is_done(snapshot)
+            error = None if is_done else _failure(watched.command, snapshot, estimate)
             if (is_done or error is not None) and self._remove(watched):
                 if error is not None:
                     logs.event(_log, logging.WARNING, "command_failed", reason=error.reason, why=str(error))
@@ -87,3 +91,9 @@ class WatchedCommands:
                 return False
             self._watched = tuple(other for other in self._watched if other is not watched)
             return True
+
+
+def _failure(command: AutopilotCommand, snapshot: Snapshot, estimate: Estimate) -> UalError | None:
+    if not estimate.is_link_up:
+        return LinkLostError(f"{command.what}: {estimate.why}", {"state": estimate.state.name})
+    return command.failure(snapshot)

@@ -10,7 +10,7 @@ from tests.ual_daemon.flight.hand_made import HEIGHT_M, Autopilot, sent
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Quaternion, Vector3
 from ual.types import Limits, TaskKind
-from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
+from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample
 from ual_daemon.flight.manoeuvre import Step
 from ual_daemon.flight.take_off import TakeOff
 from ual_daemon.settings import ToleranceSettings
@@ -135,6 +135,42 @@ def test_a_mode_change_by_the_pilot_before_the_command_is_answered_ends_the_take
     assert error.metadata["by"] == "safety pilot"
     climb.end(error)
     assert ack.cancelled()  # it is not sent again
+
+
+@pytest.mark.parametrize("on_setpoints", [False, True])
+def test_another_mode_than_at_the_start_ends_the_take_off_before_the_command_is_sent_again(
+    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+) -> None:
+    autopilot.mode = "POSCTL"
+    climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
+    assert not autopilot.step(climb).has_ended
+    autopilot.mode = "STABILIZED"
+    step = autopilot.step(climb)
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.error.metadata["mode"] == "STABILIZED"
+    assert step.is_taken
+    climb.end(step.error)
+    assert ack.cancelled()
+
+
+def test_the_mode_that_was_left_to_arm_may_be_heard_of_after_the_take_off_has_begun(
+    autopilot: Autopilot, ack: Future[None]
+) -> None:
+    """PX4 says at once that it is armed, by an event, and its mode in a heartbeat that comes later."""
+    before = autopilot.snapshot()._replace(mode=Sample(Mode("AUTO.LAND", Control.LAND), autopilot.time_s - 0.5))
+    climb = TakeOff(
+        autopilot.task(TaskKind.TAKE_OFF),
+        sent(ack, autopilot),
+        before,
+        HEIGHT_M,
+        Limits(),
+        ToleranceSettings(),
+        on_setpoints=True,
+    )
+    autopilot.mode = "AUTO.LOITER"
+    assert not autopilot.step(climb).has_ended
+    autopilot.mode = "POSCTL"
+    assert isinstance(autopilot.step(climb).error, TaskAbortedError)
 
 
 def test_an_offboard_that_was_left_over_may_end_before_it_begins_again(autopilot: Autopilot, ack: Future[None]) -> None:

@@ -7,8 +7,9 @@ from concurrent.futures import Future
 import pytest
 
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
-from ual.errors import RejectedByAutopilotError, TaskAbortedError, WrongStateError
-from ual_daemon.backends.values import Snapshot
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
+from ual_daemon.backends.values import Freshness, Snapshot
+from ual_daemon.flight.state import estimate
 from ual_daemon.flight.watched_commands import WatchedCommands
 
 
@@ -16,13 +17,29 @@ def is_disarmed(snapshot: Snapshot) -> bool:
     return snapshot.armed is not None and not snapshot.armed.value
 
 
+def step(watched: WatchedCommands, autopilot: Autopilot) -> None:
+    snapshot = autopilot.snapshot()
+    watched.step(snapshot, estimate(snapshot, Freshness()))
+
+
+def test_a_command_ends_with_the_link(autopilot: Autopilot, ack: Future[None]) -> None:
+    watched = WatchedCommands()
+    future = watched.add(sent(ack, autopilot), is_disarmed)
+    autopilot.silent_s = 2.0
+    step(watched, autopilot)
+    with pytest.raises(LinkLostError):
+        future.result(timeout=0)
+    assert ack.cancelled()  # it is not sent again once the link is back
+    assert watched.is_empty
+
+
 def test_a_command_ends_when_its_effect_shows(autopilot: Autopilot, ack: Future[None]) -> None:
     watched = WatchedCommands()
     future = watched.add(sent(ack, autopilot), is_disarmed)
-    watched.step(autopilot.snapshot())
+    step(watched, autopilot)
     assert not future.done()
     autopilot.armed = False
-    watched.step(autopilot.snapshot())
+    step(watched, autopilot)
     assert future.result(timeout=0) is None
     assert ack.cancelled()  # it is not sent again
     assert watched.is_empty
@@ -32,7 +49,7 @@ def test_a_command_that_is_refused_ends_with_the_refusal(autopilot: Autopilot, a
     watched = WatchedCommands()
     future = watched.add(sent(ack, autopilot), is_disarmed)
     ack.set_exception(RejectedByAutopilotError("no"))
-    watched.step(autopilot.snapshot())
+    step(watched, autopilot)
     with pytest.raises(RejectedByAutopilotError):
         future.result(timeout=0)
     assert watched.is_empty
@@ -46,7 +63,7 @@ def test_new_commands_are_refused_while_those_before_go_on(autopilot: Autopilot,
         watched.add(sent(Future(), autopilot), is_disarmed)
     assert not future.done()
     autopilot.armed = False
-    watched.step(autopilot.snapshot())
+    step(watched, autopilot)
     assert future.result(timeout=0) is None
 
 

@@ -20,7 +20,7 @@ SETTLE_S = 0.4
 """Until then the reason of a new mode may still come: ArduPilot's texts follow the heartbeat, its SYS_STATUS comes at
 5 Hz, and PX4 may report the mode in a heartbeat before it says whether it was intended."""
 OWN_COMMAND_S = 5.0
-"""A mode that comes this soon after a command of ours for a mode is ours."""
+"""A mode that comes this soon after a command of ours for it is ours."""
 STREAM_S = 0.5
 """A failsafe that comes when no setpoint of ours came for so long may be for that reason alone."""
 _SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
@@ -58,7 +58,8 @@ class CauseWatch:
         self._critical_s = -math.inf
         self._switches: tuple[int, ...] = ()
         self._switched_s = -math.inf
-        self._commanded_s = -math.inf
+        self._commanded_s: dict[str, float] = {}
+        """When a mode of each name was last commanded by us."""
         self.failing_sensors = 0
         """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
 
@@ -69,9 +70,9 @@ class CauseWatch:
         if cause is not None:
             self._signs.append((now_s, cause))
 
-    def on_own_command(self, now_s: float) -> None:
-        """Takes note of a command of ours that changes the mode."""
-        self._commanded_s = now_s
+    def on_own_command(self, mode: str, now_s: float) -> None:
+        """Takes note of a command of ours that changes to the mode of a name."""
+        self._commanded_s[mode] = now_s
 
     def on_system_status(self, status: int, now_s: float) -> None:
         """Takes the system status of a heartbeat."""
@@ -163,7 +164,7 @@ class CauseWatch:
 
     def _other_than_failsafe(self) -> Cause | None:
         begin_s = self._since_s - BEFORE_S
-        if self._since_s - self._commanded_s < OWN_COMMAND_S:
+        if self._since_s - self._commanded_s.get(self._mode_name, -math.inf) < OWN_COMMAND_S:
             return None
         return Cause.SAFETY_PILOT if self._switched_s >= begin_s else Cause.GROUND_STATION
 

@@ -119,7 +119,7 @@ class Session:
     def submit(self, steps: tuple[Step, ...], now_s: float, is_withdrawn: Callable[[], bool]) -> Future[None]:
         """Begins a command; see `Commands.submit`."""
         if steps[0].is_mode:
-            self._causes.on_own_command(now_s)
+            self._causes.on_own_command(str(steps[0].arguments["custom_mode"]), now_s)
         return self._commands.submit(steps, self.telemetry.snapshot(now_s), is_withdrawn)
 
     def message_of(self, setpoint: Setpoint, now_s: float) -> Message:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from threading import Thread
 
 import pytest
 from typing_extensions import override
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot, BadLink, MemoryPort
+from tests.simulators import ArduPilot, BadLink, MemoryPort, Px4, ardupilot, px4
+from tests.simulators.autopilot import Sticks
+from tests.simulators.faults import GOOD
 from tests.simulators.lockstep import ADDRESS, LockstepBackend, MemoryLink
 from tests.ual_daemon.backends.mavlink.test_autopilot_authority import GroundStation
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEIGHT_M, Flight
-from ual.errors import TaskAbortedError, WrongStateError
-from ual.types import State
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEIGHT_M, SILENT, Flight
+from ual.errors import LinkLostError, TaskAbortedError, UalError, WrongStateError
+from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink.links import Connection
@@ -71,6 +75,21 @@ def test_a_ground_station_that_makes_it_hold_is_named_and_land_ends_the_flight(f
     assert flight.uav.state() is State.FLYING_MANUAL
     flight.uav.land()  # out of the autopilot's own mode
     flight.wait_for_state(State.LANDED_DISARMED)
+
+
+def test_a_ground_station_is_named_soon_after_a_command_of_ours_for_another_mode(flight: Flight, kind: str) -> None:
+    flight.take_off()
+    flight.autopilot.pilot_take_over()
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(1.0)
+    flight.uav.recover_from_manual()
+    task = flight.uav.go_to_waypoint(flight.goal(60.0, 0.0), blocking=False)
+    flight.let_pass(1.5)  # the pilot's switch, which has moved, does not explain it any more
+    hold_by_station(flight, kind)
+    with pytest.raises(TaskAbortedError) as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == "ground station"
+    assert held_by(flight) == "ground station"
 
 
 class OnAnotherLink(Flight):
@@ -165,3 +184,131 @@ def test_a_lost_position_ends_the_task_is_told_and_only_force_leaves_its_failsaf
         flight.uav.recover_from_manual()
     assert setpoints_since(flight, ended_s) == []
     assert flight.commands_since(ended_s) == set()
+
+
+def test_what_the_pilot_disarmed_in_a_silence_is_not_armed_again(flight: Flight) -> None:
+    """The recipe: an ARM that was not answered was sent again, blind, until 5 s had passed."""
+    autopilot = flight.autopilot
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.let_pass(3.0)
+    flight.link.down = SILENT
+    errors: list[UalError] = []
+
+    def arm() -> None:
+        try:
+            flight.uav.arm()
+        except UalError as error:
+            errors.append(error)
+
+    Thread(target=arm, daemon=True).start()
+    flight.wait_for(lambda: autopilot.is_armed, "the arming")
+    flight.let_pass(0.6)  # what was on its way has come, and one repetition may have been due
+    with autopilot.lock:
+        assert autopilot.pilot_disarm()
+        disarmed_s = flight.now_s
+    flight.wait_for(lambda: bool(errors), "the end of the command")
+    assert isinstance(errors[0], LinkLostError)
+    flight.link.down = GOOD
+    flight.let_pass(3.0)
+    assert not autopilot.is_armed
+    assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in flight.commands_since(disarmed_s)
+
+
+FLYING = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF)
+
+
+NAMES = {"return": {"px4": "AUTO.RTL", "ardupilot": "RTL"}, "hold": {"px4": "AUTO.LOITER", "ardupilot": "BRAKE"}}
+
+
+def call(command: Callable[[], object]) -> None:
+    """Calls what ends with an error once others took over; what follows is judged by the autopilot."""
+    with suppress(UalError):
+        command()
+
+
+def choose(flight: Flight, mode: str) -> None:
+    """The pilot's switch, or a ground station, chooses one of the autopilot's own modes."""
+    autopilot = flight.autopilot
+    if isinstance(autopilot, ArduPilot):
+        autopilot.set_mode({"return": ardupilot.RTL, "hold": ardupilot.BRAKE}[mode])
+    else:
+        assert isinstance(autopilot, Px4)
+        assert autopilot.request_mode({"return": px4.RTL, "hold": px4.LOITER}[mode])
+
+
+def be_armed_by_sticks(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    autopilot = flight.autopilot
+    if isinstance(autopilot, Px4):
+        autopilot.pilot_moves(Sticks())
+        assert autopilot.request_mode(px4.POSCTL)
+    else:
+        assert isinstance(autopilot, ArduPilot)
+        autopilot.set_mode(ardupilot.LOITER)
+    assert autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.let_pass(1.5)
+
+
+@pytest.mark.parametrize("chosen", ["return", "hold"])
+@pytest.mark.parametrize("name", ["land", "recover_from_manual", "take_off"])
+def test_a_command_that_was_lost_is_not_sent_again_into_a_mode_that_others_chose(
+    flight: Flight, name: str, chosen: str
+) -> None:
+    """The recipe: for 0.4 s after the mode was seen the command was sent again, and replaced the pilot's mode."""
+    autopilot, uav = flight.autopilot, flight.uav
+    if name == "take_off":
+        be_armed_by_sticks(flight)
+    else:
+        flight.take_off()
+    if name == "recover_from_manual":
+        autopilot.pilot_take_over()
+        flight.wait_for_state(State.FLYING_MANUAL)
+        flight.let_pass(1.0)
+    autopilot.ignored.update(FLYING)
+    mode = NAMES[chosen]["px4" if isinstance(autopilot, Px4) else "ardupilot"]
+    before_s = flight.now_s
+    chosen_s: list[float] = []
+
+    def act(telemetry: Telemetry) -> None:
+        if not chosen_s and flight.commands_since(before_s):
+            chosen_s.append(flight.now_s)
+            choose(flight, chosen)
+        elif chosen_s and telemetry.flight_mode == mode:
+            autopilot.ignored.clear()
+
+    flight.uav.vehicle.subscribe(act)
+    calls = {"land": uav.land, "recover_from_manual": uav.recover_from_manual, "take_off": lambda: uav.take_off(3.0)}
+    caller = Thread(target=call, args=(calls[name],), daemon=True)
+    caller.start()
+    flight.wait_for(lambda: bool(chosen_s) and not autopilot.ignored, "the mode that others chose")
+    flight.let_pass(3.0)
+    assert uav.telemetry().flight_mode == mode
+    assert len([each for each in autopilot.commands if each[0] >= before_s and each[1] in FLYING]) == 1
+
+
+def test_the_hold_of_a_shutdown_is_not_sent_again_into_a_landing_that_others_began(flight: Flight) -> None:
+    flight.take_off()
+    autopilot = flight.autopilot
+    autopilot.ignored.add(mavlink.MAV_CMD_DO_SET_MODE)
+    before_s = flight.now_s
+    landed: list[float] = []
+
+    def act(telemetry: Telemetry) -> None:
+        if not landed and flight.commands_since(before_s):
+            landed.append(flight.now_s)
+            if isinstance(autopilot, ArduPilot):
+                autopilot.set_mode(ardupilot.LAND)
+            else:
+                assert isinstance(autopilot, Px4)
+                assert autopilot.request_mode(px4.LAND)
+        elif landed and telemetry.state is State.LANDING:
+            autopilot.ignored.clear()
+
+    flight.uav.vehicle.subscribe(act)
+    done = flight.uav.vehicle.prepare_shutdown()
+    flight.wait_for(lambda: bool(landed) and not autopilot.ignored, "the landing")
+    flight.let_pass(2.0)
+    assert done.done()
+    assert flight.uav.state() is State.LANDING
+    assert len([each for each in autopilot.commands if each[0] >= before_s and each[1] in FLYING]) == 1

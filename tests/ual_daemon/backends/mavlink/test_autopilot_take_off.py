@@ -6,8 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
-from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from tests.simulators.autopilot import Sticks
+from tests.simulators.px4 import LOITER, MANUAL, POSCTL, STABILIZED, Mode
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State, Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -98,6 +101,37 @@ def test_with_a_rangefinder_and_a_home_far_below_ardupilot_is_not_sent_up(copter
     flight.uav.take_off(HEIGHT_M)
     assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
     flight.land()
+
+
+@pytest.mark.parametrize("to", [LOITER, STABILIZED, MANUAL])
+def test_px4_does_not_climb_where_the_pilot_moved_the_switch_before_offboard_was_asked_for(to: Mode) -> None:
+    flight = Flight("px4")
+    try:
+        autopilot = px4_of(flight)
+        flight.wait_for_state(State.LANDED_DISARMED)
+        autopilot.pilot_moves(Sticks())
+        assert autopilot.request_mode(POSCTL)
+        be_armed(flight)
+        flight.let_pass(1.0)
+        seen_s = len(autopilot.setpoints_s)
+        refused: list[float] = []
+
+        def refuse(_: Telemetry) -> None:
+            if not refused and len(autopilot.setpoints_s) > seen_s:
+                refused.append(flight.now_s)
+                autopilot.pilot_moves(Sticks())
+                autopilot.request_mode(to)
+
+        flight.uav.vehicle.subscribe(refuse)
+        task = flight.uav.take_off(HEIGHT_M, blocking=False)
+        with pytest.raises(TaskAbortedError):
+            task.wait(LIMIT_S)
+        flight.let_pass(3.0)
+        assert autopilot.mode == to
+        assert autopilot.body.is_on_ground
+        assert flight.commands_since(refused[0]) == set()
+    finally:
+        flight.uav.close()
 
 
 def test_a_climb_beyond_what_was_asked_is_stopped_and_held(flight: Flight) -> None:

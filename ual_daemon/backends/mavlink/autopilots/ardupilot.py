@@ -14,11 +14,11 @@ from ual_daemon.backends.autopilots.autopilot import NO_PARAMETERS
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
+    land_in,
     pose_streams,
     set_message_interval,
     set_mode,
     shows_landed,
-    shows_mode,
     slow_streams,
 )
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
@@ -82,12 +82,13 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
             "take off",
             group="mode",
             shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),
+            mode=self.setpoint_mode,
         )
         return replace(self._set_mode(_GUIDED, "take off"), then=climb)
 
     @override
     def land(self) -> CommandLong:
-        return CommandLong(mavlink.MAV_CMD_NAV_LAND, (), "land", group="mode", shows=shows_mode(self.land_mode))
+        return land_in(self.land_mode)
 
     @override
     def take_control(self) -> CommandLong:

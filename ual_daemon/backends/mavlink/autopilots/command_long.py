@@ -19,7 +19,8 @@ class CommandLong:
     kept; a command without a group only requests data. `acks_count` is how often the autopilot acknowledges it.
     `needs_setpoints_s` is for how long setpoints must have been sent before it. `shows` returns whether a snapshot
     taken since it was sent shows its effect, whatever was acknowledged. `explain` makes the autopilot give the reason
-    of a refusal. `then` follows once it is accepted.
+    of a refusal. `then` follows once it is accepted. `mode` is the name of the mode that it leads to, in the group
+    "mode".
     """
 
     id: int
@@ -31,6 +32,7 @@ class CommandLong:
     shows: Callable[[Snapshot, float], bool] | None = field(default=None, compare=False)
     explain: CommandLong | None = None
     then: CommandLong | None = None
+    mode: str = ""
 
     def encode(self, system_id: int, confirmation: int) -> Message:
         """Returns the message to the autopilot of a system. `confirmation` is how often it was sent before."""
@@ -54,7 +56,12 @@ def arm_or_disarm(*, is_arming: bool) -> CommandLong:
 def set_mode(name: str, *numbers: int, what: str) -> CommandLong:
     """Changes the mode to the one of a name, which is given to the autopilot by its own numbers."""
     params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), *map(float, numbers))
-    return CommandLong(mavlink.MAV_CMD_DO_SET_MODE, params, what, group="mode", shows=shows_mode(name))
+    return CommandLong(mavlink.MAV_CMD_DO_SET_MODE, params, what, group="mode", shows=shows_mode(name), mode=name)
+
+
+def land_in(name: str, params: tuple[float, ...] = ()) -> CommandLong:
+    """Lands in the mode of a name."""
+    return CommandLong(mavlink.MAV_CMD_NAV_LAND, params, "land", group="mode", shows=shows_mode(name), mode=name)
 
 
 def shows_mode(name: str) -> Callable[[Snapshot, float], bool]:

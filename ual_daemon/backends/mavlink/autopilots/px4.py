@@ -15,10 +15,10 @@ from ual_daemon.backends.autopilots.px4_events import Event
 from ual_daemon.backends.mavlink.autopilots.command_long import (
     CommandLong,
     arm_or_disarm,
+    land_in,
     pose_streams,
     set_message_interval,
     set_mode,
-    shows_mode,
 )
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.external_pose import encode_odometry
@@ -95,7 +95,7 @@ class Px4(px4.Px4, Dialect):
     def land(self) -> CommandLong:
         # Acknowledged once, unlike DO_SET_MODE, and never refused: without a position PX4 descends where it is.
         params = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
-        return CommandLong(mavlink.MAV_CMD_NAV_LAND, params, "land", group="mode", shows=shows_mode(self.land_mode))
+        return land_in(self.land_mode, params)
 
     @override
     def take_control(self) -> CommandLong:

@@ -24,8 +24,12 @@ each way and damages 10 % of the rest, 0.4 of the commands are acknowledged: 0.6
 FLYING_GROUP = "mode"
 """The group of the commands that decide who or what flies. They are not repeated while nothing is heard: the safety
 pilot may have taken over meanwhile, and an OFFBOARD that arrives then would take control from the pilot."""
+ARMING_GROUP = "arm"
+"""The group of arming and disarming, which are not repeated then either: the pilot may have disarmed it meanwhile."""
 SILENT_S = RESEND_S
 """Where nothing was heard for so long, its mode must be heard again first. An autopilot sends 50 messages a second."""
+OWN_MODE_S = 2.0
+"""How long the mode of the command before may still be seen first. A PX4 shows a mode within 1 s."""
 REQUEST_RESEND_S, REQUEST_SENDS_COUNT = 0.5, 4
 """The same for commands that only request data (of no group). Their acknowledgements do not show which of them they are
 for, so no repetition may be on its way any more when the next one is sent; and the next one waits until then."""
@@ -65,6 +69,10 @@ class _Pending:
     """When to send it again, or to end the wait for a later acknowledgement, for texts, or for its effect."""
     refusal: str = ""
     texts: list[str] = field(default_factory=list)
+    from_modes: frozenset[str] = frozenset()
+    """The modes in which it may be sent again: those from which it leads to its own. Empty: none is known yet."""
+    is_overtaken: bool = False
+    """Whether others have chosen another mode since it was sent."""
 
     @property
     def max_sends_count(self) -> int:
@@ -95,6 +103,8 @@ class CommandSender:
         """When the last command of each id ended, or was given up."""
         self._silent_s = -math.inf
         """When it was last noticed that nothing is heard."""
+        self._last_mode = ("", -math.inf)
+        """The mode to which the newest command leads, and when that was sent."""
 
     def submit(
         self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
@@ -157,11 +167,16 @@ class CommandSender:
             if text not in pending.texts and len(pending.texts) < MOST_TEXTS:
                 pending.texts.append(text)
 
+    def on_state(self, now_s: float) -> None:
+        """Takes note that the vehicle's mode, or whether it is armed, was heard anew: no such change may be missed."""
+        self._drop_overtaken(now_s)
+        self._finish_those_shown(now_s)
+
     def tick(self, now_s: float) -> None:
         """Sends again, and ends what has waited long enough; to be called often."""
         self._drop(lambda pending: pending.is_withdrawn(), now_s)
         self._notice_silence(now_s)
-        self._finish_those_shown(now_s)
+        self.on_state(now_s)
         for pending in [pending for pending in self._in_flight.values() if now_s >= pending.next_s]:
             if pending.refusal or pending.acks_count:
                 self._finish(pending, now_s)
@@ -182,19 +197,50 @@ class CommandSender:
         )
 
     def _notice_silence(self, now_s: float) -> None:
-        if any(pending.command.group == FLYING_GROUP for pending in self._in_flight.values()):
+        if any(pending.command.group in (FLYING_GROUP, ARMING_GROUP) for pending in self._in_flight.values()):
             heard_s = self._snapshot(now_s).heard_s
             if heard_s is not None and now_s - heard_s > SILENT_S:
                 self._silent_s = now_s
 
     def _may_repeat(self, pending: _Pending, now_s: float) -> bool:
-        """Whether the vehicle has been heard since a command was sent, and its mode since the last silence."""
-        if pending.command.group != FLYING_GROUP:
+        """Whether the vehicle has been heard since a command was sent, and what it changes since the last silence."""
+        group = pending.command.group
+        if group not in (FLYING_GROUP, ARMING_GROUP):
             return True
         snapshot = self._snapshot(now_s)
-        heard_s, mode = snapshot.heard_s, snapshot.mode
+        heard_s, changed = snapshot.heard_s, snapshot.mode if group == FLYING_GROUP else snapshot.armed
         is_heard = heard_s is not None and heard_s > pending.sent_s
-        return is_heard and mode is not None and mode.time_s > self._silent_s
+        return is_heard and changed is not None and changed.time_s > self._silent_s
+
+    def _drop_overtaken(self, now_s: float) -> None:
+        """Drops the commands for a mode once others have chosen one: repeated, they would take control from those.
+
+        Their futures stay open: what the vehicle does is judged by its state.
+        """
+        judged = [each for each in (*self._waiting, *self._in_flight.values()) if each.from_modes]
+        mode = self._snapshot(now_s).mode if judged else None
+        if mode is None:
+            return
+        name = mode.value.name
+        for pending in judged:
+            if name == pending.command.mode:
+                pending.from_modes = frozenset({name})
+            elif name not in pending.from_modes:
+                _log.warning("does not repeat the command to %s: the mode became %s", pending.command.what, name)
+                pending.is_overtaken = True
+        self._drop(lambda pending: pending.is_overtaken, now_s)
+
+    def _begin(self, pending: _Pending, now_s: float) -> None:
+        """Takes note of the modes from which a command leads to its own, when it is sent first."""
+        pending.first_s = now_s
+        if pending.command.group != FLYING_GROUP:
+            return
+        mode = self._snapshot(now_s).mode
+        if mode is not None and not pending.from_modes:
+            last, sent_s = self._last_mode
+            before = {last} if now_s - sent_s < OWN_MODE_S else set()
+            pending.from_modes = frozenset({mode.value.name, *before})
+        self._last_mode = (pending.command.mode, now_s)
 
     def _finish_those_shown(self, now_s: float) -> None:
         """Ends the commands whose effect shows: no repetition, and no refusal of one, matters any more."""
@@ -223,7 +269,7 @@ class CommandSender:
 
     def _transmit(self, pending: _Pending, now_s: float) -> None:
         if not pending.sends_count:
-            pending.first_s = now_s
+            self._begin(pending, now_s)
         self._send(pending.command, pending.sends_count)
         pending.sent_s = now_s
         pending.sends_count += 1
@@ -243,7 +289,10 @@ class CommandSender:
         self._end(pending, now_s)
         following = pending.command.then
         if not pending.refusal and following is not None:
-            self._waiting.append(_Pending(following, now_s, pending.is_withdrawn, pending.future, texts=pending.texts))
+            successor = _Pending(following, now_s, pending.is_withdrawn, pending.future, texts=pending.texts)
+            if following.group == FLYING_GROUP:
+                successor.from_modes = pending.from_modes
+            self._waiting.append(successor)
         elif not pending.refusal:
             pending.future.set_result(None)
         else:

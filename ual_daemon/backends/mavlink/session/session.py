@@ -105,9 +105,7 @@ class Session:
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
-            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: lambda message, now_s, _: causes.on_intention(
-                message.custom_mode, message.intended_custom_mode, now_s
-            ),
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE: self._on_current_mode,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: lambda message, now_s, _: causes.on_sensors(
                 message.onboard_control_sensors_enabled, message.onboard_control_sensors_health, now_s
             ),
@@ -182,7 +180,7 @@ class Session:
     ) -> Future[None]:
         """Sends a command; see `CommandSender.submit`."""
         if command.group == "mode":
-            self._causes.on_own_command(now_s)
+            self._causes.on_own_command(command.mode, now_s)
         future = self._commands.submit(command, now_s, is_withdrawn)
         future.add_done_callback(lambda _: self._heartbeats.want())  # runs on the thread that this belongs to
         return future
@@ -338,6 +336,7 @@ class Session:
             self._health.on_event(event)
             if event.armed is not None:
                 self.telemetry.set_armed(event.armed, now_s)
+                self._commands.on_state(now_s)
             if event.text:
                 self._commands.on_text(event.text)
 
@@ -361,6 +360,11 @@ class Session:
     def _on_heartbeat(self, message: Message, now_s: float, _: float) -> None:
         self._heartbeats.on_heartbeat(now_s)
         self._causes.on_system_status(message.system_status, now_s)
+        self._commands.on_state(now_s)
+
+    def _on_current_mode(self, message: Message, now_s: float, _: float) -> None:
+        self._causes.on_intention(message.custom_mode, message.intended_custom_mode, now_s)
+        self._commands.on_state(now_s)
 
     def _on_position(self, message: Message, now_s: float, _: float) -> None:
         if self._feed_forward is not None:

@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 
 import pytest
 
@@ -110,7 +111,7 @@ def test_disarming_is_never_forced() -> None:
 def test_an_unanswered_command_is_sent_again_counting_and_then_left_open() -> None:
     harness = Harness()
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    harness.run(10.0)
+    _run_heard(harness, 10.0, heartbeat())
     assert [sent.confirmation for sent in harness.commands(ARM)] == list(range(SENDS_COUNT))
     assert not future.done()
 
@@ -139,12 +140,12 @@ def test_what_is_only_asked_for_gives_way_to_the_next_such_request_sooner() -> N
 def test_the_effect_of_a_command_ends_it_without_any_acknowledgement() -> None:
     harness = Harness()
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    harness.run(0.6)
+    _run_heard(harness, 0.6, heartbeat())
     assert len(harness.commands(ARM)) == 3
     harness.receive(heartbeat(armed=True))
     harness.run(0.05)
     assert future.result(0) is None
-    harness.run(5.0)
+    _run_heard(harness, 5.0, heartbeat())
     assert harness.commands(ARM) == []
 
 
@@ -160,7 +161,7 @@ def test_what_was_so_before_the_command_is_not_its_effect() -> None:
 def test_the_refusal_of_a_repetition_does_not_count_where_the_first_was_obeyed(is_before: bool) -> None:
     harness = Harness()
     future = harness.submit(PX4.disarm())
-    harness.run(0.3)
+    _run_heard(harness, 0.3, heartbeat(armed=True))
     assert len(harness.commands(ARM)) == 2
     if is_before:
         harness.receive(heartbeat(armed=False), ack(ARM, REJECTED))
@@ -177,7 +178,7 @@ def test_the_refusal_of_a_repetition_counts_where_no_effect_follows() -> None:
     harness = Harness()
     harness.receive(heartbeat(armed=False))
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    harness.run(0.3)
+    _run_heard(harness, 0.3, heartbeat())
     harness.receive(ack(ARM, REJECTED))
     harness.run(EFFECT_S + 0.1)
     assert "TEMPORARILY_REJECTED" in str(future.exception(0))
@@ -199,7 +200,7 @@ def test_a_late_acknowledgement_still_counts() -> None:
     harness.run(1.2)
     harness.receive(ack(ARM, ACCEPTED))
     harness.link.sent.clear()
-    harness.run(3.0)
+    _run_heard(harness, 3.0, heartbeat())
     assert future.done()
     assert harness.commands(ARM) == []
 
@@ -383,10 +384,10 @@ def test_a_withdrawn_command_is_not_sent_again() -> None:
     harness = Harness()
     is_withdrawn = False
     future = harness.session.submit(PX4.arm(Snapshot(0.0)), harness.now_s, lambda: is_withdrawn)
-    harness.run(0.6)
+    _run_heard(harness, 0.6, heartbeat())
     assert len(harness.commands(ARM)) == 3
     is_withdrawn = True
-    harness.run(5.0)
+    _run_heard(harness, 5.0, heartbeat())
     assert harness.commands(ARM) == []
     assert not future.done()
 
@@ -437,3 +438,75 @@ def test_who_flies_is_not_changed_again_while_nothing_is_heard_nor_before_the_mo
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     harness.run(0.05)
     assert len(harness.commands(command.id)) == 1
+
+
+@pytest.mark.parametrize("make", [lambda: PX4.arm(Snapshot(0.0)), PX4.disarm], ids=["arm", "disarm"])
+def test_nothing_is_armed_again_while_nothing_is_heard_nor_before_it_is_known_whether_it_is_armed(
+    make: Callable[[], CommandLong],
+) -> None:
+    harness = Harness()
+    command = make()
+    beat = heartbeat(armed=command.what == "disarm")
+    harness.receive(beat)
+    harness.submit(command)
+    _run_heard(harness, 0.6, SOMETHING)
+    assert len(harness.commands(ARM)) == 3
+    harness.run(0.9)
+    assert len(harness.commands(ARM)) <= 1  # one that was due when the silence began
+    _run_heard(harness, 0.4, SOMETHING)
+    assert harness.commands(ARM) == []
+    harness.receive(beat)
+    harness.run(0.05)
+    assert len(harness.commands(ARM)) == 1
+
+
+def test_what_was_armed_and_disarmed_within_one_batch_is_not_armed_again() -> None:
+    harness = Harness()
+    future = harness.submit(PX4.arm(Snapshot(0.0)))
+    harness.now_s += 0.01
+    harness.receive(heartbeat(armed=True), heartbeat(armed=False))
+    harness.commands(ARM)
+    _run_heard(harness, 2.0, heartbeat(armed=False))
+    assert harness.commands(ARM) == []
+    assert future.done()
+
+
+IN_RTL, IN_LOITER = 4 << 16 | 5 << 24, 4 << 16 | 3 << 24
+
+
+@pytest.mark.parametrize("make", [PX4.take_control, PX4.land, PX4.hold], ids=["take_control", "land", "hold"])
+def test_what_was_sent_is_not_sent_again_once_another_mode_was_chosen(make: Callable[[], CommandLong]) -> None:
+    harness = Harness()
+    harness.setpoints.sent_for_s = 1.0
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    command = make()
+    harness.submit(command)
+    _run_heard(harness, 0.1, heartbeat(IN_POSCTL, armed=True))
+    assert len(harness.commands(command.id)) == 1
+    harness.receive(heartbeat(IN_RTL, armed=True), heartbeat(IN_POSCTL, armed=True))  # in one batch
+    _run_heard(harness, 3.0, heartbeat(IN_POSCTL, armed=True))
+    assert harness.commands(command.id) == []
+
+
+def test_what_follows_a_change_of_the_mode_is_not_sent_once_another_mode_was_chosen() -> None:
+    """ArduPilot takes off in other modes than GUIDED, too."""
+    harness = Harness()
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    climb = CommandLong(mavlink.MAV_CMD_NAV_TAKEOFF, (), "climb", group="mode", mode="AUTO.LOITER")
+    harness.submit(replace(PX4.hold(), then=climb))
+    harness.receive(ack(SET_MODE, ACCEPTED), heartbeat(IN_RTL, armed=True), ack(SET_MODE, ACCEPTED))
+    _run_heard(harness, 3.0, heartbeat(IN_RTL, armed=True))
+    assert harness.commands(climb.id) == []
+
+
+def test_the_mode_of_the_command_before_may_still_be_seen_first() -> None:
+    harness = Harness()
+    harness.receive(heartbeat(IN_POSCTL, armed=True))
+    harness.submit(PX4.hold())
+    landing = harness.submit(PX4.land())
+    _run_heard(harness, 0.2, heartbeat(IN_LOITER, armed=True))
+    harness.commands(LAND)
+    _run_heard(harness, 0.5, heartbeat(IN_LOITER, armed=True))
+    assert len(harness.commands(LAND)) >= 1
+    harness.receive(heartbeat(LANDING, armed=True))
+    assert landing.done()
