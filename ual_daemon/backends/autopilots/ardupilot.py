@@ -124,6 +124,7 @@ _FAILSAFE_TEXTS = (
     ("battery failsafe", Cause.BATTERY),
     ("radio failsafe", Cause.RC),
     ("fence breached", Cause.FENCE),
+    ("fences breached", Cause.FENCE),  # "Max Alt, Circle fences breached"
     ("gcs failsafe", Cause.GROUND_STATION_LOST),
     ("ekf failsafe", Cause.POSITION),
     ("failsafe", Cause.FAILSAFE),

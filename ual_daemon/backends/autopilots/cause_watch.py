@@ -48,6 +48,12 @@ class CauseWatch:
         """Whether the present mode was there before anything was known of it, or before the arming."""
         self._settled: Cause | None = None
         self._is_settled = False
+        self._before_s = -math.inf
+        """When the mode before the present one came."""
+        self._is_after_failsafe = False
+        """Whether a failsafe explained the mode before."""
+        self._explained_s = -math.inf
+        """When a failsafe last explained a mode: the signs until then are used up."""
         self._intention = ("", False)
         """The mode of the newest CURRENT_MODE, and whether it is another one than was asked for."""
         self._episode: Cause | None = None
@@ -130,12 +136,18 @@ class CauseWatch:
             found = self._find(mode, now_s)
             if found is Cause.OPEN or self._was_found:  # of a mode that was found, a failsafe may yet become known
                 return found
-            self._settled, self._is_settled = found, True
+            self._settle(found, now_s)
         return self._settled
+
+    def _settle(self, cause: Cause | None, now_s: float) -> None:
+        self._settled, self._is_settled = cause, True
+        if cause is not None and cause.is_failsafe:
+            self._explained_s = now_s
 
     def _see_mode(self, mode: Mode, now_s: float) -> None:
         if mode.name != self._mode_name:
             self._was_found = not self._mode_name
+            self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
             self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
 
     @property
@@ -148,7 +160,7 @@ class CauseWatch:
         """Returns the cause of the present mode; OPEN while what tells it may still come."""
         is_over = now_s - self._since_s > SETTLE_S
         if self._is_unintended is not False:
-            failsafe = self._failsafe_that_flies(is_over=is_over)
+            failsafe = self._failsafe_that_flies(mode, is_over=is_over)
             if failsafe is not None or self._is_unintended:
                 return failsafe or Cause.OPEN
         if self._was_found:
@@ -168,16 +180,20 @@ class CauseWatch:
             return None
         return Cause.SAFETY_PILOT if self._switched_s >= begin_s else Cause.GROUND_STATION
 
-    def _failsafe_that_flies(self, *, is_over: bool) -> Cause | None:
+    def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""
         begin_s = self._since_s - BEFORE_S
         if self._is_unintended:
             if self._episode is None and is_over:
                 self._episode = self._unnamed()
             return self._episode
-        sign = self._sign_since(begin_s)
+        is_pilots = mode.name in self._autopilot.pilots_modes
+        unused_s = max(self._explained_s, self._before_s if is_pilots else -math.inf)
+        sign = self._sign_since(begin_s, after_s=unused_s)
         if sign is not None:
             return sign
+        if is_pilots and self._is_after_failsafe:  # its pilot ended the failsafe, whatever still shows of it
+            return None
         if self._sensors is not None and self._sensors_s >= begin_s:
             return self._sensors
         return Cause.FAILSAFE if is_over and self._is_critical and self._critical_s >= begin_s else None
@@ -188,6 +204,6 @@ class CauseWatch:
         is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
         return Cause.FAILSAFE if is_sending or is_ill else Cause.SETPOINTS
 
-    def _sign_since(self, begin_s: float) -> Cause | None:
-        """Returns the newest sign since a time."""
-        return next((cause for time_s, cause in reversed(self._signs) if time_s >= begin_s), None)
+    def _sign_since(self, begin_s: float, after_s: float = -math.inf) -> Cause | None:
+        """Returns the newest sign since a time, and after another."""
+        return next((cause for time_s, cause in reversed(self._signs) if time_s >= begin_s and time_s > after_s), None)

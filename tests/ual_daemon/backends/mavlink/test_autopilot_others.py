@@ -20,10 +20,12 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEI
 from ual.errors import LinkLostError, TaskAbortedError, UalError, WrongStateError
 from ual.types import State, Telemetry
 from ual_daemon import UAL
+from ual_daemon.backends.autopilots.ardupilot import ArduCopter
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.mavlink.links import Connection
 from ual_daemon.backends.mavlink.links.base import Chunk
 from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.values import Cause
 
 OWN_HOLD = {"px4": (4.0, 3.0), "ardupilot": (17.0, 0.0)}
 """AUTO.LOITER and BRAKE, in the words of DO_SET_MODE."""
@@ -90,6 +92,31 @@ def test_a_ground_station_is_named_soon_after_a_command_of_ours_for_another_mode
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "ground station"
     assert held_by(flight) == "ground station"
+
+
+def test_a_pilot_who_ends_a_failsafe_is_named_and_not_the_failsafe() -> None:
+    flight = Flight("ardupilot")
+    try:
+        flight.take_off()
+        autopilot = flight.autopilot
+        assert isinstance(autopilot, ArduPilot)
+        autopilot.trigger_failsafe("fence")
+        flight.wait_for(lambda: held_by(flight) == "fence", "its failsafe")
+        flight.let_pass(0.4)
+        autopilot.pilot_take_over()
+        flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "LOITER", "the pilot's mode")
+        flight.let_pass(3.0)
+        autopilot.end_failsafe()
+        flight.let_pass(3.0)
+        assert held_by(flight) == "safety pilot"
+        flight.uav.recover_from_manual()
+    finally:
+        flight.uav.close()
+
+
+@pytest.mark.parametrize("text", ["Circle fence breached", "Max Alt, Circle fences breached"])
+def test_ardupilots_texts_of_one_and_of_several_fences_are_known(text: str) -> None:
+    assert ArduCopter().cause_of_text(text) is Cause.FENCE
 
 
 class OnAnotherLink(Flight):
