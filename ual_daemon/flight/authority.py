@@ -33,7 +33,6 @@ class Authority:
 
         `is_sending` is whether a reference is sent: on the ground a descent that has touched down keeps its stream.
         """
-        self._follow_silence(snapshot)
         was_blind, self._was_blind = self._was_blind, state is State.UNINITIALIZED
         if state is State.UNINITIALIZED:
             self._observe_blind(snapshot)
@@ -50,8 +49,8 @@ class Authority:
         elif state is State.FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
 
-    def _follow_silence(self, snapshot: Snapshot) -> None:
-        """Gives the flight up after a long silence."""
+    def follow_silence(self, snapshot: Snapshot) -> None:
+        """Gives the flight up after a long silence. Called at each update, also while a manoeuvre is under way."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
         if heard_s is not None and before_s is not None and heard_s - before_s > LONGEST_GAP_S:

@@ -402,6 +402,7 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
+        self.authority.follow_silence(snapshot)
         self.geofence.observe(snapshot, raw)
         if not isinstance(self._reference, Velocity):
             self.drift.forget()

@@ -218,6 +218,17 @@ def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(fli
     assert ours(flight) == 0
 
 
+def test_after_a_long_go_to_the_flight_is_still_ours(flight: Flight) -> None:
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(flight.goal(200.0, 0.0), blocking=False, max_speed_m_s=2.0)
+    flight.let_pass(LONGEST_GAP_S + 2.0)
+    task.cancel()
+    flight.let_pass(2.0)
+    flight.autopilot.setpoint_senders.clear()
+    flight.let_pass(1.0)
+    assert ours(flight) > 0
+
+
 def test_recover_on_the_ground_allows_the_next_take_off(flight: Flight) -> None:
     autopilot, uav = flight.autopilot, flight.uav
     autopilot.parameters["COM_DISARM_LAND"] = 60.0
