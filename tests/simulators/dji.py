@@ -447,6 +447,6 @@ def _chosen(name: str, actions: Mapping[int, Callable[[], None]], *, fails: bool
             if fails:
                 raise RefusedError("service responded with an error: b''") from error
             return {"result": False, "cmd_set": 1, "cmd_id": 0, "ack_data": 1}
-        return {"result": True, "cmd_set": 1, "cmd_id": 0, "ack_data": 2}
+        return {"result": True} if fails else {"result": True, "cmd_set": 1, "cmd_id": 0, "ack_data": 2}
 
     return call
