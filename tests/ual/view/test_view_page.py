@@ -195,7 +195,7 @@ def test_beyond_loopback_it_takes_tls_and_a_token(certificate: tuple[Path, Path]
     assert len(token) >= 32
     context = ssl.create_default_context(cafile=str(certificate[0]))
 
-    # The client of websockets reads and writes in two threads. With TLS 1.3 Python's ssl does not stand that before 3.13:
+    # The client of websockets reads and writes in two threads. Before Python 3.13 ssl does not stand that with TLS 1.3:
     # both may take up the server's session tickets, and the request is lost (or the interpreter).
     for_threads = ssl.create_default_context(cafile=str(certificate[0]))
     for_threads.maximum_version = ssl.TLSVersion.TLSv1_2
