@@ -6,12 +6,13 @@ All of the backend except the WebSocket is real. Its thread steps the aircraft i
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from typing_extensions import override
 
 from tests.simulators.dji import STEP_S, Aircraft, Front, OsdkSdkNode, OsdkVehicleNode, Psdk
 from tests.simulators.dji_node import OneThreadBridge
+from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.pace import Pace
 from tests.simulators.rosbridge import Bridge
 from ual.interface import Simulation
@@ -25,51 +26,6 @@ from ual_daemon.backends.rosbridge.websocket import Transport
 
 SPEED = 6.0
 _BEGIN_UTC_S = 1.8e9
-
-
-class MemoryTransport(Transport):
-    """Steps the bridge instead of waiting, at most `speed` times as fast as real time.
-
-    Without a time to wait, it takes what has come.
-    """
-
-    def __init__(self, bridge: Bridge, pace: Pace, lock: threading.RLock) -> None:
-        self._bridge = bridge
-        self._session = bridge.connect()
-        self._pace = pace
-        self._lock = lock
-        self._heard = 0
-
-    @property
-    @override
-    def heard(self) -> int:
-        return self._heard
-
-    @override
-    def receive(self, timeout_s: float) -> Sequence[str | bytes]:
-        if timeout_s:
-            self._pace.wait()
-        with self._lock:
-            if timeout_s:
-                self._bridge.step(self._bridge.now_s + STEP_S)
-            found = list(self._session.out)
-            self._session.out.clear()
-        self._heard += 1
-        return found
-
-    @override
-    def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
-        with self._lock:
-            self._session.receive(text)
-        return True
-
-    @override
-    def ping(self) -> None:
-        """It is always answered."""
-
-    @override
-    def close(self) -> None:
-        """It is never closed."""
 
 
 class _Clock(MonotonicClock):
@@ -99,7 +55,7 @@ class LockstepDji(DjiBackend):
         kind = type(self)
         self.bridge = kind.bridge_kind(kind.ros, [kind.front(self.aircraft)])
         self.lock = threading.RLock()
-        self._speed = speed
+        self._pace = Pace(STEP_S, speed)
         super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:1", options.settings))
 
     @override
@@ -108,7 +64,13 @@ class LockstepDji(DjiBackend):
         return RosbridgeLink(self._url, self.clock, self._step, self._connect)
 
     def _connect(self, _: BridgeUrl, __: Callable[[], None]) -> Transport:
-        return MemoryTransport(self.bridge, Pace(STEP_S, self._speed), self.lock)
+        return MemoryTransport(self.bridge, self._advance, self.lock)
+
+    def _advance(self) -> None:
+        """Advances all by a step, at most so many times as fast as real time."""
+        self._pace.wait()
+        with self.lock:
+            self.bridge.step(self.bridge.now_s + STEP_S)
 
     @override
     def utc_s(self) -> float:

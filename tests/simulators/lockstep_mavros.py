@@ -9,6 +9,7 @@ from typing_extensions import override
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.autopilot import STEP_S, Autopilot
 from tests.simulators.mavros import BEGIN_UTC_S, Mavros
+from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
@@ -68,7 +69,7 @@ class LockstepMavros(MavrosBackend):
         while self.is_bridge_gone:
             self.advance()
             on_wait()
-        return _SteppedTransport(self)
+        return _MavrosTransport(self)
 
     @override
     def simulation(self) -> Simulation:
@@ -111,44 +112,25 @@ class _Clock(MonotonicClock):
         return BEGIN_UTC_S + self._autopilot.elapsed_s
 
 
-class _SteppedTransport(Transport):
-    """Steps the bridge instead of waiting for it; without a time to wait, it takes what has come."""
+class _MavrosTransport(MemoryTransport):
+    """A connection to a bridge that may be gone, or read nothing."""
 
     def __init__(self, backend: LockstepMavros) -> None:
+        super().__init__(backend.bridge, backend.advance, backend.autopilot.lock)
         self._backend = backend
-        self._session = backend.bridge.connect()
-        self._heard = 0
 
     @override
     def receive(self, timeout_s: float) -> Sequence[str | bytes]:
-        if self._backend.is_bridge_gone:
-            raise ConnectionResetError("the bridge is gone")
-        if timeout_s:
-            self._backend.advance()
-        self._heard += 1
-        found = list(self._session.out)
-        self._session.out.clear()
-        return found
+        self._require_bridge()
+        return super().receive(timeout_s)
 
     @override
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
-        if self._backend.is_bridge_gone:
-            raise ConnectionResetError("the bridge is gone")
+        self._require_bridge()
         if is_perishable and self._backend.is_socket_full:
             return False
-        with self._backend.autopilot.lock:
-            self._session.receive(text)
-        return True
+        return super().send(text)
 
-    @override
-    def ping(self) -> None:
-        """It is never lost."""
-
-    @property
-    @override
-    def heard(self) -> int:
-        return self._heard
-
-    @override
-    def close(self) -> None:
-        self._backend.bridge.sessions.remove(self._session)
+    def _require_bridge(self) -> None:
+        if self._backend.is_bridge_gone:
+            raise ConnectionResetError("the bridge is gone")

@@ -68,7 +68,7 @@ class Session:
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
         self._holds_up_calls = holds_up_calls
-        self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_mode, self._want_heartbeat)
+        self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_commands, self._want_heartbeat)
         self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
@@ -222,8 +222,8 @@ class Session:
 
     # --- What is asked for --------------------------------------------------------------------------------------------
 
-    def _holds_up_mode(self) -> bool:
-        """Whether ``set_mode`` may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""
+    def _holds_up_commands(self) -> bool:
+        """Whether a command may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""
         return self._calling == topics.SET_INTERVAL or self._holds_up_calls()
 
     def _want_heartbeat(self) -> None:

@@ -12,12 +12,13 @@ from typing import Any
 from typing_extensions import override
 
 from tests.conftest import LIMIT_S
+from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.rosbridge_server import RosbridgeServer
 from tests.ual_daemon.backends.rosbridge.test_link import Talker
 from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, RosbridgeLink, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError
-from ual_daemon.backends.rosbridge.websocket import Transport, WebSocket, dial
+from ual_daemon.backends.rosbridge.websocket import WebSocket, dial
 
 STALLS_S, STEP_S = 2.0, 0.02
 
@@ -33,7 +34,7 @@ class Stall:
         self.time_s = 0.0
         self._on_step = on_step
         self._over = threading.Event()
-        self.link = RosbridgeLink(parse_url("rosbridge://127.0.0.1:1"), self, self._step, lambda *_: _Stepped(self))
+        self.link = RosbridgeLink(parse_url("rosbridge://127.0.0.1:1"), self, self._step, lambda *_: _Stalling(self))
         self.link.advertise("/uav/setpoint", "test_msgs/Setpoint")
 
     def now_s(self) -> float:
@@ -42,6 +43,10 @@ class Stall:
     @property
     def is_stalled(self) -> bool:
         return STALLS_S < self.time_s < STALLS_S + self.duration_s
+
+    def advance(self) -> None:
+        self.time_s += STEP_S
+        self.bridge.step(self.time_s)
 
     def run(self) -> None:
         self.link.open()
@@ -60,43 +65,19 @@ class Stall:
             self._on_step(self)
 
 
-class _Stepped(Transport):
+class _Stalling(MemoryTransport):
     def __init__(self, it: Stall) -> None:
+        super().__init__(it.bridge, it.advance)
         self._it = it
-        self._session = it.bridge.connect()
-        self._heard = 0
-
-    @property
-    @override
-    def heard(self) -> int:
-        return self._heard
 
     @override
-    def receive(self, timeout_s: float) -> Sequence[str | bytes]:
-        it = self._it
-        if timeout_s:
-            it.time_s += STEP_S
-            it.bridge.step(it.time_s)
-        if it.is_stalled:
-            return ()
-        self._heard += 1
-        found = list(self._session.out)
-        self._session.out.clear()
-        return found
+    def _take(self) -> Sequence[str | bytes]:
+        return () if self._it.is_stalled else super()._take()
 
     @override
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
         self._it.sent.append((self._it.time_s, json.loads(text)))
-        self._session.receive(text)
-        return True
-
-    @override
-    def ping(self) -> None:
-        """It is answered unless the bridge stalls."""
-
-    @override
-    def close(self) -> None:
-        """There is no socket."""
+        return super().send(text)
 
 
 def publish(it: Stall) -> None:
