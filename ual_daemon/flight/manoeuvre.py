@@ -125,7 +125,9 @@ class Manoeuvre(ABC):
 
 
 def with_advice(error: UalError, advice: str) -> UalError:
-    """Returns the same error with what can be done now."""
+    """Returns the same error with what can be done now. While nothing is heard of the UAV, that is not known."""
+    if isinstance(error, LinkLostError):
+        return error
     return type(error)(f"{error.message}; {advice}", error.metadata)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
-from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
+from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
@@ -94,3 +94,11 @@ def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack:
     assert isinstance(error, RejectedByAutopilotError)
     assert "holds its position: command land again" in str(error)
     assert error.metadata["result"] == "DENIED"
+
+
+def test_a_landing_that_ends_as_nothing_is_heard_does_not_say_what_the_uav_does(
+    flying: Autopilot, ack: Future[None]
+) -> None:
+    landing = land(flying, ack)
+    ack.set_exception(LinkLostError("cannot land: no autopilot is heard"))
+    assert str(flying.step(landing).error) == str(LinkLostError("cannot land: no autopilot is heard"))
