@@ -38,7 +38,7 @@ class Stepped:
         self.prepare = Prepare(vehicle)
         self.sim = vehicle.simulation()
         self.samples: list[Telemetry] = []
-        vehicle.subscribe(self.samples.append)
+        self.unsubscribe = vehicle.subscribe(self.samples.append)
 
     def run(self, duration_s: float) -> None:
         """Lets time pass."""

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+
 from ual.types import State
+from ual_daemon import logs
 from ual_daemon.backends.values import Control, LandedState, Snapshot
+
+_log = logging.getLogger(__name__)
 
 LONGEST_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
@@ -17,7 +22,7 @@ class Authority:
     or GUIDED may be the flight of a ground station or of another program. Whoever takes the UAV ends UAL's hold; a new
     command begins it anew.
 
-    `is_ours` is an attribute, which commands set: a method would cost each setpoint of a stream a call.
+    `is_ours` is an attribute: a method would cost each setpoint of a stream a call.
     """
 
     def __init__(self) -> None:
@@ -25,21 +30,40 @@ class Authority:
         """Whether UAL was commanded in this flight, and nobody has taken the UAV since."""
         self.is_ground_theirs = False
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
+        self.given_up = ""
+        """Why UAL has given the flight up by itself, for people; empty if it has not."""
         self._heard_s: float | None = None
-        self._was_in_air = self._was_blind = False
+        self._is_in_air = self._was_in_air = False
+        """Whether it was in the air when that was known last, and when it was known before the present update."""
+        self._is_blind = self._was_blind = False
         self._boots_count = 0
+
+    def begin(self) -> None:
+        """Notes that UAL is commanded. Called with the flight's lock held."""
+        # What is heard now was there when the command was judged: a silence before it ended before it.
+        self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
+
+    def follow(self, state: State, snapshot: Snapshot) -> None:
+        """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
+        if snapshot.boots_count != self._boots_count:  # it has not landed: it boots on the ground
+            self._boots_count, self._is_in_air = snapshot.boots_count, False
+        self._was_blind, self._is_blind = self._is_blind, state is State.UNINITIALIZED
+        self._was_in_air = self._is_in_air
+        if not self._is_blind:
+            self._is_in_air = state in _IN_AIR
+        self._follow_silence(snapshot)
 
     def observe(self, state: State, snapshot: Snapshot, *, is_sending: bool) -> None:
         """Notes what an update shows while no manoeuvre of UAL is under way.
 
         `is_sending` is whether a reference is sent: on the ground a descent that has touched down keeps its stream.
         """
-        was_blind, self._was_blind = self._was_blind, state is State.UNINITIALIZED
         if state is State.UNINITIALIZED:
             self._observe_blind(snapshot)
             return
-        was_in_air, self._was_in_air = self._was_in_air, state in _IN_AIR
-        if state is State.LANDED_ARMED and was_blind and was_in_air:  # nobody saw who landed it
+        if state is not State.FLYING_AUTO:
+            self.given_up = ""
+        if state is State.LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
             self.is_ours, self.is_ground_theirs = False, True
         elif state is State.LANDED_DISARMED:
             self.is_ours = self.is_ground_theirs = False
@@ -50,19 +74,21 @@ class Authority:
         elif state is State.FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
 
-    def follow_silence(self, snapshot: Snapshot) -> None:
-        """Gives the flight up after a long silence. Called at each update, also while a manoeuvre is under way."""
-        if snapshot.boots_count != self._boots_count:  # it has not landed: it boots on the ground
-            self._boots_count, self._was_in_air = snapshot.boots_count, False
+    def _follow_silence(self, snapshot: Snapshot) -> None:
+        """Gives the flight up after a long silence."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
-        if heard_s is not None and before_s is not None and heard_s - before_s > LONGEST_GAP_S:
-            self.is_ours = False
+        if not self.is_ours or heard_s is None or before_s is None or heard_s - before_s <= LONGEST_GAP_S:
+            return
+        self.is_ours = False
+        self.given_up = f"nothing was heard for {heard_s - before_s:.0f} s, and the flight may be another's now"
+        remedy = "look who flies it; a new command takes it back"
+        logs.event(_log, logging.WARNING, "flight_given_up", why=self.given_up, remedy=remedy)
 
     def _observe_blind(self, snapshot: Snapshot) -> None:
         """Notes who flies while the state is not known: the mode may be heard all the time."""
         if snapshot.landed is not None and snapshot.landed.value is LandedState.IN_AIR:
-            self._was_in_air = True
+            self._is_in_air = True
         mode = snapshot.mode
-        if self._was_in_air and mode is not None and mode.value.control is not Control.REFERENCES:
+        if self._is_in_air and mode is not None and mode.value.control is not Control.REFERENCES:
             self.is_ours, self.is_ground_theirs = False, True

@@ -91,6 +91,8 @@ class Flight:
         self._manoeuvre: Manoeuvre | None = None
         self._stepped: Manoeuvre | None = None
         """The manoeuvre that was stepped last. Belongs to the update thread."""
+        self._begun_in = ""
+        """The name of the mode in which the manoeuvre began."""
         self._reference: Reference | None = None
         self._shutdown: Shutdown | None = None
         self._last_command = LastCommand(0, "")
@@ -210,12 +212,13 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `since`.
 
         """
+        begun_in = _mode_name(self._backend.snapshot())
         with self._lock:
             old = self._manoeuvre
             error = self._why_not_begin(manoeuvre.name, since)
             if error is None:
-                self._manoeuvre, self._reference = manoeuvre, None
-                self.authority.is_ours, self.authority.is_ground_theirs = True, False
+                self._manoeuvre, self._reference, self._begun_in = manoeuvre, None, begun_in
+                self.authority.begin()
                 self._last_command = LastCommand(self._last_command.number + 1, manoeuvre.name)
         if error is not None:
             self._end(manoeuvre, error)
@@ -257,7 +260,7 @@ class Flight:
             if error is not None:
                 raise error
             self._manoeuvre, self._reference = None, reference
-            self.authority.is_ours, self.authority.is_ground_theirs = True, False
+            self.authority.begin()
             self._last_command = LastCommand(self._last_command.number + 1, by)
         if self._reference is reference:  # else another thread has replaced it meanwhile: it must not come after that
             self.sender.send(setpoint, snapshot)
@@ -402,7 +405,7 @@ class Flight:
     def step(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
-        self.authority.follow_silence(snapshot)
+        self.authority.follow(raw.state, snapshot)
         self.geofence.observe(snapshot, raw)
         if not isinstance(self._reference, Velocity):
             self.drift.forget()
@@ -446,8 +449,9 @@ class Flight:
     def _not_commanded(self) -> str:
         if self.is_flown_by_us():
             return ""
-        loss = self._backend.info().setpoint_loss
-        return f"{_NOT_COMMANDED}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else _NOT_COMMANDED
+        loss, given_up = self._backend.info().setpoint_loss, self.authority.given_up
+        why = f"; {given_up}: UAL sends nothing until it is commanded anew" if given_up else _NOT_COMMANDED
+        return f"{why}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else why
 
     @property
     def _falls_without_setpoints(self) -> bool:
@@ -460,7 +464,7 @@ class Flight:
             return False
         if snapshot.held_by is Cause.OPEN and raw.is_link_up:
             # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
-            self._withdraw_older(manoeuvre)
+            self._withdraw_older(manoeuvre, snapshot)
             return True
         self._stepped = manoeuvre
         try:
@@ -470,7 +474,7 @@ class Flight:
             _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
             step = Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
         if step.handover is not None:
-            self._hand_over(manoeuvre, step.handover)
+            self._hand_over(manoeuvre, step.handover, snapshot)
             return True
         if not step.has_ended:
             if step.setpoint is not None and self._manoeuvre is manoeuvre:
@@ -488,17 +492,18 @@ class Flight:
             self._hold_by_autopilot(snapshot, manoeuvre.name)
         return False
 
-    def _withdraw_older(self, manoeuvre: Manoeuvre) -> None:
+    def _withdraw_older(self, manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
         """Withdraws the command of a manoeuvre from before the mode changed: repeated, it would change that again."""
-        if self._stepped is manoeuvre and manoeuvre.command is not None:
+        is_older = self._stepped is manoeuvre or _mode_name(snapshot) != self._begun_in
+        if is_older and manoeuvre.command is not None:
             manoeuvre.command.withdraw()
 
-    def _hand_over(self, manoeuvre: Manoeuvre, to: Handover) -> None:
+    def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:
         """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
         with self._lock:
             if self._manoeuvre is not manoeuvre or manoeuvre.is_paused:
                 return
-            self._manoeuvre = to.manoeuvre
+            self._manoeuvre, self._begun_in = to.manoeuvre, _mode_name(snapshot)
         to.begin()
 
     def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
@@ -593,6 +598,10 @@ def _with_other_sender(error: UalError | None, snapshot: Snapshot) -> UalError |
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:
     return manoeuvre is not None and manoeuvre.task is not None and manoeuvre.task.id == task_id
+
+
+def _mode_name(snapshot: Snapshot) -> str:
+    return "" if snapshot.mode is None else snapshot.mode.value.name
 
 
 def _is_control_given_up(snapshot: Snapshot) -> bool:

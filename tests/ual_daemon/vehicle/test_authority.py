@@ -14,6 +14,7 @@ from ual.simulation import LinkLost
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, SetpointLoss
+from ual_daemon.flight.authority import LONGEST_GAP_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -74,6 +75,21 @@ def test_a_daemon_started_in_a_flight_sends_nothing_until_it_is_commanded(
     new.run(1.0)
     assert len(sent.setpoints) >= 45
     assert "sends nothing" not in new.vehicle.telemetry().state_reason
+
+
+def test_a_command_is_flown_on_after_long_without_updates(uav: Stepped) -> None:
+    """A light UAV of which nobody wants to know anything is not updated. That is no silence of its autopilot."""
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(0.1)
+    uav.sim.pilot_give_back()
+    uav.run(0.1)
+    uav.unsubscribe()
+    uav.run(LONGEST_GAP_S + 4.0)
+    uav.vehicle.commands.setpoints.set_pose(at(5.0, 0.0, 3.0))
+    uav.run(10.0)
+    assert uav.state is State.FLYING_AUTO
+    assert uav.pose.position.x == pytest.approx(5.0, abs=0.1)
 
 
 def test_the_flight_of_another_program_goes_on_when_a_daemon_starts_and_ends(

@@ -207,7 +207,24 @@ def test_a_landing_by_hand_that_nobody_heard_leaves_the_ground_to_the_pilot(flig
         flight.uav.take_off(HEIGHT_M)
 
 
-def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(flight: Flight) -> None:
+def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.uav.take_off(8.0, blocking=False)
+    flight.wait_for(lambda: -flight.autopilot.position[2] > 1.0, "climbing")
+    flight.link.down = flight.link.up = SILENT
+    flight.let_pass(1.5)
+    land_by_hand(flight)
+    flight.link.down = flight.link.up = GOOD
+    flight.wait_for_state(State.LANDED_ARMED)
+    with pytest.raises(WrongStateError, match="others"):
+        flight.uav.take_off(HEIGHT_M)
+
+
+def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(
+    flight: Flight, caplog: pytest.LogCaptureFixture
+) -> None:
     flight.take_off()
     flight.link.down = flight.link.up = SILENT
     flight.let_pass(LONGEST_GAP_S + 2.0)
@@ -216,6 +233,9 @@ def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(fli
     flight.wait_for_state(*(state for state in State if state is not State.UNINITIALIZED))
     flight.let_pass(3.0)
     assert ours(flight) == 0
+    assert "flight_given_up" in caplog.text
+    if flight.uav.state() is State.FLYING_AUTO:  # PX4 has left OFFBOARD
+        assert "nothing was heard for 1" in flight.uav.telemetry().state_reason
 
 
 def test_after_a_long_go_to_the_flight_is_still_ours(flight: Flight) -> None:
