@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from dataclasses import replace
 
 import pytest
@@ -13,7 +14,7 @@ from ual.geometry import TwistStamped, Vector3
 from ual.simulation import LinkLost
 from ual.types import State
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import PositionSetpoint, Setpoint, SetpointLoss
+from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, Sample, Setpoint, SetpointLoss
 from ual_daemon.flight.authority import LONGEST_GAP_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -206,3 +207,16 @@ def test_a_daemon_that_only_watches_refuses_every_command_and_sends_nothing(
     assert sent.setpoints == []
     assert sent.holds_count == 0
     assert new.vehicle.info().is_arming_allowed is False
+
+
+@pytest.mark.parametrize(("mode", "is_withdrawn"), [("HOLD", True), ("GUIDED", False)])
+def test_a_command_from_just_before_the_mode_changed_is_withdrawn_while_nobody_knows_who_took_it(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch, mode: str, is_withdrawn: bool
+) -> None:
+    uav.fly()
+    backend, answer = uav.vehicle.backend, Future[None]()
+    monkeypatch.setattr(backend, "land", lambda *_: answer)
+    uav.prepare.land().begin()
+    now = backend.snapshot()
+    uav.vehicle._flight.step(now._replace(mode=Sample(Mode(mode, Control.OTHER), now.time_s), held_by=Cause.OPEN))
+    assert answer.cancelled() is is_withdrawn
