@@ -120,10 +120,24 @@ class Telemetry:
         if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
             self._moved_s = now_s
         rests = now_s - self._moved_s >= REST_S
-        is_on_ground = not is_flying if thrust is None else thrust == 0 and (rests or not is_flying)
-        if is_on_ground and rests:
+        landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
+        if landed is LandedState.ON_GROUND and rests:
             self.stood_at = self.pose.value.position
-        self._landed = Sample(LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR, now_s)
+        self._landed = Sample(landed, NEVER_S if landed is LandedState.UNKNOWN else now_s)
+
+    def _landed_by(self, thrust: float | None, *, rests: bool, is_flying: bool) -> LandedState:
+        """Returns whether it stands. `is_flying` is what the supervisor says.
+
+        Motion without thrust shows neither ground nor flight, so the last state stays. What stood is lifted by a hand:
+        taken for a flight, UAL would start the motors. What flew falls, or its controller cuts the thrust for a moment:
+        taken for the ground, its height would be that of the ground. Where neither was seen, it stays unknown, until
+        thrust is seen, or the supervisor says that it does not fly (after 2 s).
+        """
+        if thrust is None:
+            return LandedState.IN_AIR if is_flying else LandedState.ON_GROUND
+        if thrust > 0:
+            return LandedState.IN_AIR
+        return LandedState.ON_GROUND if rests or not is_flying else self._landed.value
 
     def on_status(self, values: Mapping[str, float], now_s: float) -> None:
         """Takes the values of the block `STATUS`, as far as the firmware has them."""

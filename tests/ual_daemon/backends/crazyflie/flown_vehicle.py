@@ -1,0 +1,65 @@
+"""All of UAL below its interface, and a simulated Crazyflie, in stepped time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from typing_extensions import override
+
+from tests.simulators.crazyflie import STEP_S, Crazyflie
+from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
+from tests.simulators.ports import MemoryPort
+from tests.ual_daemon.backends.crazyflie.flown import Flown
+from ual.geometry import Vector3
+from ual.types import LandRequest, State, TakeOffRequest
+from ual_daemon.backends.crazyflie.packets import SETPOINT
+from ual_daemon.vehicle.vehicle import Vehicle
+
+
+class FlownVehicle(Flown):
+    """One that arms itself, on the ground, with its state. `settings` are those of the backend."""
+
+    vehicle: Vehicle
+
+    def __init__(self, cache: Path, positioning_deck: str = "", *, arms_itself: bool = True) -> None:
+        crazyflie = Crazyflie(MemoryPort(), arms_itself=arms_itself)
+        super().__init__(cache, crazyflie, positioning_deck=positioning_deck)
+        self.ready()
+
+    @override
+    def _make_backend(self) -> LockstepCrazyflie:
+        backend = super()._make_backend()
+        self.vehicle = Vehicle(backend, allow_arming=True)
+        backend._session = backend._make_session(self.vehicle._on_update)
+        return backend
+
+    @property
+    def state(self) -> State:
+        return self.vehicle.state()
+
+    @override
+    def take_off(self, height_m: float = 1.0) -> None:
+        self.end(self.vehicle.commands.prepare(TakeOffRequest(height_m)).begin().future)
+
+    def land(self) -> None:
+        self.end(self.vehicle.commands.prepare(LandRequest()).begin().future)
+
+    def lift(self, climb_m_s: float, duration_s: float) -> None:
+        """A hand lifts it, whatever its motors do."""
+        body = self.crazyflie.body
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            x, y, z = body.position
+            body.position, body.velocity = (x, y, z - climb_m_s * STEP_S), (0.0, 0.0, -climb_m_s)
+            body.is_on_ground = False
+            self._turn()
+
+    def move_origin(self, by: Vector3) -> None:
+        """Moves the estimate by this: what tells it where it is counts from another place now."""
+        body = self.crazyflie.body
+        x, y, z = body.position
+        body.position = (x + by.x, y - by.y, z - by.z)
+        body.ground_z_m -= by.z
+
+    def setpoints_since(self, since_s: float) -> int:
+        return sum(p.port == SETPOINT and p.channel == 0 and t >= since_s for t, p in self.crazyflie.received)
