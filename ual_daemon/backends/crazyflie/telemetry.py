@@ -9,6 +9,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.crazyflie.contact import Contact
+from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
@@ -92,8 +93,7 @@ class Telemetry:
         self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
         self._moved_s = -math.inf
         self._measured_s = self._stamp_s = 0.0
-        self.stood_at: Vector3 | None = None
-        """Where it last stood, in this boot; None if that was not seen."""
+        self.ground = Ground()
         self.contact = Contact()
 
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
@@ -122,7 +122,7 @@ class Telemetry:
         rests = now_s - self._moved_s >= REST_S
         landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
         if landed is LandedState.ON_GROUND and rests:
-            self.stood_at = self.pose.value.position
+            self.ground = Ground.seen(self.pose.value.position)
         self._landed = Sample(landed, NEVER_S if landed is LandedState.UNKNOWN else now_s)
 
     def _landed_by(self, thrust: float | None, *, rests: bool, is_flying: bool) -> LandedState:
@@ -138,6 +138,10 @@ class Telemetry:
         if thrust > 0:
             return LandedState.IN_AIR
         return LandedState.ON_GROUND if rests or not is_flying else self._landed.value
+
+    def on_jump(self, offset: Vector3) -> None:
+        """Takes note that the estimate has jumped (in metres along the local axes), or is about to."""
+        self.ground = self.ground.jumped(offset)
 
     def on_status(self, values: Mapping[str, float], now_s: float) -> None:
         """Takes the values of the block `STATUS`, as far as the firmware has them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from pathlib import Path
 
 from typing_extensions import override
@@ -42,7 +43,10 @@ class FlownVehicle(Flown):
         self.end(self.vehicle.commands.prepare(TakeOffRequest(height_m)).begin().future)
 
     def land(self) -> None:
-        self.end(self.vehicle.commands.prepare(LandRequest()).begin().future)
+        self.end(self.begin_landing())
+
+    def begin_landing(self) -> Future[None]:
+        return self.vehicle.commands.prepare(LandRequest()).begin().future
 
     def lift(self, climb_m_s: float, duration_s: float) -> None:
         """A hand lifts it, whatever its motors do."""

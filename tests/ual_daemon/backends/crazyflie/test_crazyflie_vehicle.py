@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.simulators.crazyflie import Supervisor
+from tests.simulators.crazyflie import REST_Z_M, Supervisor
 from tests.ual_daemon.backends.crazyflie.flown_vehicle import FlownVehicle
+from ual.geometry import Pose, Vector3
 from ual.types import State
+from ual_daemon.backends.crazyflie.ground import DEEPER_M, Ground
+from ual_daemon.backends.values import ExternalPose
 
 
 @pytest.mark.parametrize("daemon", ["the same", "restarted", "restarted as it is lifted"])
@@ -30,3 +33,43 @@ def test_motors_stay_off_in_the_hand_that_lifts_it_soon_after_its_landing(tmp_pa
     flown.run(3.0)
     assert flown.crazyflie.thrust == 0
     assert flown.setpoints_since(since_s) == 0
+
+
+@pytest.mark.parametrize("has_seen_ground", [True, False])
+@pytest.mark.parametrize("jump_m", [Vector3(0.0, 0.0, -1.2), Vector3(0.0, 0.0, -4.0), Vector3(1.0, 0.0, 0.8)])
+def test_a_landing_after_a_jump_of_the_position_stops_the_motors_on_the_ground(
+    tmp_path: Path, jump_m: Vector3, has_seen_ground: bool
+) -> None:
+    """As a source of poses does that has moved its origin: the ground moves with it."""
+    flown = FlownVehicle(tmp_path)
+    flown.take_off(1.5)
+    if not has_seen_ground:
+        flown.restart_daemon()
+        flown.ready()
+    flown.run(1.0)
+    flown.move_origin(jump_m)
+    flown.run(3.0)
+    assert flown.crazyflie.place[2] == pytest.approx(1.5 + jump_m.z, abs=0.1)
+    landed = flown.begin_landing()
+    while flown.crazyflie.thrust > 0:
+        flown._turn()
+    assert flown.crazyflie.body.is_on_ground
+    assert flown.crazyflie.place[2] == pytest.approx(REST_Z_M + jump_m.z, abs=0.01)
+    flown.end(landed)
+
+
+def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> None:
+    flown = FlownVehicle(tmp_path)
+    flown.take_off(0.5)
+    here = Vector3(*flown.crazyflie.place)
+    assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M, abs=0.01)
+    flown.backend.set_external_pose(ExternalPose(Pose(here), flown.now_s, 0.0, resets_count=1))
+    flown.run(0.1)
+    assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M - DEEPER_M, abs=0.01)
+
+
+def test_the_ground_is_at_its_lowest_after_jumps_until_it_stands_again() -> None:
+    here = Vector3(2.0, 0.0, 1.0)
+    ground = Ground.seen(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
+    assert ground.landing_z_m(here) == -1.0 - DEEPER_M
+    assert Ground.seen(here).landing_z_m(here) == 1.0
