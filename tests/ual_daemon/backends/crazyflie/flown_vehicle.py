@@ -11,16 +11,20 @@ from tests.simulators.crazyflie import STEP_S, Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown
-from ual.geometry import Vector3
-from ual.types import LandRequest, State, TakeOffRequest
+from ual.geometry import IDENTITY, Pose, PoseStamped, Vector3
+from ual.types import ExternalPose, LandRequest, State, TakeOffRequest
 from ual_daemon.backends.crazyflie.packets import SETPOINT
 from ual_daemon.vehicle.vehicle import Vehicle
+
+_NO_SHIFT = Vector3()
 
 
 class FlownVehicle(Flown):
     """One that arms itself, on the ground, with its state. `settings` are those of the backend."""
 
     vehicle: Vehicle
+    _source_is: Vector3 | None = None
+    """By how much the poses from outside are off; None: there are none."""
 
     def __init__(self, cache: Path, positioning_deck: str = "", *, arms_itself: bool = True) -> None:
         crazyflie = Crazyflie(MemoryPort(), arms_itself=arms_itself)
@@ -64,6 +68,24 @@ class FlownVehicle(Flown):
         x, y, z = body.position
         body.position = (x + by.x, y - by.y, z - by.z)
         body.ground_z_m -= by.z
+
+    def measure_outside(self, shift: Vector3 = _NO_SHIFT) -> None:
+        """Gives its poses from outside from now on, 50 a second, in the default frame, shifted by this.
+
+        Once a shifted one is taken, its estimate follows.
+        """
+        self._source_is = shift
+
+    @override
+    def _turn(self) -> None:
+        super()._turn()
+        shift = self._source_is
+        if shift is not None and round(self.now_s / STEP_S) % 2 == 0:
+            pose = Pose(Vector3(*self.crazyflie.place) + shift, IDENTITY)
+            is_taken = not self.vehicle.external_poses.offer(ExternalPose(PoseStamped(pose)))
+            if is_taken and shift != _NO_SHIFT:
+                self.move_origin(shift)
+                self.measure_outside()
 
     def setpoints_since(self, since_s: float) -> int:
         return sum(p.port == SETPOINT and p.channel == 0 and t >= since_s for t, p in self.crazyflie.received)

@@ -73,3 +73,28 @@ def test_the_ground_is_at_its_lowest_after_jumps_until_it_stands_again() -> None
     ground = Ground.seen(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
     assert ground.landing_z_m(here) == -1.0 - DEEPER_M
     assert Ground.seen(here).landing_z_m(here) == 1.0
+
+
+@pytest.mark.parametrize("is_in_air", [False, True])
+def test_a_source_of_poses_in_the_default_frame_that_moves_is_followed_and_set_home_repairs_it(
+    tmp_path: Path, is_in_air: bool
+) -> None:
+    """Its own move makes home lost, and nothing else tells the UAV where it is."""
+    flown = FlownVehicle(tmp_path)
+    flown.crazyflie.has_positioning = False
+    flown.measure_outside()
+    flown.run(0.5)
+    if is_in_air:
+        flown.take_off(1.0)
+    flown.measure_outside(Vector3(1.5, 0.0, 0.0))
+    flown.run(5.0)
+    assert flown.state is (State.FLYING_AUTO if is_in_air else State.LANDED_ARMED)
+    assert flown.vehicle.telemetry().frame_lost
+    if is_in_air:
+        flown.land()
+    flown.vehicle.commands.set_home()
+    flown.run(5.0)
+    telemetry = flown.vehicle.telemetry()
+    assert not telemetry.frame_lost
+    assert telemetry.pose is not None
+    assert telemetry.pose.position.norm() < 0.1
