@@ -27,7 +27,7 @@ class Authority:
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
         self._heard_s: float | None = None
         self._was_in_air = self._was_blind = False
-        self._boots_count = 0
+        self._boots = 0, 0
 
     def observe(self, state: State, snapshot: Snapshot, *, is_sending: bool) -> None:
         """Notes what an update shows while no manoeuvre of UAL is under way.
@@ -52,8 +52,9 @@ class Authority:
 
     def follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence. Called at each update, also while a manoeuvre is under way."""
-        if snapshot.boots_count != self._boots_count:  # it has not landed: it boots on the ground
-            self._boots_count, self._was_in_air = snapshot.boots_count, False
+        boots = snapshot.boots_count, snapshot.boots_in_frame_count
+        if boots != self._boots:  # it has not landed: it boots on the ground
+            self._boots, self._was_in_air = boots, False
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
         if heard_s is not None and before_s is not None and heard_s - before_s > LONGEST_GAP_S:

@@ -72,7 +72,7 @@ class Telemetry:
 
     def __init__(self, largest_position_std_m: float) -> None:
         self._largest_std_m = largest_position_std_m
-        self.boots_count = 0
+        self.boots_count = self.boots_in_frame_count = 0
         self.heard_s: float | None = None
         self.power_state: int | None = None
         self.parameters: Mapping[str, float] = {}
@@ -217,6 +217,7 @@ class Telemetry:
             battery=self._battery,
             status_text=connecting or self.words,
             boots_count=self.boots_count,
+            boots_in_frame_count=self.boots_in_frame_count,
             conflict=connecting if is_heard else "",
             health=None if info is None else self._health(info.value, found),
         )

@@ -58,4 +58,6 @@ class ValuesReader:
             self._telemetry.discard()
             if self._telemetry.begins_anew:
                 self._telemetry.boots_count += 1
+            else:
+                self._telemetry.boots_in_frame_count += 1
             self.has_rebooted = True

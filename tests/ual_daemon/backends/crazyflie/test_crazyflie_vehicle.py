@@ -98,3 +98,30 @@ def test_a_source_of_poses_in_the_default_frame_that_moves_is_followed_and_set_h
     assert not telemetry.frame_lost
     assert telemetry.pose is not None
     assert telemetry.pose.position.norm() < 0.1
+
+
+@pytest.mark.parametrize(("hover_s", "silent_s"), [(1.0, 0.0), (1.0, 15.0)])
+@pytest.mark.parametrize("arms_itself", [True, False])
+@pytest.mark.parametrize("deck", ["", "deck.bcFlow2"])
+def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others(
+    tmp_path: Path, deck: str, hover_s: float, silent_s: float, *, arms_itself: bool
+) -> None:
+    """It has fallen, out of a hover of its own or out of setpoints, and may take off again."""
+    flown = FlownVehicle(tmp_path, deck, arms_itself=arms_itself)
+    if not arms_itself:
+        flown.arm()
+    flown.take_off(1.0)
+    flown.run(hover_s)
+    flown.crazyflie.is_silent = silent_s > 0.0
+    flown.run(silent_s)
+    flown.crazyflie.boot()
+    flown.crazyflie.is_silent = False
+    booted_s = flown.now_s
+    while flown.now_s < booted_s + 5.0:
+        flown._turn()
+        assert flown.crazyflie.thrust == 0
+    if not arms_itself:
+        assert flown.state is State.LANDED_DISARMED
+        flown.arm()
+    flown.take_off(0.5)
+    assert flown.state is State.FLYING_AUTO
