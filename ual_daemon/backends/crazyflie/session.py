@@ -175,7 +175,7 @@ class Session:
         if self._reader.has_rebooted:
             self._reader.has_rebooted = False
             self.commander.on_reboot()
-        if self.is_connected:
+        if self.is_connected and not self._reader.is_boot_open:  # one that has booted is not in the air any more
             self.commander.step(self._requests, now_s, self._flying(), touches=self.telemetry.contact.touches)
             self._arming.step(now_s, self.firmware.protocol)
         self._requests.step(now_s)

@@ -100,7 +100,7 @@ def test_a_source_of_poses_in_the_default_frame_that_moves_is_followed_and_set_h
     assert telemetry.pose.position.norm() < 0.1
 
 
-@pytest.mark.parametrize(("hover_s", "silent_s"), [(1.0, 0.0), (1.0, 15.0)])
+@pytest.mark.parametrize(("hover_s", "silent_s"), [(1.0, 0.0), (1.0, 15.0), (0.0, 15.0)])
 @pytest.mark.parametrize("arms_itself", [True, False])
 @pytest.mark.parametrize("deck", ["", "deck.bcFlow2"])
 def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others(
