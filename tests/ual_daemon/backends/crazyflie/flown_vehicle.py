@@ -12,7 +12,7 @@ from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown
 from ual.geometry import IDENTITY, Pose, PoseStamped, Vector3
-from ual.types import ExternalPose, LandRequest, State, TakeOffRequest
+from ual.types import ExternalPose, GoToWaypointRequest, LandRequest, State, TakeOffRequest
 from ual_daemon.backends.crazyflie.packets import SETPOINT
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -52,6 +52,9 @@ class FlownVehicle(Flown):
     def begin_landing(self) -> Future[None]:
         return self.vehicle.commands.prepare(LandRequest()).begin().future
 
+    def begin_go_to(self, waypoint: Pose) -> None:
+        self.vehicle.commands.prepare(GoToWaypointRequest(PoseStamped(waypoint))).begin()
+
     def lift(self, climb_m_s: float, duration_s: float) -> None:
         """A hand lifts it, whatever its motors do."""
         body = self.crazyflie.body
@@ -86,6 +89,17 @@ class FlownVehicle(Flown):
             if is_taken and shift != _NO_SHIFT:
                 self.move_origin(shift)
                 self.measure_outside()
+
+    def lose_notifications(self, count: int) -> None:
+        """Loses the next notifications that setpoints stop."""
+        take = self.crazyflie._on_setpoints_stop
+        lost = iter(range(count))
+
+        def lossy(_: bytes) -> None:
+            if next(lost, None) is None:
+                take(_)
+
+        self.crazyflie._on_setpoints_stop = lossy  # type: ignore[method-assign]
 
     def setpoints_since(self, since_s: float) -> int:
         return sum(p.port == SETPOINT and p.channel == 0 and t >= since_s for t, p in self.crazyflie.received)

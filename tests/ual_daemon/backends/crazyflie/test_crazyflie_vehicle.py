@@ -11,7 +11,7 @@ from tests.ual_daemon.backends.crazyflie.flown_vehicle import FlownVehicle
 from ual.geometry import Pose, Vector3
 from ual.types import State
 from ual_daemon.backends.crazyflie.ground import DEEPER_M, Ground
-from ual_daemon.backends.values import ExternalPose
+from ual_daemon.backends.values import Control, ExternalPose
 
 
 @pytest.mark.parametrize("daemon", ["the same", "restarted", "restarted as it is lifted"])
@@ -125,3 +125,46 @@ def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_ot
         flown.arm()
     flown.take_off(0.5)
     assert flown.state is State.FLYING_AUTO
+
+
+def test_a_daemon_that_ends_has_told_that_setpoints_stop_also_if_most_of_that_is_lost(tmp_path: Path) -> None:
+    flown = FlownVehicle(tmp_path)
+    flown.take_off(1.0)
+    flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
+    flown.run(1.5)
+    flown.lose_notifications(14)
+    flown.end(flown.vehicle.prepare_shutdown())
+    flown.crazyflie.run(6.0)
+    assert flown.crazyflie.supervisor is Supervisor.FLYING
+    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
+
+
+def test_an_end_out_of_a_motion_takes_a_second(tmp_path: Path) -> None:
+    flown = FlownVehicle(tmp_path)
+    flown.take_off(1.0)
+    flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
+    flown.run(1.5)
+    begin_s = flown.now_s
+    flown.end(flown.vehicle.prepare_shutdown())
+    assert flown.now_s - begin_s < 1.0
+
+
+def test_an_abort_and_a_landing_do_not_wait_for_the_notifications(tmp_path: Path) -> None:
+    flown = FlownVehicle(tmp_path)
+    flown.take_off(1.0)
+    flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
+    flown.run(1.5)
+    flown.vehicle.commands.abort()
+    flown.run(0.05)
+    assert flown.state is State.FLYING_AUTO
+    flown.begin_landing()
+    assert flown.until(lambda: _control(flown) is Control.LAND) < 0.1
+    flown.until(lambda: flown.state is State.LANDED_ARMED)
+    flown.take_off(0.5)
+    assert flown.state is State.FLYING_AUTO
+
+
+def _control(flown: FlownVehicle) -> Control:
+    mode = flown.backend.snapshot().mode
+    assert mode is not None
+    return mode.value.control
