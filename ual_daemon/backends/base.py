@@ -192,6 +192,14 @@ class Backend(ABC):
         """
         raise NotSupportedError(f"the {self.name} backend takes no poses from outside")
 
+    def estimate_jumped(self, offset: Vector3) -> None:  # noqa: B027  most backends keep no places
+        """Notes that the autopilot's estimate of the position has jumped, in metres along the local axes.
+
+        Either the local frame has moved in the world, or the estimate was wrong before. A backend that keeps places in
+        the local frame (the ground) must not trust them any more. Called inside `on_update`, with no lock held; never
+        blocks.
+        """
+
     def utc_s(self) -> float:
         """Returns the present time as UTC since 1970, by which stamps from outside are judged.
 

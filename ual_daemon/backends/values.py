@@ -199,7 +199,8 @@ class Snapshot(NamedTuple):
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
     its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
-    of an earlier frame.
+    of an earlier frame. `boots_in_frame_count` changes when the autopilot has rebooted and its local frame is the same:
+    something outside lays it (motion capture).
     `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
     `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
     present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
@@ -226,6 +227,7 @@ class Snapshot(NamedTuple):
     sequence: int = 0
     home_geo: GeoPoint | None = None
     boots_count: int = 0
+    boots_in_frame_count: int = 0
     has_rangefinder: bool = False
     conflict: str = ""
     own_fence: OwnFence | None = None

@@ -36,7 +36,7 @@ class Authority:
         self._is_in_air = self._was_in_air = False
         """Whether it was in the air when that was known last, and when it was known before the present update."""
         self._is_blind = self._was_blind = False
-        self._boots_count = 0
+        self._boots = 0, 0
 
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
@@ -45,8 +45,9 @@ class Authority:
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
-        if snapshot.boots_count != self._boots_count:  # it has not landed: it boots on the ground
-            self._boots_count, self._is_in_air = snapshot.boots_count, False
+        boots = snapshot.boots_count, snapshot.boots_in_frame_count
+        if boots != self._boots:  # it has not landed: it boots on the ground
+            self._boots, self._is_in_air = boots, False
         self._was_blind, self._is_blind = self._is_blind, state is State.UNINITIALIZED
         self._was_in_air = self._is_in_air
         if not self._is_blind:

@@ -14,14 +14,14 @@ class ExternalSilence:
     def __init__(self) -> None:
         self._last_s: float | None = None
         self._dropped = (-math.inf, "")
-        """When the newest pose was dropped, and why."""
+        """When the newest pose was dropped or refused, and why."""
 
     def heard(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
         self._last_s = now_s
 
     def dropped(self, now_s: float, why: str) -> None:
-        """Notes that a pose came, but was dropped."""
+        """Notes that a pose came, but was dropped or refused."""
         self._dropped = (now_s, why)
 
     def passed_s(self, now_s: float) -> float:

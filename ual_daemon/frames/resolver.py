@@ -62,6 +62,7 @@ class FrameResolver:
         self.tree = FrameTree(ns, settings)
         self._map_origin = settings.map_origin_geo
         self._frame = LocalFrame(home_file, identity)
+        self._external_home: Vector3 | None = None
 
     def open(self) -> None:
         """Reads the file with home, if there is one. To be called once, before the first update."""
@@ -260,8 +261,9 @@ class FrameResolver:
     def external_pose(self, pose: PoseStamped, now_s: float) -> Pose:
         """Validates a pose from outside, and converts it to the backend's local frame, also before that has a place.
 
-        ``map`` without an origin on Earth, and what lies below it, is then as it was before any `set_home`: whoever
-        measures from outside does not move with home.
+        ``map`` without an origin on Earth, and what lies below it, is then as it was before any `set_home`, and
+        ``<ns>/odom`` that nothing ties to Earth as it was at the first pose from outside in it: whoever measures from
+        outside does not move with home. Nor is such a frame ever lost for it, as these poses lay the local frame.
 
         Raises:
             InvalidArgumentError: A value is out of range, the orientation is no rotation, or the frame is the body's.
@@ -284,8 +286,13 @@ class FrameResolver:
         return Pose(there + origin, to_odom.rotation * rotation)
 
     def _external_origin(self, frame_id: str) -> Vector3:
-        """Returns where the origin of ``<ns>/odom`` is, for a pose from outside in a frame."""
-        if self.tree.is_below_odom(frame_id) or self._map_origin is not None:
+        """Returns where the origin of ``<ns>/odom`` is, for a pose from outside in a frame; see `external_pose`."""
+        home, is_below_odom = self._frame.home, self.tree.is_below_odom(frame_id)
+        if is_below_odom and home.geo is None:
+            if self._external_home is None:
+                self._external_home = home.local
+            return self._external_home
+        if is_below_odom or self._map_origin is not None:
             self._require_known(frame_id)
             return self._frame.home.local
         start = self._frame.start

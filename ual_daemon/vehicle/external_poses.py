@@ -73,6 +73,7 @@ class ExternalPoses:
             drop = self._pass_on(measured, is_stream=is_stream)
         except UalError as error:
             self._preconditions.log_refusal(_NAME, error)
+            self._silence.dropped(self._backend.clock.now_s(), str(error))
             raise
         if drop is None:
             return ""

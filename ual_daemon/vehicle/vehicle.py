@@ -328,6 +328,7 @@ class Vehicle:
         """Follows jumps of the estimate. Returns whether one is suspected: nothing is then sent to where it was."""
         jump = self._jumps.observe(snapshot)
         if jump is not None:
+            self.backend.estimate_jumped(jump.offset)
             self._resolver.estimate_jumped(jump.offset)
             self._flight.estimate_jumped(jump, snapshot)
         jump = self._heading_jumps.observe(snapshot)

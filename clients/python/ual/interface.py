@@ -900,6 +900,7 @@ class Uav(TaskCommands[Task]):
             pose: Where the UAV is, with its whole orientation. `PoseStamped.stamp_s` is when it was measured, in UTC;
                 0: just now. In ``map``, or a frame below it that is not below ``<ns>/odom``, it is where the UAV is in
                 the autopilot's local frame as that was before any `set_home`, even before the autopilot has a position.
+                In ``<ns>/odom``, or below it, while nothing ties that to Earth: as it was at the first such pose.
             position_std_dev_m: The standard deviation in each axis, in metres. None where it is not known.
             orientation_std_dev_rad: The standard deviation about each axis, in radians. None where it is not known.
 

@@ -83,3 +83,46 @@ def test_set_home_makes_all_of_them_known_again() -> None:
     assert (frames.odom_loss, frames.map_loss) == (None, None)
     assert tuple(goal(frames, "")) == near(2.0)
     assert tuple(frames.transform("map", ODOM, AFTER).translation) == pytest.approx((5.0, 0.0, 0.0), abs=0.05)
+
+
+def external(frames: FrameResolver, frame_id: str, x: float = 2.0) -> tuple[float, ...]:
+    return tuple(frames.external_pose(PoseStamped(Pose.at(x, 0.0, 0.0, 0.0), frame_id), 9.0).position)
+
+
+@pytest.mark.parametrize(("frame_id", "x"), [("", 2.0), (ODOM, 2.0), (BELOW_ODOM, 3.0), ("map", 2.0)])
+@pytest.mark.parametrize("cause", ["jump", "boot"])
+def test_poses_from_outside_lay_a_frame_that_nothing_ties_to_earth_whatever_becomes_of_home(
+    frame_id: str, x: float, cause: str
+) -> None:
+    frames = FrameResolver("uav_1", VehicleSettings())
+    frames.tree.add(Transform(Vector3(1.0, 0.0, 0.0), IDENTITY, ODOM, BELOW_ODOM))
+    frames.update(at(0.0, None, gps=NO_FIX))
+    assert external(frames, frame_id) == near(x)
+    frames.set_home(Vector3(1.0, 0.0, 0.0), at(0.0, None, gps=NO_FIX), set_z=False)
+    assert external(frames, frame_id) == near(x)
+    if cause == "jump":
+        frames.estimate_jumped(Vector3(1.5, 0.0, 0.0))
+    else:
+        frames.update(at(1.0, None, 1, NO_FIX))
+    assert frames.odom_loss is not None
+    assert external(frames, frame_id) == near(x)
+    frames.set_home(Vector3(5.0, 0.0, 0.0), at(1.0, None, 0 if cause == "jump" else 1, NO_FIX), set_z=False)
+    assert frames.odom_loss is None
+    assert external(frames, frame_id) == near(x)
+
+
+def test_poses_from_outside_that_begin_late_are_where_home_is_then() -> None:
+    frames = FrameResolver("uav_1", VehicleSettings())
+    before = at(0.0, None, gps=NO_FIX)
+    frames.update(before)
+    frames.set_home(Vector3(1.0, 0.0, 0.0), before, set_z=False)
+    assert external(frames, "") == near(3.0)
+
+
+def test_poses_from_outside_in_a_frame_on_earth_that_is_lost_are_refused() -> None:
+    frames = FrameResolver("uav_1", VehicleSettings())
+    frames.update(at(0.0, moved(0.0)))
+    assert external(frames, "") == near(2.0)
+    frames.update(at(1.0, None, 1, NO_FIX))
+    with pytest.raises(FrameLostError):
+        external(frames, "")

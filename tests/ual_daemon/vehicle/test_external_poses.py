@@ -143,6 +143,17 @@ def test_the_reason_says_why_poses_are_dropped(lab: Lab) -> None:
     assert lab.uav.telemetry().state_reason.endswith("; the poses from outside are dropped: it is old")
 
 
+def test_the_reason_says_why_poses_are_refused(lab: Lab) -> None:
+    lab.uav.simulation.begin_fault(PositionLost())
+    lab.measure(Vector3())
+    for _ in range(60):
+        with pytest.raises(UnknownFrameError):
+            lab.measure(Vector3(), "nowhere")
+    assert lab.uav.state() is State.UNINITIALIZED
+    assert "; the poses from outside are dropped: " in lab.uav.telemetry().state_reason
+    assert "nowhere" in lab.uav.telemetry().state_reason
+
+
 def test_frames_are_converted_and_home_does_not_move_what_is_measured_in_map(lab: Lab) -> None:
     uav = lab.uav
     uav.add_frame(Transform(Vector3(10.0, 0.0, 0.0), Quaternion.from_yaw(math.pi / 2), "map", "camera"))

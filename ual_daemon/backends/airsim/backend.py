@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -123,6 +124,8 @@ class AirsimBackend(Backend):
         self._report: Report | None = None
         self._snapshot = Snapshot(0.0)
         self._landing: Landing | None = None
+        """Begun and ended by any thread; the link's leads it."""
+        self._landing_lock = threading.Lock()
         self._has_collided = self._is_holding = self._is_silent = False
         self._ground_z_m = 0.0
         self._disarmed_s = 0.0
@@ -200,7 +203,9 @@ class AirsimBackend(Backend):
             return _refusal("Land: the API has no control of the vehicle")
         self._mailbox.drop()
         self._has_collided = self._is_holding = False
-        self._landing = Landing(pose.value.position, self._ground_z_m, limits)
+        landing = Landing(pose.value.position, self._ground_z_m, limits)
+        with self._landing_lock:
+            self._landing = landing
         return futures.done()
 
     @override
@@ -280,8 +285,9 @@ class AirsimBackend(Backend):
         if is_on_ground:
             self._ground_z_m = report.pose.position.z
         self._note_collision(report, is_on_ground)
-        if self._landing is not None:
-            self._land(self._landing, report, is_on_ground, now_s)
+        landing = self._landing
+        if landing is not None:
+            self._land(landing, report, is_on_ground, now_s)
         landed = LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR
         if self._landing is not None:
             landed = LandedState.LANDING  # until it is disarmed
@@ -317,7 +323,7 @@ class AirsimBackend(Backend):
     def _land(self, landing: Landing, report: Report, is_on_ground: bool, now_s: float) -> None:
         """Leads the landing on, and ends it once the vehicle is disarmed or another controls it."""
         if not report.is_armed or not report.has_api_control or self._has_collided:
-            self._landing = None
+            self._end_landing(landing)
             return
         if not landing.is_disarming:
             self._mailbox.put(landing.setpoint(report.pose.position))
@@ -325,6 +331,12 @@ class AirsimBackend(Backend):
             self._mailbox.drop()
             landing.is_disarming, self._disarmed_s = True, now_s
             self._command(self._procedures.disarm_landed)
+
+    def _end_landing(self, landing: Landing) -> None:
+        """Ends a landing, unless another thread has begun another one."""
+        with self._landing_lock:
+            if self._landing is landing:
+                self._landing = None
 
     def _update(self) -> None:
         if self._on_update is not None:

@@ -62,6 +62,7 @@ class SimulatorLink:
         self._connection: Connection | None = None
         self._thread = threading.Thread(target=self._run, name=f"airsim {address}", daemon=True)
         self._was_refused = self._was_connected = False
+        self._failure = ""
         self.simulator: Simulator | None = None
         """None until the first connection; then what the newest one has found."""
         self.is_up = False
@@ -85,12 +86,29 @@ class SimulatorLink:
 
     def _run(self) -> None:
         while not self._closing.is_set():
-            try:
-                self._connect_and_poll()
-            except (OSError, ValueError, RemoteError, WrongVehicleError) as error:
-                self._lost(error)
-            self._on_poll()
+            self._turn()
             self._closing.wait(_RETRY_S)
+
+    def _turn(self) -> None:
+        """Connects, and polls until that fails. No error ends the thread."""
+        try:
+            self._connect_and_poll()
+        except (OSError, ValueError, RemoteError, WrongVehicleError) as error:
+            self._lost(error)
+        except Exception as error:  # noqa: BLE001  logged with its traceback
+            self._log_failure(error)
+            self._lost(error)
+        try:
+            self._on_poll()
+        except Exception as error:  # noqa: BLE001  logged with its traceback
+            self._log_failure(error)
+
+    def _log_failure(self, error: Exception) -> None:
+        """Logs an error with its traceback, unless it is the same as the last one."""
+        words = repr(error)
+        if words != self._failure:
+            self._failure = words
+            _log.error("the link to AirSim failed; this is a defect of UAL, please report it", exc_info=error)
 
     def _connect_and_poll(self) -> None:
         self._connection = connection = Connection(self._address)
@@ -159,7 +177,8 @@ class SimulatorLink:
         elif isinstance(error, (RemoteError, WrongVehicleError)):
             self._say_why_not(why)
         elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made anew
-            self._say_why_not(f"its answers are not those of AirSim: {why}")
+            whose = "its answers are not those of AirSim" if isinstance(error, ValueError) else "a defect of UAL"
+            self._say_why_not(f"{whose}: {why}")
         if self.is_up and not self._closing.is_set():
             logs.event(_log, logging.WARNING, "simulator_lost", url=str(self._address), why=why)
         self.is_up = False

@@ -46,9 +46,10 @@ class Rotation(msgspec.Struct, frozen=True):
     z_val: float
 
     def to_enu(self) -> Quaternion:
-        """Returns the rotation from forward, left, up to east, north, up."""
+        """Returns the rotation from forward, left, up to east, north, up. All zeros, which are no rotation, stay so."""
         w, x, y, z, half = self.w_val, self.x_val, self.y_val, self.z_val, math.sqrt(0.5)
-        return Quaternion(half * (x + y), half * (x - y), half * (w - z), half * (w + z)).normalized()
+        rotation = Quaternion(half * (x + y), half * (x - y), half * (w - z), half * (w + z))
+        return rotation.normalized() if any(rotation) else rotation
 
 
 class Kinematics(msgspec.Struct, frozen=True):

@@ -44,6 +44,7 @@ class CrazyflieBackend(Backend):
         self._mailbox: SetpointMailbox | None = None
         self._session: Session | None = None
         self._thread: threading.Thread | None = None
+        self._resets_count = 0
 
     @classmethod
     @override
@@ -136,12 +137,22 @@ class CrazyflieBackend(Backend):
     @override
     def set_external_pose(self, measured: ExternalPose) -> None:
         session = self._session
+        if session is not None and measured.resets_count != self._resets_count:
+            # Smoothed by its filter, the jump that follows may be too slow to be seen.
+            self._resets_count = measured.resets_count
+            session.post(lambda _: session.telemetry.on_jump(Vector3()))
         if session is not None and session.is_connected:
             position, orientation = measured.pose.position, measured.pose.orientation
             has_orientation = self._settings.sends_orientation
             self._link.send_pose(
                 packets.external_pose(position, orientation) if has_orientation else packets.external_position(position)
             )
+
+    @override
+    def estimate_jumped(self, offset: Vector3) -> None:
+        session = self._session
+        if session is not None:
+            session.telemetry.on_jump(offset)
 
     @override
     def utc_s(self) -> float:

@@ -38,8 +38,12 @@ KEEP_S, KEEP_EACH_S = 0.1, 0.02
 """Setpoints keep it where it is for so long, at this interval, before the high-level commander is asked again."""
 ASK_EACH_S = 0.05
 """The interval at which a command to the high-level commander is repeated."""
-NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15)
-"""The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`."""
+NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.26, 0.32, 0.39, 0.46, 0.53, 0.6, 0.67, 0.74, 0.8)
+"""The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`. So
+many get through also where most are lost, or a link is down for half a second. The firmware waits for 2 s.
+"""
+AGAIN_COUNT = 5
+"""A goal is sent once more with so many of them. Each time its flight begins anew, so not with all."""
 NOTIFY_AGAIN_S = 0.2
 SILENCE_S = 0.3
 """In the air, the high-level commander takes over when no setpoint has come for so long, whatever the reason."""
@@ -222,7 +226,8 @@ class Commander:
         if not self._notify_s or now_s < self._notify_s[0]:
             return []
         self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
-        again = [self._again] if self._again is not None and self._untold_count else []
+        is_one_of_first = self._untold_count > len(NOTIFICATIONS) - AGAIN_COUNT
+        again = [self._again] if self._again is not None and is_one_of_first else []
         self._untold_count = max(0, self._untold_count - 1)
         return [*again, packets.setpoints_stop()]
 

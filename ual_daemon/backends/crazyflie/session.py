@@ -39,15 +39,8 @@ TICK_S = 0.02
 UPDATE_S = 0.05
 """The longest interval between two updates, whatever comes."""
 
-BESIDE_M = 0.5
-"""Farther from where it stood than this, the ground is not known: it may have flown off a table."""
-DEEPER_M = 1.5
-"""A landing there leads so much deeper. It ends at the ground, by the thrust and the velocity."""
-
 _NEW_S = 0.15
 """An older pose does not say where it is now."""
-_GROUND_Z = 0.0
-"""The height of a ground that was not seen: where the Crazyflie was switched on."""
 
 
 class Session:
@@ -142,17 +135,9 @@ class Session:
     def land(self, descent_speed_m_s: float) -> Future[None]:
         """Has it land by itself. Raises `RejectedByAutopilotError`."""
         pose, velocity = self._motion()
-        ground_z = self._landing_z(pose.position)
+        ground_z = self.telemetry.ground.landing_z_m(pose.position)
         request = self.commander.encoder.land(pose.position.z, ground_z, descent_speed_m_s)
         return self.commander.hand_over(Phase.LANDING, request, rest(pose, velocity))
-
-    def _landing_z(self, here: Vector3) -> float:
-        """Returns the height to land at: where it stood, or deeper beside that place, where the ground may be lower."""
-        stood_at = self.telemetry.stood_at
-        if stood_at is None:
-            return _GROUND_Z - DEEPER_M
-        is_beside = (here - stood_at).horizontal_norm() > BESIDE_M
-        return stood_at.z - (DEEPER_M if is_beside else 0.0)
 
     def _motion(self) -> tuple[Pose, Vector3]:
         pose, velocity = self.telemetry.pose, self.telemetry.velocity
@@ -190,7 +175,7 @@ class Session:
         if self._reader.has_rebooted:
             self._reader.has_rebooted = False
             self.commander.on_reboot()
-        if self.is_connected:
+        if self.is_connected and not self._reader.is_boot_open:  # one that has booted is not in the air any more
             self.commander.step(self._requests, now_s, self._flying(), touches=self.telemetry.contact.touches)
             self._arming.step(now_s, self.firmware.protocol)
         self._requests.step(now_s)

@@ -9,6 +9,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.crazyflie.contact import Contact
+from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
@@ -71,7 +72,7 @@ class Telemetry:
 
     def __init__(self, largest_position_std_m: float) -> None:
         self._largest_std_m = largest_position_std_m
-        self.boots_count = 0
+        self.boots_count = self.boots_in_frame_count = 0
         self.heard_s: float | None = None
         self.power_state: int | None = None
         self.parameters: Mapping[str, float] = {}
@@ -92,8 +93,7 @@ class Telemetry:
         self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
         self._moved_s = -math.inf
         self._measured_s = self._stamp_s = 0.0
-        self.stood_at: Vector3 | None = None
-        """Where it last stood, in this boot; None if that was not seen."""
+        self.ground = Ground()
         self.contact = Contact()
 
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
@@ -120,10 +120,28 @@ class Telemetry:
         if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
             self._moved_s = now_s
         rests = now_s - self._moved_s >= REST_S
-        is_on_ground = not is_flying if thrust is None else thrust == 0 and (rests or not is_flying)
-        if is_on_ground and rests:
-            self.stood_at = self.pose.value.position
-        self._landed = Sample(LandedState.ON_GROUND if is_on_ground else LandedState.IN_AIR, now_s)
+        landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
+        if landed is LandedState.ON_GROUND and rests:
+            self.ground = Ground.seen(self.pose.value.position)
+        self._landed = Sample(landed, NEVER_S if landed is LandedState.UNKNOWN else now_s)
+
+    def _landed_by(self, thrust: float | None, *, rests: bool, is_flying: bool) -> LandedState:
+        """Returns whether it stands. `is_flying` is what the supervisor says.
+
+        Motion without thrust shows neither ground nor flight, so the last state stays. What stood is lifted by a hand:
+        taken for a flight, UAL would start the motors. What flew falls, or its controller cuts the thrust for a moment:
+        taken for the ground, its height would be that of the ground. Where neither was seen, it stays unknown, until
+        thrust is seen, or the supervisor says that it does not fly (after 2 s).
+        """
+        if thrust is None:
+            return LandedState.IN_AIR if is_flying else LandedState.ON_GROUND
+        if thrust > 0:
+            return LandedState.IN_AIR
+        return LandedState.ON_GROUND if rests or not is_flying else self._landed.value
+
+    def on_jump(self, offset: Vector3) -> None:
+        """Takes note that the estimate has jumped (in metres along the local axes), or is about to."""
+        self.ground = self.ground.jumped(offset)
 
     def on_status(self, values: Mapping[str, float], now_s: float) -> None:
         """Takes the values of the block `STATUS`, as far as the firmware has them."""
@@ -199,6 +217,7 @@ class Telemetry:
             battery=self._battery,
             status_text=connecting or self.words,
             boots_count=self.boots_count,
+            boots_in_frame_count=self.boots_in_frame_count,
             conflict=connecting if is_heard else "",
             health=None if info is None else self._health(info.value, found),
         )

@@ -18,7 +18,8 @@ class ValuesReader:
         self._blocks: dict[int, Block] = {}
         self._motion_ident = -1
         self._times: dict[int, BoardTime] = {}
-        self._is_boot_open = False
+        self.is_boot_open = False
+        """Whether it may have booted since the last values: the next ones show it."""
         self.motion_s: float | None = None
         """When the last motion came."""
         self.has_rebooted = False
@@ -31,7 +32,7 @@ class ValuesReader:
         """
         self._blocks = {block.ident: block for block in blocks}
         self._motion_ident = blocks[0].ident
-        self._is_boot_open = self._motion_ident in self._times
+        self.is_boot_open = self._motion_ident in self._times
 
     def take(self, data: bytes, now_s: float, utc_s: float) -> None:
         """Takes a packet of values."""
@@ -40,7 +41,7 @@ class ValuesReader:
         if block is None or values is None:
             return
         stamp_ms = log_blocks.milliseconds(data)
-        if self._is_boot_open:
+        if self.is_boot_open:
             self._judge_boot(stamp_ms, now_s)
         measured_s = self._times.setdefault(block.ident, BoardTime()).update(stamp_ms, now_s)
         if measured_s is None:
@@ -52,10 +53,12 @@ class ValuesReader:
             self._telemetry.on_status(values, now_s)
 
     def _judge_boot(self, stamp_ms: int, now_s: float) -> None:
-        self._is_boot_open = False
+        self.is_boot_open = False
         if not self._times[self._motion_ident].fits(stamp_ms, now_s, CLOCK_TOLERANCE_S):
             self._times.clear()
             self._telemetry.discard()
             if self._telemetry.begins_anew:
                 self._telemetry.boots_count += 1
+            else:
+                self._telemetry.boots_in_frame_count += 1
             self.has_rebooted = True

@@ -120,7 +120,8 @@ def test_a_reboot_is_noticed_and_healed(tmp_path: Path, decks: tuple[str, ...], 
     flown.crazyflie.boot()
     flown.crazyflie.is_silent = False
     assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 2.0
-    assert flown.backend.snapshot().boots_count == frames
+    snapshot = flown.backend.snapshot()
+    assert (snapshot.boots_count, snapshot.boots_in_frame_count) == (frames, 1 - frames)
     assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 1
 
 

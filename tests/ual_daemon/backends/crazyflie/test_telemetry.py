@@ -7,8 +7,9 @@ import math
 import pytest
 
 from ual_daemon.backends.crazyflie.commander import MODES, Phase
-from ual_daemon.backends.crazyflie.telemetry import Telemetry
-from ual_daemon.backends.values import Estimator
+from ual_daemon.backends.crazyflie.supervisor import Supervisor
+from ual_daemon.backends.crazyflie.telemetry import REST_S, Telemetry
+from ual_daemon.backends.values import NEVER_S, Estimator, LandedState
 
 
 def motion(x: float) -> dict[str, float]:
@@ -46,3 +47,48 @@ def estimator_of(telemetry: Telemetry) -> Estimator:
     estimator = telemetry.snapshot(1.2, MODES[Phase.SETPOINTS], "").estimator
     assert estimator is not None
     return estimator.value
+
+
+def moved(
+    telemetry: Telemetry, now_s: float, thrust: int, climb_m_s: float, supervisor: int = Supervisor.FLYING
+) -> None:
+    values = {"stabilizer.thrust": thrust, "stateEstimateZ.vz": climb_m_s * 1e3, "supervisor.info": supervisor}
+    telemetry.on_motion(motion(0.0) | values, now_s, now_s, now_s)
+
+
+def landed_of(telemetry: Telemetry) -> LandedState:
+    landed = telemetry.snapshot(9.0, MODES[Phase.SETPOINTS], "").landed
+    assert landed is not None
+    assert (landed.time_s == NEVER_S) is (landed.value is LandedState.UNKNOWN)
+    return landed.value
+
+
+def test_what_is_lifted_by_a_hand_after_its_landing_is_on_the_ground_until_its_motors_run() -> None:
+    telemetry = Telemetry(0.5)
+    moved(telemetry, 1.0, 38800, -0.3)
+    moved(telemetry, 1.1, 0, 0.0)
+    assert landed_of(telemetry) is LandedState.IN_AIR
+    moved(telemetry, 1.1 + REST_S, 0, 0.0)
+    assert landed_of(telemetry) is LandedState.ON_GROUND
+    moved(telemetry, 1.6, 0, 0.5)
+    assert landed_of(telemetry) is LandedState.ON_GROUND
+    moved(telemetry, 1.7, 1, 0.5)
+    assert landed_of(telemetry) is LandedState.IN_AIR
+
+
+def test_a_flight_whose_thrust_is_cut_for_a_moment_goes_on() -> None:
+    telemetry = Telemetry(0.5)
+    moved(telemetry, 1.0, 38800, -0.5)
+    moved(telemetry, 1.1, 0, -1.0)
+    assert landed_of(telemetry) is LandedState.IN_AIR
+    moved(telemetry, 3.1, 0, -1.0, supervisor=0)
+    assert landed_of(telemetry) is LandedState.ON_GROUND
+
+
+def test_motion_without_thrust_that_is_heard_first_is_neither_ground_nor_flight() -> None:
+    telemetry = Telemetry(0.5)
+    for step in range(3):
+        moved(telemetry, 1.0 + step, 0, 0.5)
+        assert landed_of(telemetry) is LandedState.UNKNOWN
+    moved(telemetry, 4.0, 0, 0.5, supervisor=0)
+    assert landed_of(telemetry) is LandedState.ON_GROUND

@@ -1,0 +1,128 @@
+"""What no simulator shows at will: threads that meet, and answers that nobody expects. Without sockets and threads."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+from typing_extensions import override
+
+from ual.geometry import Vector3
+from ual.types import Limits
+from ual_daemon.backends.airsim.backend import AirsimBackend
+from ual_daemon.backends.airsim.landing import Landing
+from ual_daemon.backends.airsim.link import Simulator
+from ual_daemon.backends.airsim.state import (
+    Collision,
+    Kinematics,
+    Location,
+    RemoteControl,
+    Report,
+    Rotation,
+    Rotor,
+    Rotors,
+    State,
+    Vector,
+)
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.values import LandedState, Snapshot
+
+LEVEL = Rotation(1.0, 0.0, 0.0, 0.0)
+
+
+def report(rotation: Rotation = LEVEL, *, rotor_rad_s: float = 500.0) -> Report:
+    """It descends."""
+    motion = Kinematics(Vector(z_val=-3.0), rotation, Vector(z_val=0.5), Vector(), Vector())
+    state = State(Collision(0, Vector(), ""), motion, 1000, 1, RemoteControl(False))
+    return Report(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True)
+
+
+def landing() -> Landing:
+    return Landing(Vector3(), 0.0, Limits())
+
+
+def connected(backend: AirsimBackend) -> AirsimBackend:
+    backend._link.simulator = Simulator(("Drone1",), "Drone1", Location(47.0, 8.0, 400.0), 1.0, "1")
+    return backend
+
+
+@pytest.fixture
+def backend() -> AirsimBackend:
+    return connected(AirsimBackend(BackendOptions("uav_1")))
+
+
+class _EndedAtOnce(AirsimBackend):
+    """Another thread ends the landing as soon as it was read."""
+
+    _found: Landing | None = None
+
+    @property
+    @override
+    def _landing(self) -> Landing | None:
+        found, self._found = self._found, None
+        return found
+
+    @_landing.setter
+    def _landing(self, landing: Landing | None) -> None:
+        self._found = landing
+
+
+def test_a_landing_that_another_thread_ends_just_now_is_no_error() -> None:
+    backend = connected(_EndedAtOnce(BackendOptions("uav_1")))
+    backend._landing = landing()
+    backend._take(report())
+    landed = backend._snapshot.landed
+    assert landed is not None
+    assert landed.value is LandedState.IN_AIR
+
+
+def test_the_end_of_a_landing_does_not_end_the_one_after_it(backend: AirsimBackend) -> None:
+    first, second = landing(), landing()
+    backend._landing = second
+    backend._land(first, report(rotor_rad_s=0.0), False, 1.0)
+    assert backend._landing is second
+    backend._land(second, report(rotor_rad_s=0.0), False, 1.0)
+    assert backend._landing is None
+
+
+def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:
+    backend._take(report())
+    assert backend._snapshot.pose is not None
+    backend._take(report(Rotation(0.0, 0.0, 0.0, 0.0)))
+    assert backend._snapshot.pose is None
+
+
+def test_the_link_survives_what_nobody_expects(
+    backend: AirsimBackend, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    link, updates = backend._link, list[Snapshot]()
+    backend._on_update = updates.append
+
+    def fails() -> None:
+        raise AttributeError("landing")
+
+    monkeypatch.setattr(link, "_connect_and_poll", fails)
+    link.is_up = True
+    with caplog.at_level(logging.ERROR):
+        for _ in range(3):
+            link._turn()
+    assert not link.is_up
+    assert not updates[0].conflict  # it may be well again
+    assert "a defect of UAL: landing" in updates[-1].conflict
+    assert len(updates) == 3
+    (record,) = caplog.records  # told once
+    assert record.exc_info is not None
+
+
+def test_the_link_survives_an_update_that_fails(
+    backend: AirsimBackend, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(backend._link, "_connect_and_poll", lambda: None)
+
+    def fails(_: Snapshot) -> None:
+        raise AttributeError("update")
+
+    backend._on_update = fails
+    with caplog.at_level(logging.ERROR):
+        backend._link._turn()
+    assert "this is a defect of UAL" in caplog.text

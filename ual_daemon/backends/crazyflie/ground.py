@@ -1,0 +1,39 @@
+"""The ground under one Crazyflie, as far as it was seen: the height to which a landing leads."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ual.geometry import Vector3
+
+BESIDE_M = 0.5
+"""Farther from where it stood than this, the ground is not known: it may have flown off a table."""
+DEEPER_M = 1.5
+"""A landing there leads so much deeper. It ends at the ground, by the thrust and the velocity."""
+
+
+class Ground(NamedTuple):
+    """What is known of the ground, in the local frame. Any thread may read it."""
+
+    place: Vector3 | None = None
+    """Where it last stood, in this boot; None: not known."""
+    z_m: float = 0.0
+    """How low the ground is where it stood; 0 if that was not seen: it was switched on there."""
+
+    @classmethod
+    def seen(cls, place: Vector3) -> Ground:
+        """Returns the ground of a Crazyflie that stands at a place."""
+        return cls(place, place.z)
+
+    def jumped(self, offset: Vector3) -> Ground:
+        """Returns the ground after a jump of the estimate by an offset.
+
+        If what tells it where it is has moved its origin, the ground has moved with it. If the estimate was wrong and
+        is right now, it has not. The lower one of both counts: the motors must not stop above the ground.
+        """
+        return Ground(None, self.z_m + min(0.0, offset.z))
+
+    def landing_z_m(self, here: Vector3) -> float:
+        """Returns the height to land at: where it stood, or deeper where it is not known how low the ground is."""
+        is_known = self.place is not None and (here - self.place).horizontal_norm() <= BESIDE_M
+        return self.z_m - (0.0 if is_known else DEEPER_M)
