@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future
 
 import pytest
 
@@ -20,6 +21,7 @@ class Exchange:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, Message, Callable[[Answer], None]]] = []
+        self.futures: list[Future[Message]] = []
         self.is_held_up = False
         self.is_withdrawn = False
         self.wanted_heartbeats = 0
@@ -29,8 +31,12 @@ class Exchange:
         step = commands.set_mode("OFFBOARD", "take control")
         self.done = self.commands.submit((step,), self.snapshot(), lambda: self.is_withdrawn)
 
-    def _call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
+    def _call(
+        self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float
+    ) -> Future[Message]:
         self.calls.append((service, arguments, take))
+        self.futures.append(Future())
+        return self.futures[-1]
 
     def _want_heartbeat(self) -> None:
         self.wanted_heartbeats += 1
@@ -40,9 +46,11 @@ class Exchange:
         return Snapshot(self.now_s, heard_s=self.now_s, mode=mode)
 
     def step(self, duration_s: float, *, heartbeat: str = "") -> None:
-        """Lets time pass. A heartbeat comes at its end, if at all."""
+        """Lets time pass. A heartbeat comes at its end, if at all; before the first call ten a second come."""
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
+            if not self.calls and self.now_s - self.heartbeat_s >= 0.1:
+                self.heartbeat_s = self.now_s
             self.commands.tick(self.snapshot())
         if heartbeat:
             self.mode, self.heartbeat_s = heartbeat, self.now_s
@@ -104,6 +112,30 @@ def test_a_mode_leaves_once_nothing_holds_up_its_call() -> None:
     it.is_held_up = False
     it.step(0.1)
     assert len(it.calls) == 1
+
+
+def test_a_mode_that_waits_is_not_sent_once_somebody_else_has_changed_the_mode() -> None:
+    it = Exchange()
+    it.is_held_up = True
+    it.step(0.3, heartbeat="ALTCTL")
+    it.is_held_up = False
+    it.step(1.0, heartbeat="ALTCTL")
+    assert not it.calls
+
+
+@pytest.mark.parametrize("end", ["dropped", "withdrawn", "replaced", "overruled", "late"])
+def test_the_call_of_a_command_that_has_ended_is_withdrawn(end: str) -> None:
+    it = Exchange()
+    it.step(0.1)
+    assert not it.futures[0].cancelled()
+    if end == "dropped":
+        it.commands.drop()
+    elif end == "replaced":
+        it.commands.submit((commands.set_mode("AUTO.LAND", "land"),), it.snapshot(), lambda: False)
+    it.is_withdrawn = end == "withdrawn"
+    it.step(0.1, heartbeat="ALTCTL" if end == "overruled" else "POSCTL")
+    it.step(5.0 if end == "late" else 0.1)
+    assert it.futures[0].cancelled()
 
 
 def test_a_service_that_is_not_there_refuses_by_its_name() -> None:

@@ -262,6 +262,29 @@ def test_a_mode_is_not_asked_for_where_the_call_would_wait_until_the_pilot_has_t
     assert px4.uav.telemetry().state is State.FLYING_MANUAL
 
 
+def test_a_landing_that_is_commanded_in_a_short_stall_of_the_bridge_overrules_no_pilot(flight: Flight) -> None:
+    """The first sign of life after it may come before the new mode, and with an old one that had waited."""
+    flight.fly(6.0)
+    modes, node = record_modes(flight), flight.backend.node
+    step, stalls_s = node.step, flight.now_s() + 0.02
+    has_taken_over: list[bool] = []
+
+    def stall_and_take_over(now_s: float) -> Iterable[tuple[str, Message]]:
+        flight.backend.is_stalled = 0.0 <= now_s - stalls_s < 0.74
+        if now_s - stalls_s >= 0.38 and not has_taken_over:
+            has_taken_over.append(True)
+            flight.backend.autopilot.pilot_take_over()
+        return step(now_s)
+
+    node.step = stall_and_take_over  # type: ignore[method-assign]
+    flight.until(lambda: flight.now_s() >= stalls_s + 0.42)
+    with pytest.raises(TaskAbortedError, match="safety pilot"):
+        flight.uav.land(blocking=False).wait(LIMIT_S)
+    flight.until(lambda: flight.now_s() >= stalls_s + 6.0)
+    assert modes == []
+    assert flight.uav.telemetry().state is State.FLYING_MANUAL
+
+
 def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
     """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
     px4.fly()

@@ -125,6 +125,32 @@ def test_a_call_that_waits_is_sent_when_the_bridge_answers_again_within_its_time
     assert min(it.sent_s("call_service", "/uav/add")) >= STALLS_S + 0.7
 
 
+def test_a_bridge_that_may_have_stalled_holds_up_calls() -> None:
+    held_s: list[float] = []
+    it = Stall(0.7, lambda it: held_s.append(it.time_s) if it.link.is_up and it.link.holds_up_calls else None)
+    it.run()
+    assert STALLS_S + 0.3 < min(held_s) < STALLS_S + 0.3 + 0.1 + 3.0 * STEP_S
+    assert max(held_s) < STALLS_S + 0.7 + 2.0 * STEP_S
+
+
+def test_a_call_that_is_withdrawn_by_what_comes_when_the_bridge_goes_on_is_not_sent() -> None:
+    """Not even if another call is made after it."""
+
+    def call(it: Stall) -> None:
+        if it.time_s > STALLS_S + 0.45 and not calls:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=2.0))
+        if it.time_s > STALLS_S + 0.7 and len(calls) == 1:
+            calls[0].cancel()
+            calls.append(it.link.call_service("/uav/refuse"))
+
+    calls: list[Any] = []
+    it = Stall(0.7, call)
+    it.run()
+    assert calls[0].cancelled()
+    assert it.sent_s("call_service", "/uav/add") == []
+    assert it.sent_s("call_service", "/uav/refuse") != []
+
+
 def test_no_call_is_sent_while_the_bridge_is_silent_nor_kept_from_before() -> None:
     def call(it: Stall) -> None:
         if it.time_s > STALLS_S + 0.45 and not calls:
