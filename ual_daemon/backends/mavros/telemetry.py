@@ -33,6 +33,10 @@ VELOCITY_LIMIT_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 ATTITUDE_LIMIT_S = 1.2
 """MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
+_LATE_MS = 100
+"""A topic that is throttled to this interval or a longer one says nothing about now: its newest message waits in the
+bridge for so long.
+"""
 _NO_VELOCITY = Estimator(False, f"MAVROS publishes no velocity ({topics.VELOCITY})")
 _NO_ATTITUDE = Estimator(False, f"MAVROS gets no attitude any more ({topics.IMU} is silent)")
 _NO_AHRS = Estimator(False, "its attitude and position estimate is not healthy (AHRS in SYS_STATUS)")
@@ -108,7 +112,8 @@ class Telemetry:
         """Takes a message. Returns False for one that is late, and older than the one before."""
         if not self._ordering.accepts(topic, stamp_s(message)):
             return False
-        if topic != topics.STATE or message["connected"]:
+        is_prompt = topics.TOPICS[topic].throttle_ms < _LATE_MS
+        if is_prompt and (topic != topics.STATE or message["connected"]):
             self._heard_s = now_s
         self.counts[topic] += 1
         handler = self._handlers.get(topic)
@@ -331,12 +336,14 @@ class Telemetry:
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def _judged_estimator(self, now_s: float) -> Sample[Estimator] | None:
+        """Judges by what was heard last: if nothing comes any more, it is not one topic that is silent."""
         estimator, velocity = self._estimator, self._velocity
         if estimator is None or not estimator.value.is_good:
             return estimator
-        if velocity is None or now_s - velocity.time_s > VELOCITY_LIMIT_S:
+        heard_s = now_s if self._heard_s is None else self._heard_s
+        if velocity is None or heard_s - velocity.time_s > VELOCITY_LIMIT_S:
             return Sample(_NO_VELOCITY, now_s)
-        if self._attitude_s is not None and now_s - self._attitude_s > ATTITUDE_LIMIT_S:
+        if self._attitude_s is not None and heard_s - self._attitude_s > ATTITUDE_LIMIT_S:
             return Sample(_NO_ATTITUDE, now_s)
         return estimator
 

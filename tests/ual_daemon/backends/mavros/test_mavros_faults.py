@@ -285,6 +285,15 @@ def test_a_landing_that_is_commanded_in_a_short_stall_of_the_bridge_overrules_no
     assert flight.uav.telemetry().state is State.FLYING_MANUAL
 
 
+def test_a_mavros_that_stalls_is_a_lost_link(flight: Flight) -> None:
+    """And no silent topic, though the bridge has messages of some that it passes on late."""
+    flight.fly()
+    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
+    flight.backend.bridge.faults.silent_topics |= set(flight.backend.node.topics)
+    with pytest.raises(LinkLostError, match="nothing heard from the autopilot"):
+        task.wait(LIMIT_S)
+
+
 def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
     """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
     px4.fly()
