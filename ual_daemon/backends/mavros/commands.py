@@ -15,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from ual.errors import RejectedByAutopilotError
+from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
@@ -29,8 +29,11 @@ LIMIT_S = 4.5
 CALL_S = 6.0
 SETPOINTS_WAIT_S = 3.0
 """A mode that needs setpoints is asked for after this even without them, so that the autopilot says what is wrong."""
-SILENT_S = 0.5
-"""A mode is not asked for again while nothing is heard: the safety pilot may have taken over meanwhile."""
+HEARD_S = 0.3
+"""Nothing is sent, neither first nor again, while nothing has been heard for so long: what MAVROS gets in a stall, it
+executes after it, when the safety pilot may have taken over. In flight messages come at 50 Hz, and before the streams
+are set with the time of the autopilot, at 10 Hz. Where even that does not come, a command leaves with a heartbeat.
+"""
 MODE_S = 0.3
 """A mode is asked for only while the present one was said within this time: after a stall the safety pilot may have
 taken over. A PX4 that is armed is asked for a heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they
@@ -170,7 +173,9 @@ class Commands:
         return self._running is not None
 
     def submit(self, steps: tuple[Step, ...], snapshot: Snapshot, is_withdrawn: Callable[[], bool]) -> Future[None]:
-        """Begins a command. The future ends with its effect, or with the autopilot's refusal; else it stays open."""
+        """Begins a command. The future ends with its effect, with the autopilot's refusal, or because it could not be
+        sent or was not answered for `LIMIT_S`; else it stays open.
+        """
         self._end()
         running = self._running = _Running(steps, is_withdrawn, snapshot.time_s, _mode_in(snapshot))
         running.future.set_running_or_notify_cancel()
@@ -210,27 +215,42 @@ class Commands:
         elif running.refusal:
             if now_s - running.refused_s >= TEXT_S:
                 self._refuse(running)
-        elif now_s >= running.next_s and not running.is_called and self._may_send(running, snapshot):
+        elif now_s >= running.next_s and not running.is_called and not self._hindrance(running, snapshot):
             self._send(running, now_s)
 
     def _is_over(self, running: _Running, snapshot: Snapshot) -> bool:
         """Whether it is too late, or somebody else has changed the mode since, and must not be overruled."""
         if snapshot.time_s - running.begun_s > LIMIT_S and not running.refusal:
-            if running.step.is_mode and running.texts:
-                running.refusal = "the mode was not entered"
-                self._refuse(running)
+            self._be_late(running, snapshot)
             return True
         if not running.sends_count and running.step.service == topics.ARMING:
             return False  # in whatever mode: that overrules nobody
         return _mode_in(snapshot) not in {running.mode_before, *(_mode_of(step) for step in running.steps), ""}
 
-    def _may_send(self, running: _Running, snapshot: Snapshot) -> bool:
+    def _be_late(self, running: _Running, snapshot: Snapshot) -> None:
+        what = running.step.what
+        if running.step.is_mode and running.texts:
+            running.refusal = "the mode was not entered"
+            self._refuse(running)
+        elif not running.sends_count:
+            why = self._hindrance(running, snapshot) or "it had to wait for too long"
+            self._fail(running, UalTimeoutError(f"the command to {what} was not sent: {why}"))
+        elif running.is_called:
+            words = f"MAVROS has not answered the command to {what}, which may still be executed"
+            self._fail(running, UalTimeoutError(words))
+
+    def _hindrance(self, running: _Running, snapshot: Snapshot) -> str:
+        """Returns what a command has to wait for, for people; empty if it may be sent."""
         now_s, needed_s = snapshot.time_s, running.step.setpoints_before_s
         if needed_s and self._setpoints_s(now_s) < needed_s and now_s - running.begun_s < SETPOINTS_WAIT_S:
-            return False
-        if self._is_held_up() or (running.step.is_mode and not self._may_ask(running, snapshot)):
-            return False
-        return running.sends_count == 0 or (snapshot.heard_s is not None and now_s - snapshot.heard_s < SILENT_S)
+            return "no setpoints were sent before it"
+        if self._is_held_up():
+            return "the bridge or MAVROS would execute it late"
+        if snapshot.heard_s is None or now_s - snapshot.heard_s > HEARD_S:
+            return "MAVROS publishes nothing of the autopilot"
+        if running.step.is_mode and not self._may_ask(running, snapshot):
+            return "MAVROS does not publish the mode"
+        return ""
 
     def _may_ask(self, running: _Running, snapshot: Snapshot) -> bool:
         """Whether the present mode is known, and a mode was not asked for yet, or is known not to have been entered."""
@@ -285,12 +305,14 @@ class Commands:
         running.is_called = running.is_mode_sent = False
 
     def _refuse(self, running: _Running) -> None:
-        self._end()
         said = "".join(f"; it said: {text}" for text in running.texts)
         words = f"{running.refuser or self._name} refused to {running.step.what}: {running.refusal}{said}"
-        running.future.set_exception(
-            RejectedByAutopilotError(words, {"result": running.refusal, "text": "; ".join(running.texts)})
-        )
+        metadata = {"result": running.refusal, "text": "; ".join(running.texts)}
+        self._fail(running, RejectedByAutopilotError(words, metadata))
+
+    def _fail(self, running: _Running, error: UalError) -> None:
+        self._end()
+        running.future.set_exception(error)
 
 
 def knows_mode(snapshot: Snapshot) -> bool:

@@ -294,6 +294,30 @@ def test_a_mavros_that_stalls_is_a_lost_link(flight: Flight) -> None:
         task.wait(LIMIT_S)
 
 
+@pytest.mark.parametrize(("kind", "after_s"), [("px4", 0.1), ("px4", 0.6), ("ardupilot", 0.6)])
+def test_a_landing_that_is_commanded_while_mavros_stalls_overrules_no_pilot(kind: str, after_s: float) -> None:
+    """The bridge answers, and gets what MAVROS executes after it. What has left just before it said nothing may be."""
+    backend = make(kind, 1)
+    with UAL(backend, allow_arming=True) as uav:
+        it = Flight(backend, uav)
+        it.fly(6.0)
+        modes, bridge, stalls_s = record_modes(it), backend.bridge, it.now_s()
+        bridge.faults.silent_topics |= set(backend.node.topics)
+        for service in backend.node.services:
+            bridge.occupy(service, stalls_s + 6.0)
+        it.until(lambda: it.now_s() >= stalls_s + after_s)
+        has_left = it.now_s() < stalls_s + 0.25
+        with pytest.raises(LinkLostError, match="if it had left, it may still be executed"):
+            uav.land(blocking=False).wait(LIMIT_S)
+        backend.autopilot.pilot_take_over()
+        it.until(lambda: it.now_s() >= stalls_s + 6.0)
+        bridge.faults.silent_topics.clear()
+        it.until(lambda: it.now_s() >= stalls_s + 9.0)
+        if not has_left:
+            assert modes == []
+            assert uav.telemetry().state is State.FLYING_MANUAL
+
+
 def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
     """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
     px4.fly()
