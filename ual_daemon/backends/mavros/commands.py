@@ -39,6 +39,8 @@ MODE_S = 0.3
 taken over. A PX4 that is armed is asked for a heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they
 come once a second, a mode leaves with one of them.
 """
+ENTERED_S = 0.3
+"""A mode that was sent may show so late. Another one that is shown sooner does not say that it was not entered."""
 TEXT_S = 0.3
 """How long after a refusal the autopilot's texts about it may come."""
 MOST_TEXTS = 20
@@ -257,7 +259,8 @@ class Commands:
         if not knows_mode(snapshot):
             return False
         mode = snapshot.mode
-        return running.sends_count == 0 or (mode is not None and mode.time_s > running.mode_sent_s)
+        since_s = running.mode_sent_s + ENTERED_S
+        return running.sends_count == 0 or (mode is not None and mode.time_s >= since_s)
 
     def _send(self, running: _Running, now_s: float) -> None:
         running.sends_count += 1

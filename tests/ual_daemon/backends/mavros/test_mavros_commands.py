@@ -80,6 +80,34 @@ def test_a_mode_is_asked_for_again_when_a_heartbeat_after_the_answer_shows_the_o
     assert len(it.calls) == 2
 
 
+@pytest.mark.parametrize("after_s", [0.02, 0.28])
+def test_a_heartbeat_right_after_the_answer_does_not_say_that_a_mode_was_not_entered(after_s: float) -> None:
+    it = Exchange()
+    it.step(0.7)
+    it.answer(mode_sent=True)
+    it.step(after_s, heartbeat="POSCTL")
+    it.step(3.0)
+    assert len(it.calls) == 1
+
+
+def test_a_heartbeat_that_is_old_when_a_mode_may_be_asked_for_again_is_not_enough() -> None:
+    it = Exchange()
+    it.step(0.02)
+    it.answer(mode_sent=True)
+    it.step(0.5, heartbeat="POSCTL")
+    it.step(3.0)
+    assert len(it.calls) == 1
+
+
+def test_a_mode_is_asked_for_again_where_a_heartbeat_comes_each_second() -> None:
+    it = Exchange()
+    for count in range(1, 5):
+        it.step(0.1)
+        assert len(it.calls) == count
+        it.answer(mode_sent=True)
+        it.step(0.9, heartbeat="POSCTL")
+
+
 def test_a_heartbeat_is_wanted_once_a_mode_was_sent() -> None:
     it = Exchange()
     it.step(0.1)
