@@ -285,13 +285,17 @@ class RosbridgeLink:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
         if silent_s > LOST_S and self.state is LinkState.UP:
             self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
-            connections.published.clear()
-            for ident in connections.called.clear():
-                self._calls.refuse(ident, self.why_not)
+            self._drop_waiting(connections)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
         elif silent_s <= LOST_S and self.state is LinkState.SILENT:
+            self._drop_waiting(connections)  # another thread may have put something since
             self.state, self.why_not = LinkState.UP, ""
             logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
+
+    def _drop_waiting(self, connections: Connections) -> None:
+        connections.published.clear()
+        for ident in connections.called.clear():
+            self._calls.refuse(ident, self.why_not)
 
     def _supervise_calls(self, now_s: float) -> None:
         """Asks rosapi once no service answers.
