@@ -246,7 +246,7 @@ class Session:
             (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
-            or self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying)
+            or (telemetry.knows_arming and self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying))
             or self._read_parameters(now_s, ros)
         )
 

@@ -166,6 +166,11 @@ class Telemetry:
         return self._armed is not None and self._armed.value
 
     @property
+    def knows_arming(self) -> bool:
+        """Whether it is known if it is armed."""
+        return self._armed is not None
+
+    @property
     def is_flying(self) -> bool:
         """Whether it is armed, and not known to stand on the ground."""
         return self.is_armed and self._landed.value is not LandedState.ON_GROUND

@@ -351,6 +351,23 @@ def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> N
     assert {message["message_id"] for _, message in intervals} == {ATTITUDE_QUATERNION}
 
 
+@pytest.mark.parametrize(("kind", "ros"), [("ardupilot", 1), ("ardupilot", 2), ("px4", 2)])
+def test_no_streams_are_asked_for_in_flight_after_a_reconnection(kind: str, ros: int) -> None:
+    backend = make(kind, ros)
+    with UAL(backend, allow_arming=True) as uav:
+        it = Flight(backend, uav)
+        it.fly()
+        it.until(lambda: backend.autopilot.elapsed_s > 60.0)
+        intervals = record(it, "set_message_interval")
+        backend.is_bridge_gone = True
+        it.until(lambda: uav.telemetry().state is State.UNINITIALIZED)
+        backend.is_bridge_gone = False
+        it.until(lambda: uav.telemetry().state in IN_THE_AIR)
+        back_s = it.now_s()
+        it.until(lambda: it.now_s() > back_s + 5.0)
+        assert intervals == []
+
+
 def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
     flight.until(flight.uav.is_ready)
     flight.backend.bridge.faults.delay_s, flight.backend.bridge.faults.jitter_s = 0.03, 0.06
