@@ -58,7 +58,7 @@ class AutopilotCommand:
         if self._ack is None or self.is_answered:
             return lost
         words = f"the command to {self.what} was not answered: if it had left, it may still be executed"
-        return type(lost)(f"{lost}; {words}", lost.metadata)
+        return type(lost)(f"{lost.message}; {words}", lost.metadata)
 
     def _error(self) -> BaseException | None:
         return None if self._ack is None or not self.is_answered else self._ack.exception()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 from ual_daemon.backends.autopilots.clock_offset import ClockOffset
 
 CLOCK_STEP_S = 10.0
@@ -20,8 +18,8 @@ class Ordering:
         self._newest: dict[str, float] = {}
         self._older: dict[str, list[float]] = {}
         """The stamps of the messages in a row that were too old."""
-        self._fastest: defaultdict[str, ClockOffset] = defaultdict(_new_offset)
-        """By topic: some stamps are of the autopilot's clock, as far as MAVROS knows it."""
+        self._fastest = ClockOffset(_LATENESS_WINDOW_S)
+        self._fastest_state = ClockOffset()
 
     def accepts(self, topic: str, stamp_s: float) -> bool:
         """Returns whether a message is not older than the one before of its topic. One without a stamp always is."""
@@ -29,7 +27,8 @@ class Ordering:
         if stamp_s and stamp_s < newest_s:
             if stamp_s > newest_s - CLOCK_STEP_S and not self._is_of_new_clock(topic, stamp_s):
                 return False
-            self._fastest.clear()  # how late a message comes is measured anew
+            self._fastest = ClockOffset(_LATENESS_WINDOW_S)  # how late a message comes is measured anew
+            self._fastest_state = ClockOffset()
         self._older.pop(topic, None)
         self._newest[topic] = stamp_s
         return True
@@ -41,10 +40,12 @@ class Ordering:
         older.append(stamp_s)
         return len(older) >= NEW_CLOCK_COUNT
 
-    def sent_s(self, stamp_s: float, now_s: float, topic: str = "") -> float:
-        """Returns when a message would have come, had it been as fast as the fastest one of its topic of late."""
-        return self._fastest[topic].to_utc(stamp_s, now_s, now_s) if stamp_s else now_s
+    def sent_s(self, stamp_s: float, now_s: float) -> float:
+        """Returns when a message would have come, had it been as fast as the fastest one of late."""
+        return self._fastest.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s
 
-
-def _new_offset() -> ClockOffset:
-    return ClockOffset(_LATENESS_WINDOW_S)
+    def said_s(self, stamp_s: float, now_s: float) -> float:
+        """Returns the same of a message of the state. Its stamps are of another clock than those of poses, and of a
+        simulation that may be slow: only the last second counts.
+        """
+        return self._fastest_state.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s

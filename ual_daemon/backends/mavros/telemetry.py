@@ -211,7 +211,7 @@ class Telemetry:
             return
         self.set_armed(bool(message["armed"]), now_s)
         # Not when it came: after a stall of the bridge one comes that was said before.
-        said_s = self._ordering.sent_s(stamp_s(message), now_s, topics.STATE)
+        said_s = self._ordering.said_s(stamp_s(message), now_s)
         self._mode = Sample(messages.mode(str(message["mode"]), self.autopilot), said_s)
 
     def _on_extended_state(self, message: Message, now_s: float) -> None:
