@@ -46,6 +46,8 @@ class LockstepMavros(MavrosBackend):
         self.is_bridge_gone = False
         self.is_socket_full = False
         """Whether the bridge reads nothing, so that what is perishable does not leave."""
+        self.is_stalled = False
+        """Whether the bridge answers nothing: what it has to say waits."""
         self.history: list[tuple[float, State]] = []
         """Each change of the state that the data show by themselves, with its time: no slow test can miss one."""
         self.clock = _Clock(autopilot)
@@ -122,7 +124,11 @@ class _MavrosTransport(MemoryTransport):
     @override
     def receive(self, timeout_s: float) -> Sequence[str | bytes]:
         self._require_bridge()
-        return super().receive(timeout_s)
+        if not self._backend.is_stalled:
+            return super().receive(timeout_s)
+        if timeout_s:
+            self._backend.advance()
+        return ()
 
     @override
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:

@@ -53,6 +53,13 @@ class AutopilotCommand:
         """Whether the autopilot has accepted it."""
         return self.is_answered and self._error() is None
 
+    def left_behind(self, lost: UalError) -> UalError:
+        """Returns the error of a command whose vehicle is not seen any more before it has shown its effect."""
+        if self._ack is None or self.is_answered:
+            return lost
+        words = f"the command to {self.what} was not answered: if it had left, it may still be executed"
+        return type(lost)(f"{lost.message}; {words}", lost.metadata)
+
     def _error(self) -> BaseException | None:
         return None if self._ack is None or not self.is_answered else self._ack.exception()
 

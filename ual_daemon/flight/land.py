@@ -56,7 +56,7 @@ class Land(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(lost)
+            return failed(lost if self._is_landing else self._command.left_behind(lost))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=True)
         assert snapshot.mode is not None

@@ -62,7 +62,7 @@ class Recover(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(lost)
+            return failed(self._command.left_behind(lost))
         if estimate.state is State.FLYING_AUTO:
             stop = brake(snapshot, self._limits)
             return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)

@@ -99,7 +99,7 @@ class TakeOff(Manoeuvre):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(lost)
+            return failed(lost if self._climbing_since_s is not None else self._command.left_behind(lost))
         if estimate.state is State.LANDED_DISARMED:
             return failed(
                 TaskAbortedError(

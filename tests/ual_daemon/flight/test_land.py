@@ -87,6 +87,17 @@ def test_where_there_is_no_safety_pilot_the_advice_is_to_abort(flying: Autopilot
     assert "pilot" not in landing.task.info().description
 
 
+def test_a_landing_that_was_not_answered_before_a_silence_may_still_come(flying: Autopilot, ack: Future[None]) -> None:
+    landing, answered, begun = (land(flying, each) for each in (ack, Future(), Future()))
+    answered.command._ack.set_result(None)  # type: ignore[union-attr]
+    flying.control = Control.LAND
+    flying.step(begun)
+    flying.control, flying.silent_s = Control.REFERENCES, 10.0
+    assert "may still be executed" in str(flying.step(landing).error)
+    assert "executed" not in str(flying.step(answered).error)
+    assert "executed" not in str(flying.step(begun).error)
+
+
 def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack: Future[None]) -> None:
     landing = land(flying, ack)
     ack.set_exception(RejectedByAutopilotError("refused to land: DENIED", {"result": "DENIED"}))

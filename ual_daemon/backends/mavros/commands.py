@@ -3,8 +3,9 @@
 ``set_mode`` answers only that its message was sent, and ``cmd/...`` with the autopilot's acknowledgement, or after 5 s
 without one. So the effect counts.
 
-A safety pilot who takes over must not be overruled. So a mode is asked for only when nothing holds up the call, once
-until it is answered, and again only if the autopilot shows after the answer that it was not entered.
+A safety pilot who takes over must not be overruled. So a mode is asked for only when nothing holds up the call and the
+present mode was said just now, once until it is answered, and again only if the autopilot shows after the answer that
+it was not entered.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from ual.errors import RejectedByAutopilotError
+from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
@@ -28,8 +29,18 @@ LIMIT_S = 4.5
 CALL_S = 6.0
 SETPOINTS_WAIT_S = 3.0
 """A mode that needs setpoints is asked for after this even without them, so that the autopilot says what is wrong."""
-SILENT_S = 0.5
-"""A mode is not asked for again while nothing is heard: the safety pilot may have taken over meanwhile."""
+HEARD_S = 0.3
+"""Nothing is sent, neither first nor again, while nothing has been heard for so long: what MAVROS gets in a stall, it
+executes after it, when the safety pilot may have taken over. In flight messages come at 50 Hz, and before the streams
+are set with the time of the autopilot, at 10 Hz. Where even that does not come, a command leaves with a heartbeat.
+"""
+MODE_S = 0.3
+"""A mode is asked for only while the present one was said within this time: after a stall the safety pilot may have
+taken over. A PX4 that is armed is asked for a heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they
+come once a second, a mode leaves with one of them.
+"""
+ENTERED_S = 0.3
+"""A mode that was sent may show so late. Another one that is shown sooner does not say that it was not entered."""
 TEXT_S = 0.3
 """How long after a refusal the autopilot's texts about it may come."""
 MOST_TEXTS = 20
@@ -39,8 +50,10 @@ _IN_PROGRESS = 5
 
 Answer = Message | ServiceError
 """The answer of a service, or why there is none."""
-CallService = Callable[[str, Message, Callable[[Answer], None], float], None]
-"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
+CallService = Callable[[str, Message, Callable[[Answer], None], float], "Future[Message]"]
+"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds. Cancelling the future
+withdraws the call, if it has not left yet.
+"""
 Shows = Callable[[Snapshot, float], bool]
 """Whether a snapshot shows the effect of what was sent at a time."""
 
@@ -91,7 +104,7 @@ def climb(altitude_m: float) -> Step:
 
 def arming(autopilot: Autopilot, snapshot: Snapshot) -> tuple[Step, ...]:
     """Arms, from a mode in which it can be armed."""
-    mode = "" if snapshot.mode is None else snapshot.mode.value.name
+    mode = _mode_in(snapshot)
     arm = arm_or_disarm(is_arming=True)
     if autopilot.can_be_armed_in(mode):
         return (arm,)
@@ -117,6 +130,8 @@ class _Running:
     next_s: float = 0.0
     sends_count: int = 0
     is_called: bool = False
+    call: Future[Message] | None = None
+    """The newest call."""
     is_mode_sent: bool = False
     mode_sent_s: float = math.inf
     """When MAVROS had answered that it had sent the mode."""
@@ -160,15 +175,23 @@ class Commands:
         return self._running is not None
 
     def submit(self, steps: tuple[Step, ...], snapshot: Snapshot, is_withdrawn: Callable[[], bool]) -> Future[None]:
-        """Begins a command. The future ends with its effect, or with the autopilot's refusal; else it stays open."""
-        mode = "" if snapshot.mode is None else snapshot.mode.value.name
-        running = self._running = _Running(steps, is_withdrawn, snapshot.time_s, mode)
+        """Begins a command. The future ends with its effect, with the autopilot's refusal, or because it could not be
+        sent or was not answered for `LIMIT_S`; else it stays open.
+        """
+        self._end()
+        running = self._running = _Running(steps, is_withdrawn, snapshot.time_s, _mode_in(snapshot))
         running.future.set_running_or_notify_cancel()
         return running.future
 
     def drop(self) -> None:
         """Drops the command: what it was for may have changed. Its future stays open."""
-        self._running = None
+        self._end()
+
+    def _end(self) -> None:
+        """Ends the command under way, if there is one. A call of it that has not left yet is withdrawn."""
+        running, self._running = self._running, None
+        if running is not None and running.call is not None:
+            running.call.cancel()
 
     def on_text(self, text: str) -> None:
         """Takes a text of the autopilot, which may explain a refusal."""
@@ -186,39 +209,58 @@ class Commands:
             return
         if running.is_mode_sent and running.mode_sent_s == math.inf:
             running.mode_sent_s = now_s
+        running.mode_before = running.mode_before or _mode_in(snapshot)
         if running.is_withdrawn() or self._is_over(running, snapshot):
-            self._running = None
+            self._end()
         elif running.sends_count and running.step.shows(snapshot, running.sent_s):
             self._advance(running, now_s)
         elif running.refusal:
             if now_s - running.refused_s >= TEXT_S:
                 self._refuse(running)
-        elif now_s >= running.next_s and not running.is_called and self._may_send(running, snapshot):
+        elif now_s >= running.next_s and not running.is_called and not self._hindrance(running, snapshot):
             self._send(running, now_s)
 
     def _is_over(self, running: _Running, snapshot: Snapshot) -> bool:
         """Whether it is too late, or somebody else has changed the mode since, and must not be overruled."""
         if snapshot.time_s - running.begun_s > LIMIT_S and not running.refusal:
-            if running.step.is_mode and running.texts:
-                running.refusal = "the mode was not entered"
-                self._refuse(running)
+            self._be_late(running, snapshot)
             return True
-        mode = "" if snapshot.mode is None else snapshot.mode.value.name
-        ours = {running.mode_before, *(_mode_of(step) for step in running.steps), ""}
-        return bool(running.sends_count) and mode not in ours
+        if not running.sends_count and running.step.service == topics.ARMING:
+            return False  # in whatever mode: that overrules nobody
+        return _mode_in(snapshot) not in {running.mode_before, *(_mode_of(step) for step in running.steps), ""}
 
-    def _may_send(self, running: _Running, snapshot: Snapshot) -> bool:
+    def _be_late(self, running: _Running, snapshot: Snapshot) -> None:
+        what = running.step.what
+        if running.step.is_mode and running.texts:
+            running.refusal = "the mode was not entered"
+            self._refuse(running)
+        elif not running.sends_count:
+            why = self._hindrance(running, snapshot) or "it had to wait for too long"
+            self._fail(running, UalTimeoutError(f"the command to {what} was not sent: {why}"))
+        elif running.is_called:
+            words = f"MAVROS has not answered the command to {what}, which may still be executed"
+            self._fail(running, UalTimeoutError(words))
+
+    def _hindrance(self, running: _Running, snapshot: Snapshot) -> str:
+        """Returns what a command has to wait for, for people; empty if it may be sent."""
         now_s, needed_s = snapshot.time_s, running.step.setpoints_before_s
         if needed_s and self._setpoints_s(now_s) < needed_s and now_s - running.begun_s < SETPOINTS_WAIT_S:
-            return False
-        if self._is_held_up() or (running.step.is_mode and not self._may_ask(running, snapshot)):
-            return False
-        return running.sends_count == 0 or (snapshot.heard_s is not None and now_s - snapshot.heard_s < SILENT_S)
+            return "no setpoints were sent before it"
+        if self._is_held_up():
+            return "the bridge or MAVROS would execute it late"
+        if snapshot.heard_s is None or now_s - snapshot.heard_s > HEARD_S:
+            return "MAVROS publishes nothing of the autopilot"
+        if running.step.is_mode and not self._may_ask(running, snapshot):
+            return "MAVROS does not publish the mode"
+        return ""
 
     def _may_ask(self, running: _Running, snapshot: Snapshot) -> bool:
-        """Whether a mode was not asked for yet, or is known not to have been entered."""
+        """Whether the present mode is known, and a mode was not asked for yet, or is known not to have been entered."""
+        if not knows_mode(snapshot):
+            return False
         mode = snapshot.mode
-        return running.sends_count == 0 or (mode is not None and mode.time_s > running.mode_sent_s)
+        since_s = running.mode_sent_s + ENTERED_S
+        return running.sends_count == 0 or (mode is not None and mode.time_s >= since_s)
 
     def _send(self, running: _Running, now_s: float) -> None:
         running.sends_count += 1
@@ -232,7 +274,7 @@ class Commands:
                 running.is_called = False
                 self._take(running, answer)
 
-        self._call(step.service, step.arguments, take, CALL_S)
+        running.call = self._call(step.service, step.arguments, take, CALL_S)
 
     def _take(self, running: _Running, answer: Answer) -> None:
         """Takes the answer of a service. One that has not answered in time may have been executed."""
@@ -257,7 +299,7 @@ class Commands:
 
     def _advance(self, running: _Running, now_s: float) -> None:
         if len(running.steps) == 1:
-            self._running = None
+            self._end()
             running.future.set_result(None)
             return
         running.mode_before = _mode_of(running.step) or running.mode_before
@@ -266,12 +308,23 @@ class Commands:
         running.is_called = running.is_mode_sent = False
 
     def _refuse(self, running: _Running) -> None:
-        self._running = None
         said = "".join(f"; it said: {text}" for text in running.texts)
         words = f"{running.refuser or self._name} refused to {running.step.what}: {running.refusal}{said}"
-        running.future.set_exception(
-            RejectedByAutopilotError(words, {"result": running.refusal, "text": "; ".join(running.texts)})
-        )
+        metadata = {"result": running.refusal, "text": "; ".join(running.texts)}
+        self._fail(running, RejectedByAutopilotError(words, metadata))
+
+    def _fail(self, running: _Running, error: UalError) -> None:
+        self._end()
+        running.future.set_exception(error)
+
+
+def knows_mode(snapshot: Snapshot) -> bool:
+    """Whether the mode was said just now."""
+    return snapshot.mode is not None and snapshot.time_s - snapshot.mode.time_s <= MODE_S
+
+
+def _mode_in(snapshot: Snapshot) -> str:
+    return "" if snapshot.mode is None else snapshot.mode.value.name
 
 
 def _mode_of(step: Step) -> str:

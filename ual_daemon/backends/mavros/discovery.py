@@ -82,17 +82,21 @@ class Discovery:
                 session.restart()
         if not link.is_up or link.graph is None:
             return
-        self._ask(now_s)
         if session is not None:
             if link.graph is not self._graph:
                 self._graph = link.graph
                 self._subscribe(session)
-            session.tick(now_s, link.graph.ros)
+            session.tick(now_s, link.graph.ros)  # first: it withdraws what waits and must not leave any more
+        self._ask(now_s)
 
-    def call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> None:
-        """Calls a service of MAVROS; `take` gets its values, or why there are none."""
+    def call(self, service: str, arguments: Message, take: Callable[[Answer], None], limit_s: float) -> Future[Message]:
+        """Calls a service of MAVROS; `take` gets its values, or why there are none. Cancelling the future that it
+        returns withdraws the call, if it has not left.
+        """
 
         def ended(future: Future[Message]) -> None:
+            if future.cancelled():
+                return
             error = future.exception()
             if isinstance(error, ServiceError):
                 self._say(str(error))
@@ -101,7 +105,9 @@ class Discovery:
                 take(future.result())
 
         name = f"{self._settings.node}/{service}"
-        self._link.call_service(name, arguments, limit_s).add_done_callback(ended)
+        answer = self._link.call_service(name, arguments, limit_s)
+        answer.add_done_callback(ended)
+        return answer
 
     def _ask(self, now_s: float) -> None:
         question = self._question

@@ -19,6 +19,7 @@ class Ordering:
         self._older: dict[str, list[float]] = {}
         """The stamps of the messages in a row that were too old."""
         self._fastest = ClockOffset(_LATENESS_WINDOW_S)
+        self._fastest_state = ClockOffset()
 
     def accepts(self, topic: str, stamp_s: float) -> bool:
         """Returns whether a message is not older than the one before of its topic. One without a stamp always is."""
@@ -27,6 +28,7 @@ class Ordering:
             if stamp_s > newest_s - CLOCK_STEP_S and not self._is_of_new_clock(topic, stamp_s):
                 return False
             self._fastest = ClockOffset(_LATENESS_WINDOW_S)  # how late a message comes is measured anew
+            self._fastest_state = ClockOffset()
         self._older.pop(topic, None)
         self._newest[topic] = stamp_s
         return True
@@ -41,3 +43,9 @@ class Ordering:
     def sent_s(self, stamp_s: float, now_s: float) -> float:
         """Returns when a message would have come, had it been as fast as the fastest one of late."""
         return self._fastest.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s
+
+    def said_s(self, stamp_s: float, now_s: float) -> float:
+        """Returns the same of a message of the state. Its stamps are of another clock than those of poses, and of a
+        simulation that may be slow: only the last second counts.
+        """
+        return self._fastest_state.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s

@@ -19,7 +19,7 @@ from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
 from ual_daemon.backends.autopilots.sender_watch import SenderWatch
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
-from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step
+from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step, knows_mode
 from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.streams import StreamRequests, streams_of
@@ -118,9 +118,12 @@ class Session:
 
     def submit(self, steps: tuple[Step, ...], now_s: float, is_withdrawn: Callable[[], bool]) -> Future[None]:
         """Begins a command; see `Commands.submit`."""
+        snapshot = self.telemetry.snapshot(now_s)
         if steps[0].is_mode:
             self._causes.on_own_command(str(steps[0].arguments["custom_mode"]), now_s)
-        return self._commands.submit(steps, self.telemetry.snapshot(now_s), is_withdrawn)
+            if not knows_mode(snapshot):
+                self._want_heartbeat()
+        return self._commands.submit(steps, snapshot, is_withdrawn)
 
     def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
         """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
@@ -243,7 +246,7 @@ class Session:
             (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
-            or self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying)
+            or (telemetry.knows_arming and self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying))
             or self._read_parameters(now_s, ros)
         )
 

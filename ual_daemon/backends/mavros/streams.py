@@ -66,8 +66,8 @@ class StreamRequests:
         self._wanted: list[Stream] = list(streams)
 
     def restart(self) -> None:
-        """Asks for all of them: the autopilot may have booted."""
-        self._wanted = list(self._streams)
+        """Asks for all, as the autopilot may have booted; in flight only for what does not come from now on."""
+        self._wanted, self._looked_s = list(self._streams), -math.inf
 
     def tick(self, now_s: float, call: Call, *, is_flying: bool) -> bool:
         """Asks for what is due. Returns whether it has called a service."""

@@ -33,6 +33,10 @@ VELOCITY_LIMIT_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 ATTITUDE_LIMIT_S = 1.2
 """MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
+_LATE_MS = 100
+"""A topic that is throttled to this interval or a longer one says nothing about now: its newest message waits in the
+bridge for so long.
+"""
 _NO_VELOCITY = Estimator(False, f"MAVROS publishes no velocity ({topics.VELOCITY})")
 _NO_ATTITUDE = Estimator(False, f"MAVROS gets no attitude any more ({topics.IMU} is silent)")
 _NO_AHRS = Estimator(False, "its attitude and position estimate is not healthy (AHRS in SYS_STATUS)")
@@ -108,7 +112,8 @@ class Telemetry:
         """Takes a message. Returns False for one that is late, and older than the one before."""
         if not self._ordering.accepts(topic, stamp_s(message)):
             return False
-        if topic != topics.STATE or message["connected"]:
+        is_prompt = topics.TOPICS[topic].throttle_ms < _LATE_MS
+        if is_prompt and (topic != topics.STATE or message["connected"]):
             self._heard_s = now_s
         self.counts[topic] += 1
         handler = self._handlers.get(topic)
@@ -161,6 +166,11 @@ class Telemetry:
         return self._armed is not None and self._armed.value
 
     @property
+    def knows_arming(self) -> bool:
+        """Whether it is known if it is armed."""
+        return self._armed is not None
+
+    @property
     def is_flying(self) -> bool:
         """Whether it is armed, and not known to stand on the ground."""
         return self.is_armed and self._landed.value is not LandedState.ON_GROUND
@@ -200,7 +210,9 @@ class Telemetry:
             self._armed = self._mode = None
             return
         self.set_armed(bool(message["armed"]), now_s)
-        self._mode = Sample(messages.mode(str(message["mode"]), self.autopilot), now_s)
+        # Not when it came: after a stall of the bridge one comes that was said before.
+        said_s = self._ordering.said_s(stamp_s(message), now_s)
+        self._mode = Sample(messages.mode(str(message["mode"]), self.autopilot), said_s)
 
     def _on_extended_state(self, message: Message, now_s: float) -> None:
         self._landed = Sample(messages.landed_state(message), now_s)
@@ -329,12 +341,14 @@ class Telemetry:
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def _judged_estimator(self, now_s: float) -> Sample[Estimator] | None:
+        """Judges by what was heard last: if nothing comes any more, it is not one topic that is silent."""
         estimator, velocity = self._estimator, self._velocity
         if estimator is None or not estimator.value.is_good:
             return estimator
-        if velocity is None or now_s - velocity.time_s > VELOCITY_LIMIT_S:
+        heard_s = now_s if self._heard_s is None else self._heard_s
+        if velocity is None or heard_s - velocity.time_s > VELOCITY_LIMIT_S:
             return Sample(_NO_VELOCITY, now_s)
-        if self._attitude_s is not None and now_s - self._attitude_s > ATTITUDE_LIMIT_S:
+        if self._attitude_s is not None and heard_s - self._attitude_s > ATTITUDE_LIMIT_S:
             return Sample(_NO_ATTITUDE, now_s)
         return estimator
 

@@ -119,7 +119,12 @@ class RosbridgeLink:
 
     @property
     def holds_up_calls(self) -> bool:
-        """Whether a call that is made now may be executed late: with ROS 2 rosbridge may execute one after another."""
+        """Whether a call that is made now may be executed late: the bridge may have stalled, or with ROS 2 it may
+        execute one call after another.
+        """
+        connections = self._connections
+        if connections is None or not self.is_up or not connections.answers(self._clock.now_s()):
+            return True
         return self.graph is not None and self.graph.ros is Ros.ROS2 and self._calls.hold_up
 
     def open(self) -> None:
@@ -153,8 +158,8 @@ class RosbridgeLink:
     def call_service(self, service: str, arguments: Message | None = None, timeout_s: float = 3.0) -> Future[Message]:
         """Calls a service. The future ends with its values, or with a `calls.ServiceError` that names the service.
 
-        A call leaves while the link is up, and within its time. Cancelling the future withdraws it if it has not left;
-        else it drops the answer, as rosbridge cannot take a call back.
+        A call leaves while the link is up, and within its time. Cancelling the future withdraws it at once if it has
+        not left; else it drops the answer, as rosbridge cannot take a call back.
         """
         service, now_s = self.url.resolve(service), self._clock.now_s()
         connections = self._connections
@@ -162,6 +167,12 @@ class RosbridgeLink:
             return _refused(service, self.why_not or f"not connected to {self.url}")
         ident, answer = self._calls.begin(service, now_s, timeout_s)
         data = operations.call_service(service, arguments or {}, ident)
+
+        def withdraw(ended: Future[Message]) -> None:
+            if ended.cancelled():
+                connections.called.withdraw(ident)
+
+        answer.add_done_callback(withdraw)
         try:
             connections.called.put(ident, data, may_leave=connections.answers(now_s))
         except OSError as error:
@@ -255,12 +266,12 @@ class RosbridgeLink:
         now_s = self._clock.now_s()
         self._supervise(connections, connections.supervise(now_s))
         self._supervise_calls(now_s)
+        self._on_step()  # before anything leaves that has waited: what has come may say that it must not
         for ident in self._calls.expire(now_s):
             connections.called.withdraw(ident)
         if self.state is not LinkState.SILENT and connections.answers(now_s):
             connections.flush()
         self._ask(now_s)
-        self._on_step()
         if now_s - self._refreshed_s >= _REFRESH_S:
             self._refresh_subscriptions()
 
@@ -274,13 +285,17 @@ class RosbridgeLink:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
         if silent_s > LOST_S and self.state is LinkState.UP:
             self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
-            connections.published.clear()
-            for ident in connections.called.clear():
-                self._calls.refuse(ident, self.why_not)
+            self._drop_waiting(connections)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
         elif silent_s <= LOST_S and self.state is LinkState.SILENT:
+            self._drop_waiting(connections)  # another thread may have put something since
             self.state, self.why_not = LinkState.UP, ""
             logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
+
+    def _drop_waiting(self, connections: Connections) -> None:
+        connections.published.clear()
+        for ident in connections.called.clear():
+            self._calls.refuse(ident, self.why_not)
 
     def _supervise_calls(self, now_s: float) -> None:
         """Asks rosapi once no service answers.

@@ -162,6 +162,10 @@ class WebSocket(Transport):
         self._url = url
         self._protocol = ClientProtocol(parse_uri(url.websocket), max_size=_LARGEST_BYTES)
         self._lock = threading.Lock()
+        """Held whenever the socket is used, closed included: one with TLS that is closed sends unencrypted for a moment
+        before its descriptor is. Nothing that blocks is done under it.
+        """
+        self._is_closed = False
         self._out = bytearray()
         self._heard = 0
         self._parts: list[bytes] = []
@@ -201,6 +205,7 @@ class WebSocket(Transport):
                 return False
             if self._protocol.state is not State.OPEN:
                 raise ConnectionError(f"{self._url} closed the connection")
+            self._require_open()
             self._protocol.send_text(text)
             self._flush()
         return True
@@ -208,26 +213,42 @@ class WebSocket(Transport):
     @override
     def ping(self) -> None:
         with self._lock:
-            if self._protocol.state is State.OPEN and not self._out:
+            if not self._is_closed and self._protocol.state is State.OPEN and not self._out:
                 self._protocol.send_ping(b"ual")
                 self._flush()
 
     @override
     def close(self) -> None:
-        with self._lock, contextlib.suppress(OSError, WebSocketException):
-            if self._protocol.state is State.OPEN:
-                self._protocol.send_close(1000)
-                self._flush()
-        self._socket.close()
+        with self._lock:
+            if self._is_closed:
+                return
+            with contextlib.suppress(OSError, WebSocketException):
+                if self._protocol.state is State.OPEN:
+                    self._protocol.send_close(1000)
+                    self._flush()
+            self._close()
 
     @override
     def abort(self) -> None:
-        with contextlib.suppress(OSError):
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DISCARD)
+        with self._lock:
+            if self._is_closed:
+                return
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DISCARD)
+            self._close()
+
+    def _close(self) -> None:
+        self._is_closed = True
         self._socket.close()
 
+    def _require_open(self) -> None:
+        if self._is_closed:
+            raise ConnectionError(f"the connection to {self._url} is closed")
+
     def _has_pending(self) -> bool:
-        return isinstance(self._socket, ssl.SSLSocket) and self._socket.pending() > 0
+        with self._lock:
+            self._require_open()
+            return isinstance(self._socket, ssl.SSLSocket) and self._socket.pending() > 0
 
     def _flush_rest(self) -> None:
         with self._lock:
@@ -246,6 +267,7 @@ class WebSocket(Transport):
 
     def _flush(self) -> None:
         """Sends as much as the socket takes."""
+        self._require_open()
         self._out += b"".join(self._protocol.data_to_send())
         try:
             while self._out:

@@ -262,6 +262,62 @@ def test_a_mode_is_not_asked_for_where_the_call_would_wait_until_the_pilot_has_t
     assert px4.uav.telemetry().state is State.FLYING_MANUAL
 
 
+def test_a_landing_that_is_commanded_in_a_short_stall_of_the_bridge_overrules_no_pilot(flight: Flight) -> None:
+    """The first sign of life after it may come before the new mode, and with an old one that had waited."""
+    flight.fly(6.0)
+    modes, node = record_modes(flight), flight.backend.node
+    step, stalls_s = node.step, flight.now_s() + 0.02
+    has_taken_over: list[bool] = []
+
+    def stall_and_take_over(now_s: float) -> Iterable[tuple[str, Message]]:
+        flight.backend.is_stalled = 0.0 <= now_s - stalls_s < 0.74
+        if now_s - stalls_s >= 0.38 and not has_taken_over:
+            has_taken_over.append(True)
+            flight.backend.autopilot.pilot_take_over()
+        return step(now_s)
+
+    node.step = stall_and_take_over  # type: ignore[method-assign]
+    flight.until(lambda: flight.now_s() >= stalls_s + 0.42)
+    with pytest.raises(TaskAbortedError, match="safety pilot"):
+        flight.uav.land(blocking=False).wait(LIMIT_S)
+    flight.until(lambda: flight.now_s() >= stalls_s + 6.0)
+    assert modes == []
+    assert flight.uav.telemetry().state is State.FLYING_MANUAL
+
+
+def test_a_mavros_that_stalls_is_a_lost_link(flight: Flight) -> None:
+    """And no silent topic, though the bridge has messages of some that it passes on late."""
+    flight.fly()
+    task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
+    flight.backend.bridge.faults.silent_topics |= set(flight.backend.node.topics)
+    with pytest.raises(LinkLostError, match="nothing heard from the autopilot"):
+        task.wait(LIMIT_S)
+
+
+@pytest.mark.parametrize(("kind", "after_s"), [("px4", 0.1), ("px4", 0.6), ("ardupilot", 0.6)])
+def test_a_landing_that_is_commanded_while_mavros_stalls_overrules_no_pilot(kind: str, after_s: float) -> None:
+    """The bridge answers, and gets what MAVROS executes after it. What has left just before it said nothing may be."""
+    backend = make(kind, 1)
+    with UAL(backend, allow_arming=True) as uav:
+        it = Flight(backend, uav)
+        it.fly(6.0)
+        modes, bridge, stalls_s = record_modes(it), backend.bridge, it.now_s()
+        bridge.faults.silent_topics |= set(backend.node.topics)
+        for service in backend.node.services:
+            bridge.occupy(service, stalls_s + 6.0)
+        it.until(lambda: it.now_s() >= stalls_s + after_s)
+        has_left = it.now_s() < stalls_s + 0.25
+        with pytest.raises(LinkLostError, match="if it had left, it may still be executed"):
+            uav.land(blocking=False).wait(LIMIT_S)
+        backend.autopilot.pilot_take_over()
+        it.until(lambda: it.now_s() >= stalls_s + 6.0)
+        bridge.faults.silent_topics.clear()
+        it.until(lambda: it.now_s() >= stalls_s + 9.0)
+        if not has_left:
+            assert modes == []
+            assert uav.telemetry().state is State.FLYING_MANUAL
+
+
 def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
     """PX4 enters OFFBOARD, and the pilot leaves it before PX4 sends a heartbeat unasked."""
     px4.fly()
@@ -293,6 +349,23 @@ def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> N
     silent_s = px4.now_s()
     px4.until(lambda: px4.now_s() > silent_s + 6.0)
     assert {message["message_id"] for _, message in intervals} == {ATTITUDE_QUATERNION}
+
+
+@pytest.mark.parametrize(("kind", "ros"), [("ardupilot", 1), ("ardupilot", 2), ("px4", 2)])
+def test_no_streams_are_asked_for_in_flight_after_a_reconnection(kind: str, ros: int) -> None:
+    backend = make(kind, ros)
+    with UAL(backend, allow_arming=True) as uav:
+        it = Flight(backend, uav)
+        it.fly()
+        it.until(lambda: backend.autopilot.elapsed_s > 60.0)
+        intervals = record(it, "set_message_interval")
+        backend.is_bridge_gone = True
+        it.until(lambda: uav.telemetry().state is State.UNINITIALIZED)
+        backend.is_bridge_gone = False
+        it.until(lambda: uav.telemetry().state in IN_THE_AIR)
+        back_s = it.now_s()
+        it.until(lambda: it.now_s() > back_s + 5.0)
+        assert intervals == []
 
 
 def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:

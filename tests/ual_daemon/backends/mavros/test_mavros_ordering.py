@@ -44,3 +44,18 @@ def test_a_message_after_a_clock_was_set_back_does_not_count_as_late(back_s: flo
         stamp_s, now_s = 100.0 + 0.02 * step - back_s, 0.02 * step
         if ordering.accepts("pose", stamp_s):
             assert ordering.sent_s(stamp_s, now_s) == pytest.approx(now_s)
+
+
+def test_a_state_that_waited_in_a_stall_is_known_to_be_old() -> None:
+    ordering = Ordering()
+    for step in range(100):
+        assert ordering.said_s(100.0 + 0.1 * step, 0.1 * step + 0.02) == pytest.approx(0.1 * step + 0.02)
+    for step in range(100, 108):
+        assert ordering.said_s(100.0 + 0.1 * step, 10.8) == pytest.approx(0.1 * step + 0.02)
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 5.0, 1.0])
+def test_the_states_of_a_simulation_that_runs_too_slowly_are_not_old(rate_hz: float) -> None:
+    ordering = Ordering()
+    ages_s = [at - ordering.said_s(100.0 + 0.9 * at, at) for at in (step / rate_hz for step in range(100))]
+    assert max(ages_s) < 0.3 * 0.7

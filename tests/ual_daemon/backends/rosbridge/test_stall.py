@@ -6,7 +6,8 @@ import json
 import socket
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from typing_extensions import override
@@ -16,7 +17,7 @@ from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.rosbridge_server import RosbridgeServer
 from tests.ual_daemon.backends.rosbridge.test_link import Talker
-from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, RosbridgeLink, operations, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.websocket import WebSocket, dial
 
@@ -52,6 +53,13 @@ class Stall:
         self.link.open()
         assert self._over.wait(LIMIT_S)
         self.link.close()
+
+    @contextmanager
+    def as_if_up(self) -> Iterator[None]:
+        """What another thread sees that has looked before the link fell silent."""
+        state, self.link.state = self.link.state, LinkState.UP
+        yield
+        self.link.state = state
 
     def sent_s(self, operation: str, name: str = "") -> list[float]:
         """Returns when operations were sent; of a service, if it is given."""
@@ -125,6 +133,32 @@ def test_a_call_that_waits_is_sent_when_the_bridge_answers_again_within_its_time
     assert min(it.sent_s("call_service", "/uav/add")) >= STALLS_S + 0.7
 
 
+def test_a_bridge_that_may_have_stalled_holds_up_calls() -> None:
+    held_s: list[float] = []
+    it = Stall(0.7, lambda it: held_s.append(it.time_s) if it.link.is_up and it.link.holds_up_calls else None)
+    it.run()
+    assert STALLS_S + 0.3 < min(held_s) < STALLS_S + 0.3 + 0.1 + 3.0 * STEP_S
+    assert max(held_s) < STALLS_S + 0.7 + 2.0 * STEP_S
+
+
+def test_a_call_that_is_withdrawn_by_what_comes_when_the_bridge_goes_on_is_not_sent() -> None:
+    """Not even if another call is made after it."""
+
+    def call(it: Stall) -> None:
+        if it.time_s > STALLS_S + 0.45 and not calls:
+            calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=2.0))
+        if it.time_s > STALLS_S + 0.7 and len(calls) == 1:
+            calls[0].cancel()
+            calls.append(it.link.call_service("/uav/refuse"))
+
+    calls: list[Any] = []
+    it = Stall(0.7, call)
+    it.run()
+    assert calls[0].cancelled()
+    assert it.sent_s("call_service", "/uav/add") == []
+    assert it.sent_s("call_service", "/uav/refuse") != []
+
+
 def test_no_call_is_sent_while_the_bridge_is_silent_nor_kept_from_before() -> None:
     def call(it: Stall) -> None:
         if it.time_s > STALLS_S + 0.45 and not calls:
@@ -138,6 +172,25 @@ def test_no_call_is_sent_while_the_bridge_is_silent_nor_kept_from_before() -> No
     for each in calls:
         assert "does not answer" in str(each.exception(LIMIT_S))
     assert len(calls) == 2
+    assert it.sent_s("call_service", "/uav/add") == []
+
+
+def test_what_another_thread_was_about_to_send_when_the_bridge_fell_silent_never_leaves() -> None:
+    """It had seen that the link was up."""
+
+    def put(it: Stall) -> None:
+        connections = it.link._connections
+        if it.link.state is LinkState.SILENT and not calls:
+            assert connections is not None
+            connections.published.put("/uav/setpoint", operations.publish("/uav/setpoint", {"x": 1.0}), may_leave=False)
+            with it.as_if_up():
+                calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=4.0))
+
+    calls: list[Any] = []
+    it = Stall(2.0, put)
+    it.run()
+    assert it.sent_s("publish") == []
+    assert "does not answer" in str(calls[0].exception(LIMIT_S))
     assert it.sent_s("call_service", "/uav/add") == []
 
 
