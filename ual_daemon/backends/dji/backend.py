@@ -263,7 +263,7 @@ class DjiBackend(Backend):
         self._end_landing()
         telemetry = self._telemetry
         if telemetry is not None:
-            telemetry.authority.grant(is_granted=False)
+            telemetry.note_released()
         released = self._run(lambda wrapper: (wrapper.release,))
         released.add_done_callback(self._released)
         return released
@@ -301,7 +301,7 @@ class DjiBackend(Backend):
         if call is obtain[0]:
             self._holding.is_granted = True
         if call is obtain[-1]:
-            telemetry.authority.grant(is_granted=True)
+            telemetry.note_granted(self.clock.now_s())
 
     def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
         """Releases the control authority where the rest of the command was refused."""
@@ -310,7 +310,7 @@ class DjiBackend(Backend):
         was_granted = self._holding.is_granted
         self._holding.drop()
         if was_granted:
-            telemetry.authority.grant(is_granted=False)
+            telemetry.note_released()
             self._commands.run((telemetry.wrapper.release,)).add_done_callback(_log_refusal)
 
     def _words(self) -> str:

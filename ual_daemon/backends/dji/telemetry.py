@@ -59,6 +59,7 @@ class Telemetry:
         self._display: Sample[int] | None = None
         self._left_landing_s: float | None = None
         self._device: Sample[int] | None = None
+        self._granted_s = -math.inf
         self._level: Sample[int] | None = None
         self._is_rtk_fixed = False
         self._has_rc = True
@@ -92,8 +93,23 @@ class Telemetry:
         """Discards all that may have changed since it was said; where the frame lies stays known."""
         self._status = self._display = self._device = self._level = self._left_landing_s = None
         self._pose = self._velocity = self._altitude = self._orientation = self.height = None
-        self._attitude_s = -math.inf
+        self._attitude_s = self._granted_s = -math.inf
         self.authority.forget()
+
+    def note_granted(self, now_s: float) -> None:
+        """Notes that the wrapper has given us the control authority.
+
+        Where it is published, it counts before that comes: the display mode of a take-off that begins now may come
+        first, and with the authority from before it the mode would be another's.
+        """
+        self.authority.grant(is_granted=True)
+        if self.wrapper.says_authority:
+            self._device, self._granted_s = Sample(_OURS, now_s), now_s
+
+    def note_released(self) -> None:
+        """Notes that we have given up the control authority."""
+        self.authority.grant(is_granted=False)
+        self._granted_s = -math.inf
 
     def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
@@ -195,6 +211,10 @@ class Telemetry:
         """Takes who controls the aircraft."""
         is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
         other = _APP if message["device_mode"] == _APP else _REMOTE
+        if is_ours:
+            self._granted_s = -math.inf
+        elif now_s - self._granted_s < _GRANT_SHOWS_S:
+            return
         self._device = Sample(_OURS if is_ours else other, now_s)
 
     def take_rc_connection(self, message: Message, _: float) -> None:
@@ -441,6 +461,8 @@ _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _FARTHEST_HOME_M = 30_000.0
 """Farther than its batteries reach."""
+_GRANT_SHOWS_S = 0.3
+"""What is published of the authority within this time may be from before we were given it, until it shows as ours."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0
@@ -448,6 +470,8 @@ _OVERTAKEN_S = 1.0
 
 
 def _mode_of(display: int, device: int) -> Mode:
+    if display == modes.ENGINE_START:  # nobody has chosen it: it shows while the motors start
+        display = modes.P_GPS
     name = modes.NAMES.get(display, f"DISPLAY_MODE_{display}")
     if display in modes.LANDING:
         return Mode(name, Control.LAND)
