@@ -374,12 +374,12 @@ class DjiBackend(Backend):
 
     def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
         for topic in wrapper.topics:
-            take = partial(telemetry.take, topic.taken_by)
             is_log = topic.name == "/rosout"
             self._link.subscribe(
                 topic.name,
                 topic.kind,
-                take,
+                # Every node logs there: that is no sign of life of the aircraft.
+                telemetry.take_log if is_log else partial(telemetry.take, topic.taken_by),
                 queue_length=10 if is_log else 1,
                 silence_s=float("inf") if is_log else _SILENCE_S,
             )

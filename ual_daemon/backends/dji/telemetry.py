@@ -75,7 +75,9 @@ class Telemetry:
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped.
+        """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.taken_by`).
+
+        One that a newer one has overtaken is dropped.
 
         After a silence that counts as a lost link nothing from before it is valid.
         """
@@ -268,7 +270,7 @@ class Telemetry:
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
     def take_log(self, message: Message, now_s: float) -> None:
-        """Takes what the wrapper logs: that is where it writes what DJI's SDK answered."""
+        """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
             self.words = str(message["msg"])
