@@ -55,7 +55,6 @@ _CONFIRM_AGAIN_S = 1.0
 _STOP_AGAIN_S = 3.0
 _DESCENT_S = 0.018
 """The interval of the velocities of a landing."""
-_WAITS = "it does not descend any further: land it by hand, as its landing protection may wait for the pilot"
 _RELEASE_S = 1.0
 """How long the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
@@ -156,11 +155,11 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
-        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)))
+        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)), telemetry)
         snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
 
-    def _with_descent(self, snapshot: Snapshot) -> Snapshot:
+    def _with_descent(self, snapshot: Snapshot, telemetry: Telemetry) -> Snapshot:
         """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""
         descent, mode, landed = self._descent, snapshot.mode, snapshot.landed
         if descent is None or mode is None or landed is None:
@@ -168,7 +167,7 @@ class DjiBackend(Backend):
         return snapshot._replace(
             mode=Sample(Mode(f"landing ({mode.value.name})", Control.LAND), mode.time_s),
             landed=Sample(LandedState.LANDING, landed.time_s),
-            status_text=_WAITS if descent.waits else snapshot.status_text,
+            status_text="; ".join(filter(None, (descent.words(telemetry, snapshot.time_s), snapshot.status_text))),
         )
 
     def _missing(self, telemetry: Telemetry, now_s: float) -> str:
