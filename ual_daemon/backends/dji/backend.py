@@ -55,6 +55,9 @@ _CONFIRM_AGAIN_S = 1.0
 _STOP_AGAIN_S = 3.0
 _DESCENT_S = 0.018
 """The interval of the velocities of a landing."""
+_LONGEST_GAP_S = 10.0
+"""After a longer silence the aircraft's own landing may be that of others."""
+_GIVEN_UP = "the landing was given up, as nothing was heard for a while and others may fly; land it, or let the pilot"
 _RELEASE_S = 1.0
 """How long the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
@@ -103,7 +106,7 @@ class DjiBackend(Backend):
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
         self._had_authority = False
-        self._ended_landings_count = 0
+        self._ended_landings_count = self._discards_count = 0
         self._landing: LandingRequest | None = None
         self._descent: Descent | None = None
         self._descended_s = self._stopped_s = float("-inf")
@@ -331,6 +334,9 @@ class DjiBackend(Backend):
             if telemetry.is_authority_known:
                 self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
             self._withdraw_setpoint(telemetry)
+            if telemetry.discards_count != self._discards_count:
+                self._discards_count = telemetry.discards_count
+                self._give_up_landing(telemetry, now_s)
             if self._read_s == now_s:
                 self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
@@ -349,7 +355,7 @@ class DjiBackend(Backend):
         pause_s = self._own_pause.woke(now_s, self.freshness.link_s)
         if pause_s and self._telemetry is not None:
             logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
-            self._telemetry.discard_state()
+            self._telemetry.discard_state(pause_s)
         if now_s - self._stepped_s > _BLIND_S:
             self._late_s = now_s + _CATCH_UP_S
         self._stepped_s = now_s
@@ -384,6 +390,23 @@ class DjiBackend(Backend):
             )
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
+
+    def _give_up_landing(self, telemetry: Telemetry, now_s: float) -> None:
+        """Ends a landing, once the flight may have become another's unseen.
+
+        A landing by velocities ends after any silence: nothing is sent in it, and the aircraft hovers, which is safe.
+        The display mode alone shows whom it follows, and velocities of another program look the same as ours.
+
+        The aircraft's own landing goes on in a silence, and waits above the ground for its confirmation. If the mode
+        and the authority still are those of our landing after a short silence, it is confirmed: within that time
+        nobody takes over, hands over to another program, and lands with it. After a long one it waits for the pilot.
+        """
+        request, descent = self._landing, self._descent
+        is_others = request is not None and not request.has_ended and telemetry.blind_s > _LONGEST_GAP_S
+        if descent is not None or is_others:
+            self._end_landing()
+            telemetry.say(_GIVEN_UP, now_s)
+            logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)
 
     def _lead_landing(self, telemetry: Telemetry, now_s: float) -> None:
         """Goes on with a landing that was asked for."""

@@ -41,12 +41,14 @@ class Telemetry:
         self._taken_s: dict[str, float] = {}
         self._begun_s = math.inf
         self._braked: Sample[str] | None = None
-        self._logged: Sample[str] | None = None
+        self._said: Sample[str] | None = None
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
         self.height: Sample[float] | None = None
         """Height above the ground, or above where it took off."""
         self.poses_count = 0
+        self.discards_count, self.blind_s = 0, 0.0
+        """How often what was known was discarded, and how long nothing was heard before the last time."""
         self._settings = settings
         self._orientation: Quaternion | None = None
         self._attitude_s = -math.inf
@@ -82,7 +84,7 @@ class Telemetry:
         After a silence that counts as a lost link nothing from before it is valid.
         """
         if self._heard_s is not None and now_s - self._heard_s > LINK_S:
-            self.discard_state()
+            self.discard_state(now_s - self._heard_s)
         self._heard_s = now_s
         stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
         if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
@@ -91,8 +93,9 @@ class Telemetry:
         self._taken_s[name] = now_s
         getattr(self, name)(message, now_s)
 
-    def discard_state(self) -> None:
-        """Discards all that may have changed since it was said; where the frame lies stays known."""
+    def discard_state(self, blind_s: float) -> None:
+        """Discards all that may have changed in so long a silence or pause; where the frame lies stays known."""
+        self.discards_count, self.blind_s = self.discards_count + 1, blind_s
         self._status = self._display = self._device = self._level = self._left_landing_s = None
         self._pose = self._velocity = self._altitude = self._orientation = self.height = None
         self._attitude_s = self._granted_s = -math.inf
@@ -274,7 +277,11 @@ class Telemetry:
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
             self.words = str(message["msg"])
-            self._logged = Sample(self.words, now_s)
+            self.say(self.words, now_s)
+
+    def say(self, words: str, now_s: float) -> None:
+        """Tells people something for a while: in the status text."""
+        self._said = Sample(words, now_s)
 
     # --- What they say together ---------------------------------------------------------------------------------------
 
@@ -358,12 +365,12 @@ class Telemetry:
 
     def _status_text(self, missing: str, now_s: float) -> str:
         """Returns the most important thing to say now."""
-        braked, logged = self._braked, self._logged
+        braked, said = self._braked, self._said
         if missing:
             return missing
         if braked is not None and braked.value and now_s - braked.time_s <= _BRAKED_S:
             return braked.value
-        return logged.value if logged is not None and now_s - logged.time_s <= _LOGGED_S else ""
+        return said.value if said is not None and now_s - said.time_s <= _SAID_S else ""
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
         """Returns what is known. `missing` says for people which topics do not come."""
@@ -457,8 +464,8 @@ LINK_S = 1.0
 _LEVEL_S = 3.0
 _MISSING_S = 3.0
 """A topic on which nothing came for so long is named."""
-_BRAKED_S, _LOGGED_S = 1.0, 10.0
-"""How long it is told what brakes the aircraft, and what the wrapper has logged."""
+_BRAKED_S, _SAID_S = 1.0, 10.0
+"""How long it is told what brakes the aircraft, and what the wrapper has logged or was noticed."""
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _FARTHEST_HOME_M = 30_000.0

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from tests.simulators.lockstep_dji import LockstepOsdkVehicle
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from tests.simulators.dji import STEP_S
+from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, until, wait
 from ual.types import State
+from ual_daemon.backends.values import Snapshot
+
+LIMIT_S = 60.0
 
 
 def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:
@@ -53,3 +62,78 @@ def test_a_position_that_comes_back_leads_it_over_the_place_again() -> None:
         until(lambda: backend.aircraft.height_m == 0.0)
         until(lambda: uav.state() is State.LANDED_DISARMED)
         assert abs(backend.aircraft.body.position[0]) < 0.5
+
+
+def stall(backend: LockstepDji, seconds: float, meanwhile: Callable[[], None]) -> None:
+    """The wrapper is silent for a while, and something happens in the beginning."""
+    backend.bridge.faults.silent_topics.update(backend.bridge.nodes[0].topics)
+    wait(backend, 0.3)
+    with backend.lock:
+        meanwhile()
+    wait(backend, seconds - 0.3)
+    backend.bridge.faults.silent_topics.clear()
+
+
+def pause(backend: LockstepDji, seconds: float, meanwhile: Callable[[], None]) -> None:
+    """The thread that hears the aircraft does not run for a while, and something happens in the beginning."""
+    blocked, go_on = threading.Event(), threading.Event()
+    update = backend._on_update
+    assert update is not None
+
+    def block(snapshot: Snapshot) -> None:
+        blocked.set()
+        assert go_on.wait(LIMIT_S)
+        update(snapshot)
+
+    backend._on_update = block
+    assert blocked.wait(LIMIT_S)
+    end_s = backend.aircraft.now_s + seconds
+    meanwhile()
+    while backend.aircraft.now_s < end_s:
+        with backend.lock:
+            backend.bridge.step(backend.bridge.now_s + STEP_S)
+    backend._on_update = update
+    go_on.set()
+
+
+def let_another_program_hold_it(backend: LockstepDji) -> None:
+    """Another program flies it from now on, with the authority that it got from the pilot."""
+    aircraft = backend.aircraft
+    step = aircraft.step
+
+    def step_held() -> None:
+        aircraft.command((0.0, 0.0, 0.0), 0.0)
+        step()
+
+    aircraft.step = step_held  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("blinded", [stall, pause])
+@pytest.mark.parametrize("seconds", [1.3, 5.0])
+def test_it_does_not_go_on_in_the_flight_of_another_after_a_silence(
+    blinded: Callable[[LockstepDji, float, Callable[[], None]], None], seconds: float
+) -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav, 20.0)
+        uav.land(blocking=False)
+        wait(backend, 1.5)
+        blinded(backend, seconds, lambda: let_another_program_hold_it(backend))
+        back_s, height_m = backend.aircraft.now_s, backend.aircraft.height_m
+        until(lambda: "the landing was given up" in backend.snapshot().status_text)
+        wait(backend, 4.0)
+        assert not [time_s for time_s, (_, _, down), _ in backend.aircraft.setpoints if time_s > back_s and down > 0.2]
+        assert backend.aircraft.height_m > height_m - 0.5
+
+
+def test_it_hovers_after_a_silence_until_it_is_commanded_again() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav, 10.0)
+        uav.land(blocking=False)
+        wait(backend, 1.5)
+        stall(backend, 1.3, lambda: None)
+        until(lambda: uav.state() is State.FLYING_AUTO)
+        height_m = backend.aircraft.height_m
+        wait(backend, 3.0)
+        assert backend.aircraft.height_m == pytest.approx(height_m, abs=0.3)
+        uav.land()
+        assert uav.state() is State.LANDED_DISARMED

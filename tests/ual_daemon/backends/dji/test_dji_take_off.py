@@ -137,7 +137,7 @@ def test_authority_that_has_shown_is_lost_at_once() -> None:
 
 def test_what_a_silence_may_hide_is_lost_at_once() -> None:
     telemetry = given()
-    telemetry.discard_state()
+    telemetry.discard_state(1.0)
     telemetry.take_display_mode({"display_mode": modes.P_GPS}, 1.1)
     telemetry.take_control_mode(REMOTE, 1.1)
     assert control(telemetry, 1.1) is Control.OTHER
