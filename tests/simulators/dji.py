@@ -77,7 +77,7 @@ class Aircraft:
         self._check_sdk()
         if not self.body.is_on_ground:
             self._fail("motors cannot be stopped in the air")
-        self.has_motors = False
+        self.has_motors, self.display = False, P_GPS
 
     def take_off(self) -> None:
         self.start_motors()
@@ -103,9 +103,7 @@ class Aircraft:
 
     def pilot_takes_over(self) -> None:
         """The pilot's mode switch, or pause button."""
-        self.device, self._hold = RC, None
-        if not self.body.is_on_ground:
-            self.display = P_GPS
+        self.device, self._hold, self.display = RC, None, P_GPS
 
     def _check_sdk(self) -> None:
         if self.device != SDK:

@@ -52,7 +52,6 @@ _SILENCE_S = 3.0
 _MOST_MISSING = 3
 """More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0
-_STOP_AGAIN_S = 3.0
 _DESCENT_S = 0.018
 """The interval of the velocities of a landing."""
 _LONGEST_GAP_S = 10.0
@@ -109,7 +108,7 @@ class DjiBackend(Backend):
         self._ended_landings_count = self._discards_count = 0
         self._landing: LandingRequest | None = None
         self._descent: Descent | None = None
-        self._descended_s = self._stopped_s = float("-inf")
+        self._descended_s = float("-inf")
         self._joystick: Future[Message] | None = None
         self._braked = ""
 
@@ -426,15 +425,17 @@ class DjiBackend(Backend):
 
     def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
         """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
-        if descent.has_ended(telemetry):
+        if descent.has_ended(telemetry, now_s):
             self._descent = None
+            if why := descent.why_motors_run(telemetry, now_s):
+                telemetry.say(why, now_s)
+                logs.event(_log, logging.WARNING, "motors_not_stopped", why=why)
             return
         setpoint = descent.setpoint(telemetry, now_s)
         if setpoint is not None and now_s - self._descended_s >= _DESCENT_S:
             self._descended_s = now_s
             self._transmit(telemetry, setpoint)
-        if telemetry.is_on_ground and now_s - self._stopped_s >= _STOP_AGAIN_S:
-            self._stopped_s = now_s
+        if descent.begins_stop(telemetry, now_s):
             self._commands.run((telemetry.wrapper.motors_off,)).add_done_callback(_log_refusal)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from ual.geometry import Pose, Vector3
 from ual.types import Limits
 from ual_daemon.backends.dji import modes
@@ -20,6 +22,7 @@ _ASIDE_M_S = 1.0
 _HEARD_S = 0.5
 """Without a display mode that is younger no velocity is sent: it hovers."""
 _SETTLED_M_S, _SETTLED_S = 0.15, 4.0
+_STOP_AGAIN_S, _MOST_STOPS = 3.0, 3
 _MEASURED_S = 1.0
 """With an older position it is not flown aside, and an older velocity does not show whether it descends."""
 _WAITS = "it does not descend any further: land it by hand, as its landing protection may wait for the pilot"
@@ -51,7 +54,7 @@ class LandingRequest:
 class Descent:
     """A landing by velocities, straight down, for a wrapper whose own landing blocks it.
 
-    It ends when the motors have stopped, or another one flies it.
+    It ends when the motors have stopped or cannot be stopped, or another one flies it.
     """
 
     def __init__(self, place: Vector3, limits: Limits) -> None:
@@ -60,12 +63,30 @@ class Descent:
         self._descended_s: float | None = None
         self.waits = False
         """Whether it does not descend any more, and has not touched down."""
+        self._stops_count = 0
+        self._stopped_s = -math.inf
 
-    def has_ended(self, telemetry: Telemetry) -> bool:
+    def has_ended(self, telemetry: Telemetry, now_s: float) -> bool:
         """Whether it is over."""
         if telemetry.is_on_ground:
-            return telemetry.flight_status == modes.STOPPED
+            return telemetry.flight_status == modes.STOPPED or bool(self.why_motors_run(telemetry, now_s))
         return telemetry.is_authority_known and not telemetry.has_authority
+
+    def why_motors_run(self, telemetry: Telemetry, now_s: float) -> str:
+        """Returns why its motors run on the ground and are not stopped any more, for people; empty otherwise."""
+        if telemetry.flight_status != modes.ON_GROUND or self._stops_count == 0:
+            return ""
+        if telemetry.is_authority_lost:
+            return "it stands, and others have taken it over: its motors are theirs to stop"
+        is_late = self._stops_count >= _MOST_STOPS and now_s - self._stopped_s > _STOP_AGAIN_S
+        return "it stands, and its motors do not stop: stop them by hand, or disarm it" if is_late else ""
+
+    def begins_stop(self, telemetry: Telemetry, now_s: float) -> bool:
+        """Whether the motors are to be stopped now: again where that failed, but not those of others."""
+        if not telemetry.is_on_ground or now_s - self._stopped_s < _STOP_AGAIN_S or self._stops_count >= _MOST_STOPS:
+            return False
+        self._stops_count, self._stopped_s = self._stops_count + 1, now_s
+        return True
 
     def setpoint(self, telemetry: Telemetry, now_s: float) -> VelocitySetpoint | None:
         """Returns the velocity: down, slower near the ground, and back over the place. None: nothing may be sent."""

@@ -9,6 +9,7 @@ import pytest
 
 from tests.simulators.dji import STEP_S
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle
+from tests.simulators.rosbridge import RefusedError
 from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, until, wait
 from ual.types import State
 from ual_daemon.backends.values import Snapshot
@@ -137,3 +138,59 @@ def test_it_hovers_after_a_silence_until_it_is_commanded_again() -> None:
         assert backend.aircraft.height_m == pytest.approx(height_m, abs=0.3)
         uav.land()
         assert uav.state() is State.LANDED_DISARMED
+
+
+def refuse_to_stop(backend: LockstepDji, count: int) -> list[tuple[float, int]]:
+    """The motors do not stop so many times. Returns when that was asked for, and who had the authority."""
+    asked: list[tuple[float, int]] = []
+    aircraft = backend.aircraft
+    stop_motors = aircraft.stop_motors
+
+    def stop_or_refuse() -> None:
+        asked.append((aircraft.now_s, aircraft.device))
+        if len(asked) <= count:
+            raise RefusedError("busy")
+        stop_motors()
+
+    aircraft.stop_motors = stop_or_refuse  # type: ignore[method-assign]
+    return asked
+
+
+def test_motors_that_do_not_stop_at_first_are_stopped_again() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav)
+        asked = refuse_to_stop(backend, 1)
+        uav.land()
+        until(lambda: uav.state() is State.LANDED_DISARMED)
+        assert len(asked) == 2
+
+
+def test_motors_that_do_not_stop_are_told() -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav)
+        asked = refuse_to_stop(backend, 100)
+        uav.land(blocking=False)
+        until(lambda: "its motors do not stop" in backend.snapshot().status_text)
+        until(lambda: uav.state() is State.LANDED_ARMED)
+        wait(backend, 8.0)
+        assert len(asked) == 3
+
+
+@pytest.mark.parametrize("after_s", [0.02, 1.0, 4.0])
+def test_the_motors_of_a_pilot_who_took_over_on_the_ground_are_not_stopped(after_s: float) -> None:
+    with ready(LockstepOsdkVehicle) as (uav, backend):
+        fly(uav)
+        asked = refuse_to_stop(backend, 100)
+        uav.land(blocking=False)
+        until(lambda: asked)
+        wait(backend, after_s)
+        with backend.lock:
+            backend.aircraft.pilot_takes_over()
+            taken_s = backend.aircraft.now_s
+        until(lambda: "others have taken it over" in backend.snapshot().status_text)
+        until(lambda: uav.state() is State.LANDED_ARMED)
+        wait(backend, 8.0)
+        assert not [time_s for time_s, _ in asked if time_s > taken_s]
+        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]
+        backend.aircraft.obtain()  # another program
+    assert backend.aircraft.device == 4
