@@ -244,9 +244,10 @@ class DjiBackend(Backend):
         """Begins a landing by velocities."""
         if not self._link.is_up:
             return futures.failed(LinkLostError(self._why_no_vehicle()))
-        if telemetry.pose is None or not telemetry.has_authority or telemetry.is_on_ground:
+        pose = telemetry.pose
+        if pose is None or not telemetry.has_authority or telemetry.is_on_ground:
             return _refusal("Land: the aircraft does not follow this program")
-        self._descent = Descent(telemetry.pose.value.position, limits)
+        self._descent = Descent(pose.value.position, limits)
         return futures.done()
 
     def _end_landing(self) -> None:

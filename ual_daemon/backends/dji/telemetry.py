@@ -30,7 +30,10 @@ _WARNING_ROS1, _WARNING_ROS2 = 4, 30
 
 
 class Telemetry:
-    """The newest values. Belongs to the link's thread; `snapshot` is for any."""
+    """The newest values. Belongs to the link's thread; what they say together is for any.
+
+    Any of them may be discarded meanwhile, so other threads read each once.
+    """
 
     def __init__(self, wrapper: Wrapper, settings: DjiSettings) -> None:
         self.wrapper = wrapper
@@ -288,7 +291,7 @@ class Telemetry:
     @property
     def has_authority(self) -> bool:
         """Whether the aircraft follows us."""
-        return self._device is not None and self._device.value == _OURS
+        return _is_ours(self._device)
 
     @property
     def is_authority_known(self) -> bool:
@@ -298,7 +301,7 @@ class Telemetry:
     @property
     def mode_s(self) -> float:
         """When the older one of display mode and authority was said."""
-        mode = self._mode()
+        mode = _mode(self._display, self._device)
         return -math.inf if mode is None else mode.time_s
 
     @property
@@ -308,22 +311,30 @@ class Telemetry:
 
     def follows_us(self, now_s: float, limit_s: float) -> bool:
         """Whether it was said within a time that the aircraft follows us."""
-        return self._device is not None and self.has_authority and now_s - self._device.time_s <= limit_s
+        device = self._device
+        return device is not None and _is_ours(device) and now_s - device.time_s <= limit_s
 
     @property
     def is_landing(self) -> bool:
         """Whether it lands by itself, and takes a confirmation."""
-        return self._display is not None and self._display.value == modes.AUTO_LANDING
+        return self._shown == modes.AUTO_LANDING
 
     @property
     def is_descending(self) -> bool:
         """Whether it lands by itself, for whatever reason."""
-        return self._display is not None and self._display.value in modes.LANDING
+        return self._shown in modes.LANDING
+
+    @property
+    def _shown(self) -> int | None:
+        """The display mode."""
+        display = self._display
+        return None if display is None else display.value
 
     @property
     def flight_status(self) -> int | None:
         """Whether it stands, runs its motors on the ground, or flies."""
-        return None if self._status is None else self._status.value
+        status = self._status
+        return None if status is None else status.value
 
     @property
     def pose(self) -> Sample[Pose] | None:
@@ -338,7 +349,8 @@ class Telemetry:
     @property
     def is_on_ground(self) -> bool:
         """Whether it stands on the ground."""
-        return self._status is not None and self._status.value != modes.IN_AIR
+        status = self.flight_status
+        return status is not None and status != modes.IN_AIR
 
     @property
     def why_not_start(self) -> str:
@@ -374,8 +386,8 @@ class Telemetry:
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
         """Returns what is known. `missing` says for people which topics do not come."""
-        status, velocity = self._status, self._velocity
-        mode = self._mode()
+        status, velocity, device = self._status, self._velocity, self._device
+        mode = _mode(self._display, device)
         return Snapshot(
             time_s=now_s,
             heard_s=self._heard_s,
@@ -396,7 +408,7 @@ class Telemetry:
             gps=self._gps(),
             status_text=self._status_text(missing, now_s),
             failsafe=self._failsafe(),
-            held_by=None if mode is None else self._held_by(),
+            held_by=None if mode is None or device is None else self._held_by(device.value),
             health=self._health(),
         )
 
@@ -414,45 +426,39 @@ class Telemetry:
         """Returns why the position is not good, for people; empty if it is."""
         if missing:
             return missing
-        if self._velocity is None or now_s - self._velocity.time_s > _VELOCITY_S:
+        velocity, level = self._velocity, self._level
+        if velocity is None or now_s - velocity.time_s > _VELOCITY_S:
             return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
-        level = None if self._level is None else self._level.value
+        quality = None if level is None else level.value
         least = self._settings.least_gps_level
-        return "" if self._is_good(now_s) else f"the quality of the position is {level} of 5, and {least} is needed"
+        return "" if self._is_good(now_s) else f"the quality of the position is {quality} of 5, and {least} is needed"
 
     def _gps(self) -> GpsInfo | None:
-        if self._level is None:
+        level = self._level
+        if level is None:
             return None
         if self._is_rtk_fixed:
             return GpsInfo(GpsFix.RTK_FIXED)
-        return GpsInfo(GpsFix.FIX_3D if self._level.value >= self._settings.least_gps_level else GpsFix.NONE)
+        return GpsInfo(GpsFix.FIX_3D if level.value >= self._settings.least_gps_level else GpsFix.NONE)
 
     def _landed(self, status: int) -> LandedState:
-        display = None if self._display is None else self._display.value
+        display = self._shown
         if display in modes.TAKING_OFF:
             return LandedState.TAKING_OFF
         if status != modes.IN_AIR:
             return LandedState.ON_GROUND
         return LandedState.LANDING if display in modes.LANDING else LandedState.IN_AIR
 
-    def _mode(self) -> Sample[Mode] | None:
-        """Returns the mode, as old as the older one of its two parts."""
-        display, device = self._display, self._device
-        if display is None or device is None:
-            return None
-        return Sample(_mode_of(display.value, device.value), min(display.time_s, device.time_s))
-
     def _failsafe(self) -> Cause | None:
-        display = None if self._display is None else self._display.value
+        display = self._shown
         if display == modes.FORCED_LANDING:
             return Cause.FAILSAFE
         return Cause.RC if display == modes.GO_HOME and not self._has_rc else None
 
-    def _held_by(self) -> Cause | None:
-        assert self._device is not None
-        if self._device.value == _OURS:
+    def _held_by(self, device: int) -> Cause | None:
+        if device == _OURS:
             return self._failsafe()
-        return Cause.GROUND_STATION if self._device.value == _APP else self._failsafe() or Cause.SAFETY_PILOT
+        return Cause.GROUND_STATION if device == _APP else self._failsafe() or Cause.SAFETY_PILOT
 
     def _health(self) -> Health:
         failing = (self.why_not_start,) if self.why_not_start else ()
@@ -476,6 +482,17 @@ _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0
 """A stamp that is older than the newest by more than this shows that the clock was set back."""
+
+
+def _is_ours(device: Sample[int] | None) -> bool:
+    return device is not None and device.value == _OURS
+
+
+def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mode] | None:
+    """Returns the mode, as old as the older one of its two parts."""
+    if display is None or device is None:
+        return None
+    return Sample(_mode_of(display.value, device.value), min(display.time_s, device.time_s))
 
 
 def _mode_of(display: int, device: int) -> Mode:
