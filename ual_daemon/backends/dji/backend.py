@@ -51,6 +51,9 @@ _BLIND_S, _CATCH_UP_S = 0.2, 0.1
 _SILENCE_S = 3.0
 _MOST_MISSING = 3
 """More topics are not named at once."""
+_HEARD_S = 0.5
+"""Nothing is called in a longer silence. The wrappers send the attitude 50 times a second or more, and their slowest
+position ten times: at least five messages of each are lost then."""
 _CONFIRM_AGAIN_S = 1.0
 _DESCENT_S = 0.018
 """The interval of the velocities of a landing."""
@@ -96,7 +99,7 @@ class DjiBackend(Backend):
         self.clock = MonotonicClock()
         self._link = self._make_link()
         self._discovery = Discovery(self._link)
-        self._commands = Commands(self._link, self.clock, self._words)
+        self._commands = Commands(self._link, self.clock, self._words, self._why_silent, self._tell)
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
@@ -110,6 +113,8 @@ class DjiBackend(Backend):
         self._descent: Descent | None = None
         self._descended_s = float("-inf")
         self._joystick: Future[Message] | None = None
+        self._landing_call: Future[None] | None = None
+        """The newest call that goes on with a landing."""
         self._braked = ""
 
     def _make_link(self) -> RosbridgeLink:
@@ -242,8 +247,8 @@ class DjiBackend(Backend):
 
     def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
         """Begins a landing by velocities."""
-        if not self._link.is_up:
-            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        if why := self._why_unreachable():
+            return futures.failed(LinkLostError(why))
         pose = telemetry.pose
         if pose is None or not telemetry.has_authority or telemetry.is_on_ground:
             return _refusal("Land: the aircraft does not follow this program")
@@ -254,6 +259,16 @@ class DjiBackend(Backend):
         """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
         self._ended_landings_count += 1
         self._landing = self._descent = None
+        self._withdraw_landing_call()
+
+    def _call_for_landing(self, call: Call) -> None:
+        self._landing_call = self._commands.run((call,))
+        self._landing_call.add_done_callback(_log_refusal)
+
+    def _withdraw_landing_call(self) -> None:
+        """Withdraws the call of a landing that may wait."""
+        if self._landing_call is not None:
+            self._landing_call.cancel()
 
     @override
     def take_control(self) -> Future[None]:
@@ -266,7 +281,10 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is not None:
             telemetry.note_released()
-        released = self._run(lambda wrapper: (wrapper.release,))
+        if telemetry is None or not self._link.is_up:
+            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        telemetry.words = ""
+        released = self._commands.release(telemetry.wrapper.release)
         released.add_done_callback(self._released)
         return released
 
@@ -275,9 +293,9 @@ class DjiBackend(Backend):
             self._holding.drop()
 
     def _run(self, choose: _Choose) -> Future[None]:
-        telemetry = self._telemetry
-        if telemetry is None or not self._link.is_up:
-            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        telemetry, why = self._telemetry, self._why_unreachable()
+        if telemetry is None or why:
+            return futures.failed(LinkLostError(why))
         telemetry.words = ""
         return self._commands.run(choose(telemetry.wrapper))
 
@@ -286,7 +304,7 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if (
             telemetry is None
-            or not self._link.is_up
+            or self._why_unreachable()
             or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority)
         ):
             return self._run(choose)
@@ -306,20 +324,40 @@ class DjiBackend(Backend):
             telemetry.note_granted(self.clock.now_s())
 
     def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
-        """Releases the control authority where the rest of the command was refused."""
-        if result.cancelled() or not isinstance(result.exception(), RejectedByAutopilotError):
-            return
+        """Releases the control authority where the rest of the command was refused, or not called in a silence."""
+        error = None if result.cancelled() else result.exception()
         was_granted = self._holding.is_granted
+        if not isinstance(error, RejectedByAutopilotError) and not (was_granted and isinstance(error, LinkLostError)):
+            return
         self._holding.drop()
         if was_granted:
             telemetry.note_released()
-            self._commands.run((telemetry.wrapper.release,)).add_done_callback(_log_refusal)
+            self._commands.release(telemetry.wrapper.release).add_done_callback(_log_refusal)
 
     def _words(self) -> str:
         telemetry = self._telemetry
         if telemetry is None:
             return ""
         return "; ".join(filter(None, (telemetry.words, telemetry.why_not_start, telemetry.wrapper.reasons)))
+
+    def _why_unreachable(self) -> str:
+        """Returns why nothing can be commanded now, for people; empty if it can."""
+        if self._telemetry is None or not self._link.is_up:
+            return self._why_no_vehicle()
+        return self._why_silent()
+
+    def _why_silent(self) -> str:
+        """Returns why the aircraft counts as not heard now, for people; empty while it is heard."""
+        telemetry = self._telemetry
+        silent_s = float("inf") if telemetry is None else telemetry.silent_s(self.clock.now_s())
+        if silent_s <= _HEARD_S:
+            return ""
+        return f"nothing was heard of the aircraft {f'for {silent_s:.1f} s' if silent_s < float('inf') else 'yet'}"
+
+    def _tell(self, words: str) -> None:
+        logs.event(_log, logging.WARNING, "call_open", why=words)
+        if self._telemetry is not None:
+            self._telemetry.say(words, self.clock.now_s())
 
     # --- The link's thread --------------------------------------------------------------------------------------------
 
@@ -347,8 +385,12 @@ class DjiBackend(Backend):
     def _withdraw_setpoint(self, telemetry: Telemetry) -> None:
         """Withdraws the setpoint that may wait in a full socket, once the authority is lost."""
         had_authority, self._had_authority = self._had_authority, telemetry.has_authority
-        if had_authority and not self._had_authority and telemetry.wrapper.setpoint_topic:
+        if not had_authority or self._had_authority:
+            return
+        if telemetry.wrapper.setpoint_topic:
             self._link.withdraw(telemetry.wrapper.setpoint_topic)
+        elif self._joystick is not None:
+            self._joystick.cancel()
 
     def _watch_pause(self, now_s: float) -> None:
         """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
@@ -422,12 +464,15 @@ class DjiBackend(Backend):
         is_needed = request.needs_confirmation(telemetry, self._settings.confirm_landing_below_m, now_s)
         if is_needed and call is not None and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
             self._confirmed_s = now_s
-            self._commands.run((call,)).add_done_callback(_log_refusal)
+            self._call_for_landing(call)
+        if request.has_ended:
+            self._withdraw_landing_call()
 
     def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
         """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
         if descent.has_ended(telemetry, now_s):
             self._descent = None
+            self._withdraw_landing_call()
             if why := descent.why_motors_run(telemetry, now_s):
                 telemetry.say(why, now_s)
                 logs.event(_log, logging.WARNING, "motors_not_stopped", why=why)
@@ -437,12 +482,12 @@ class DjiBackend(Backend):
             self._descended_s = now_s
             self._transmit(telemetry, setpoint)
         if descent.begins_stop(telemetry, now_s):
-            self._commands.run((telemetry.wrapper.motors_off,)).add_done_callback(_log_refusal)
+            self._call_for_landing(telemetry.wrapper.motors_off)
 
 
 def _log_refusal(answer: Future[None]) -> None:
     """Logs what was refused of what nobody waits for."""
-    error = answer.exception()
+    error = None if answer.cancelled() else answer.exception()
     if error is not None:
         logs.event(_log, logging.WARNING, "not_executed", why=str(error))
 

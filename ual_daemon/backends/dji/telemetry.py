@@ -293,6 +293,11 @@ class Telemetry:
         """Whether the aircraft follows us."""
         return _is_ours(self._device)
 
+    def silent_s(self, now_s: float) -> float:
+        """Returns for how long nothing was heard, in seconds; infinity if nothing ever was."""
+        heard_s = self._heard_s
+        return math.inf if heard_s is None else now_s - heard_s
+
     @property
     def is_authority_known(self) -> bool:
         """Whether it is known whom the aircraft follows."""
