@@ -92,12 +92,12 @@ class Holding:
 
     def __init__(self) -> None:
         self.is_held = self.is_granted = False
-        self._asked_s = 0.0
+        self.asked_s = 0.0
         self._was_seen = False
 
     def ask(self, now_s: float) -> None:
         """Notes that it is asked for. Without an answer it counts as obtained."""
-        self.is_held, self.is_granted, self._was_seen, self._asked_s = True, False, False, now_s
+        self.is_held, self.is_granted, self._was_seen, self.asked_s = True, False, False, now_s
 
     def drop(self) -> None:
         """Notes that it is not ours: refused, released or lost."""
@@ -107,7 +107,7 @@ class Holding:
         """Takes who has it. What was said before the request may come a little after it."""
         if is_ours:
             self._was_seen = True
-        elif self._was_seen or now_s - self._asked_s > _SHOWN_S:
+        elif self._was_seen or now_s - self.asked_s > _SHOWN_S:
             self.drop()
 
 

@@ -321,7 +321,7 @@ class DjiBackend(Backend):
         if call is obtain[0]:
             self._holding.is_granted = True
         if call is obtain[-1]:
-            telemetry.note_granted(self.clock.now_s())
+            telemetry.note_granted(self._holding.asked_s, self.clock.now_s())
 
     def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
         """Releases the control authority where the rest of the command was refused, or not called in a silence."""

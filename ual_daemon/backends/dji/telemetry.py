@@ -64,7 +64,8 @@ class Telemetry:
         self._display: Sample[int] | None = None
         self._left_landing_s: float | None = None
         self._device: Sample[int] | None = None
-        self._granted_s = -math.inf
+        self._granted_s = self._ours_s = -math.inf
+        """When the authority was given to us, while that does not show, and when it showed last."""
         self._level: Sample[int] | None = None
         self._is_rtk_fixed = False
         self._has_rc = True
@@ -104,14 +105,15 @@ class Telemetry:
         self._attitude_s = self._granted_s = -math.inf
         self.authority.forget()
 
-    def note_granted(self, now_s: float) -> None:
-        """Notes that the wrapper has given us the control authority.
+    def note_granted(self, asked_s: float, now_s: float) -> None:
+        """Notes that the wrapper has given us the control authority, for which it was asked at a time.
 
         Where it is published, it counts before that comes: the display mode of a take-off that begins now may come
-        first, and with the authority from before it the mode would be another's.
+        first, and with the authority from before it the mode would be another's. Where it has shown, and is lost again,
+        this answer is late.
         """
         self.authority.grant(is_granted=True)
-        if self.wrapper.says_authority:
+        if self.wrapper.says_authority and self._ours_s < asked_s:
             self._device, self._granted_s = Sample(_OURS, now_s), now_s
 
     def note_released(self) -> None:
@@ -220,7 +222,7 @@ class Telemetry:
         is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
         other = _APP if message["device_mode"] == _APP else _REMOTE
         if is_ours:
-            self._granted_s = -math.inf
+            self._granted_s, self._ours_s = -math.inf, now_s
         elif now_s - self._granted_s < _GRANT_SHOWS_S:
             return
         self._device = Sample(_OURS if is_ours else other, now_s)

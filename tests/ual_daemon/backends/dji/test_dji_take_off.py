@@ -104,7 +104,7 @@ def given() -> Telemetry:
     telemetry.take_flight_status({"flight_status": modes.ON_GROUND}, 0.9)
     telemetry.take_display_mode({"display_mode": modes.P_GPS}, 0.9)
     telemetry.take_control_mode(REMOTE, 0.9)
-    telemetry.note_granted(1.0)
+    telemetry.note_granted(0.95, 1.0)
     return telemetry
 
 
@@ -133,6 +133,16 @@ def test_authority_that_has_shown_is_lost_at_once() -> None:
     telemetry.take_control_mode(OURS, 1.02)
     telemetry.take_control_mode(REMOTE, 1.04)
     assert control(telemetry, 1.04) is Control.OTHER
+
+
+def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> None:
+    telemetry = given()
+    telemetry.take_control_mode(OURS, 2.0)
+    telemetry.take_control_mode(REMOTE, 2.5)
+    telemetry.note_granted(1.9, 3.0)
+    assert control(telemetry, 3.0) is Control.OTHER
+    telemetry.note_granted(3.1, 3.2)
+    assert control(telemetry, 3.2) is Control.REFERENCES
 
 
 def test_what_a_silence_may_hide_is_lost_at_once() -> None:
