@@ -77,7 +77,7 @@ class Aircraft:
         self._check_sdk()
         if not self.body.is_on_ground:
             self._fail("motors cannot be stopped in the air")
-        self.has_motors = False
+        self.has_motors, self.display = False, P_GPS
 
     def take_off(self) -> None:
         self.start_motors()
@@ -103,9 +103,7 @@ class Aircraft:
 
     def pilot_takes_over(self) -> None:
         """The pilot's mode switch, or pause button."""
-        self.device, self._hold = RC, None
-        if not self.body.is_on_ground:
-            self.display = P_GPS
+        self.device, self._hold, self.display = RC, None, P_GPS
 
     def _check_sdk(self) -> None:
         if self.device != SDK:
@@ -259,7 +257,14 @@ class Psdk(Front):
 
     prefix = "/psdk_ros2/"
 
-    def __init__(self, aircraft: Aircraft, state_rate_hz: float = 50.0) -> None:
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        state_rate_hz: float = 50.0,
+        authority_rate_hz: float | None = None,
+        authority_after_s: float = 0.0,
+    ) -> None:
+        """`authority_after_s` is when the authority is published first: its topic is not in step with the others."""
         a, one = aircraft, _one
         super().__init__(
             aircraft,
@@ -274,7 +279,7 @@ class Psdk(Front):
                 "gps_control_level": ("std_msgs/UInt8", 5.0, lambda: one(a.gps_level)),
                 "flight_status": ("psdk_interfaces/FlightStatus", state_rate_hz, self._status),
                 "display_mode": ("psdk_interfaces/DisplayMode", state_rate_hz, self._display),
-                "control_mode": ("psdk_interfaces/ControlMode", state_rate_hz, self._control),
+                "control_mode": ("psdk_interfaces/ControlMode", authority_rate_hz or state_rate_hz, self._control),
                 "rc_connection_status": ("psdk_interfaces/RCConnectionStatus", 1.0, self._rc),
                 "battery": ("sensor_msgs/BatteryState", 1.0, self._battery),
                 "height_above_ground": ("std_msgs/Float32", 50.0, lambda: one(a.height_m)),
@@ -284,6 +289,7 @@ class Psdk(Front):
                 "relative_obstacle_info": ("psdk_interfaces/RelativeObstacleInfo", 10.0, self._obstacles),
             },
         )
+        self._due_s[f"{self.prefix}control_mode"] = authority_after_s
 
     @property
     def subscriptions(self) -> Mapping[str, tuple[str, Callable[[Message], None]]]:

@@ -19,8 +19,10 @@ class Authority:
     def __init__(self) -> None:
         self._is_granted = self._has_followed = False
         self._sent_s: float | None = None
-        self._is_in_air = False
+        self._is_in_air = self._idles = False
         self._lifted_s: float | None = None
+        self._idle_followed_s: float | None = None
+        """When it showed last that it follows an SDK on the ground, with its motors running."""
         self._is_taking_off = False
         self.is_lost = False
         """Whether another one was seen to fly it since authority was granted."""
@@ -33,7 +35,7 @@ class Authority:
     def forget(self) -> None:
         """Forgets what was granted: the pilot may have taken over unseen. An aircraft that follows an SDK shows it."""
         self._is_granted = self._has_followed = self._is_taking_off = False
-        self._sent_s = self._lifted_s = None
+        self._sent_s = self._lifted_s = self._idle_followed_s = None
 
     def note_setpoint(self, now_s: float) -> None:
         """Notes that a setpoint was sent."""
@@ -43,6 +45,7 @@ class Authority:
     def note_status(self, flight_status: int, now_s: float) -> None:
         """Takes whether it flies. The mode of a lift-off may come a little later than this."""
         was_in_air, self._is_in_air = self._is_in_air, flight_status == modes.IN_AIR
+        self._idles = flight_status == modes.ON_GROUND
         if was_in_air and not self._is_in_air:
             self._is_granted = False
         if self._is_in_air and not was_in_air:
@@ -50,6 +53,7 @@ class Authority:
 
     def observe(self, display_mode: int, height_m: float | None, now_s: float) -> bool:
         """Takes the display mode and the height above the take-off. Returns whether it follows an SDK, or would."""
+        self._watch_ground(display_mode, now_s)
         was_taking_off, self._is_taking_off = self._is_taking_off, display_mode in modes.TAKING_OFF
         if display_mode in modes.TAKING_OFF or display_mode == modes.SDK_CONTROL:
             self._lifted_s = None
@@ -68,6 +72,15 @@ class Authority:
             self._lose(display_mode)
         return self._is_granted
 
+    def _watch_ground(self, display_mode: int, now_s: float) -> None:
+        """Notes who was followed on the ground. Motors that stop end it, too, which shows a moment later."""
+        if not self._idles:
+            self._idle_followed_s = None
+        elif display_mode == modes.SDK_CONTROL:
+            self._idle_followed_s = now_s
+        elif self._idle_followed_s is not None and now_s - self._idle_followed_s > _FOLLOWS_S:
+            self._idle_followed_s, self.is_lost = None, True
+
     def _lose(self, display_mode: int) -> None:
         """Notes that authority is not ours. A landing, which ends it, too, does not show another one."""
         self._is_granted = False
@@ -79,12 +92,12 @@ class Holding:
 
     def __init__(self) -> None:
         self.is_held = self.is_granted = False
-        self._asked_s = 0.0
+        self.asked_s = 0.0
         self._was_seen = False
 
     def ask(self, now_s: float) -> None:
         """Notes that it is asked for. Without an answer it counts as obtained."""
-        self.is_held, self.is_granted, self._was_seen, self._asked_s = True, False, False, now_s
+        self.is_held, self.is_granted, self._was_seen, self.asked_s = True, False, False, now_s
 
     def drop(self) -> None:
         """Notes that it is not ours: refused, released or lost."""
@@ -94,7 +107,7 @@ class Holding:
         """Takes who has it. What was said before the request may come a little after it."""
         if is_ours:
             self._was_seen = True
-        elif self._was_seen or now_s - self._asked_s > _SHOWN_S:
+        elif self._was_seen or now_s - self.asked_s > _SHOWN_S:
             self.drop()
 
 

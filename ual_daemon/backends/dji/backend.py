@@ -51,11 +51,15 @@ _BLIND_S, _CATCH_UP_S = 0.2, 0.1
 _SILENCE_S = 3.0
 _MOST_MISSING = 3
 """More topics are not named at once."""
+_HEARD_S = 0.5
+"""Nothing is called in a longer silence. The wrappers send the attitude 50 times a second or more, and their slowest
+position ten times: at least five messages of each are lost then."""
 _CONFIRM_AGAIN_S = 1.0
-_STOP_AGAIN_S = 3.0
 _DESCENT_S = 0.018
 """The interval of the velocities of a landing."""
-_WAITS = "it does not descend any further: land it by hand, as its landing protection may wait for the pilot"
+_LONGEST_GAP_S = 10.0
+"""After a longer silence the aircraft's own landing may be that of others."""
+_GIVEN_UP = "the landing was given up, as nothing was heard for a while and others may fly; land it, or let the pilot"
 _RELEASE_S = 1.0
 """How long the end of the backend waits for the release of the control authority."""
 _LIMITS = Limits(
@@ -95,7 +99,7 @@ class DjiBackend(Backend):
         self.clock = MonotonicClock()
         self._link = self._make_link()
         self._discovery = Discovery(self._link)
-        self._commands = Commands(self._link, self.clock, self._words)
+        self._commands = Commands(self._link, self.clock, self._words, self._why_silent, self._tell)
         self._telemetry: Telemetry | None = None
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
@@ -104,11 +108,13 @@ class DjiBackend(Backend):
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
         self._had_authority = False
-        self._ended_landings_count = 0
+        self._ended_landings_count = self._discards_count = 0
         self._landing: LandingRequest | None = None
         self._descent: Descent | None = None
-        self._descended_s = self._stopped_s = float("-inf")
+        self._descended_s = float("-inf")
         self._joystick: Future[Message] | None = None
+        self._landing_call: Future[None] | None = None
+        """The newest call that goes on with a landing."""
         self._braked = ""
 
     def _make_link(self) -> RosbridgeLink:
@@ -156,11 +162,11 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if telemetry is None:
             return Snapshot(now_s, status_text=self._why_no_vehicle())
-        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)))
+        snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)), telemetry)
         snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
         return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
 
-    def _with_descent(self, snapshot: Snapshot) -> Snapshot:
+    def _with_descent(self, snapshot: Snapshot, telemetry: Telemetry) -> Snapshot:
         """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""
         descent, mode, landed = self._descent, snapshot.mode, snapshot.landed
         if descent is None or mode is None or landed is None:
@@ -168,7 +174,7 @@ class DjiBackend(Backend):
         return snapshot._replace(
             mode=Sample(Mode(f"landing ({mode.value.name})", Control.LAND), mode.time_s),
             landed=Sample(LandedState.LANDING, landed.time_s),
-            status_text=_WAITS if descent.waits else snapshot.status_text,
+            status_text="; ".join(filter(None, (descent.words(telemetry, snapshot.time_s), snapshot.status_text))),
         )
 
     def _missing(self, telemetry: Telemetry, now_s: float) -> str:
@@ -241,17 +247,28 @@ class DjiBackend(Backend):
 
     def _descend(self, telemetry: Telemetry, limits: Limits) -> Future[None]:
         """Begins a landing by velocities."""
-        if not self._link.is_up:
-            return futures.failed(LinkLostError(self._why_no_vehicle()))
-        if telemetry.pose is None or not telemetry.has_authority or telemetry.is_on_ground:
+        if why := self._why_unreachable():
+            return futures.failed(LinkLostError(why))
+        pose = telemetry.pose
+        if pose is None or not telemetry.has_authority or telemetry.is_on_ground:
             return _refusal("Land: the aircraft does not follow this program")
-        self._descent = Descent(telemetry.pose.value.position, limits)
+        self._descent = Descent(pose.value.position, limits)
         return futures.done()
 
     def _end_landing(self) -> None:
         """Forgets a landing that was asked for: it is neither confirmed nor flown any further."""
         self._ended_landings_count += 1
         self._landing = self._descent = None
+        self._withdraw_landing_call()
+
+    def _call_for_landing(self, call: Call) -> None:
+        self._landing_call = self._commands.run((call,))
+        self._landing_call.add_done_callback(_log_refusal)
+
+    def _withdraw_landing_call(self) -> None:
+        """Withdraws the call of a landing that may wait."""
+        if self._landing_call is not None:
+            self._landing_call.cancel()
 
     @override
     def take_control(self) -> Future[None]:
@@ -263,8 +280,11 @@ class DjiBackend(Backend):
         self._end_landing()
         telemetry = self._telemetry
         if telemetry is not None:
-            telemetry.authority.grant(is_granted=False)
-        released = self._run(lambda wrapper: (wrapper.release,))
+            telemetry.note_released()
+        if telemetry is None or not self._link.is_up:
+            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        telemetry.words = ""
+        released = self._commands.release(telemetry.wrapper.release)
         released.add_done_callback(self._released)
         return released
 
@@ -273,9 +293,9 @@ class DjiBackend(Backend):
             self._holding.drop()
 
     def _run(self, choose: _Choose) -> Future[None]:
-        telemetry = self._telemetry
-        if telemetry is None or not self._link.is_up:
-            return futures.failed(LinkLostError(self._why_no_vehicle()))
+        telemetry, why = self._telemetry, self._why_unreachable()
+        if telemetry is None or why:
+            return futures.failed(LinkLostError(why))
         telemetry.words = ""
         return self._commands.run(choose(telemetry.wrapper))
 
@@ -284,7 +304,7 @@ class DjiBackend(Backend):
         telemetry = self._telemetry
         if (
             telemetry is None
-            or not self._link.is_up
+            or self._why_unreachable()
             or (is_known and telemetry.wrapper.says_authority and telemetry.has_authority)
         ):
             return self._run(choose)
@@ -301,23 +321,43 @@ class DjiBackend(Backend):
         if call is obtain[0]:
             self._holding.is_granted = True
         if call is obtain[-1]:
-            telemetry.authority.grant(is_granted=True)
+            telemetry.note_granted(self._holding.asked_s, self.clock.now_s())
 
     def _let_go(self, telemetry: Telemetry, result: Future[None]) -> None:
-        """Releases the control authority where the rest of the command was refused."""
-        if result.cancelled() or not isinstance(result.exception(), RejectedByAutopilotError):
-            return
+        """Releases the control authority where the rest of the command was refused, or not called in a silence."""
+        error = None if result.cancelled() else result.exception()
         was_granted = self._holding.is_granted
+        if not isinstance(error, RejectedByAutopilotError) and not (was_granted and isinstance(error, LinkLostError)):
+            return
         self._holding.drop()
         if was_granted:
-            telemetry.authority.grant(is_granted=False)
-            self._commands.run((telemetry.wrapper.release,)).add_done_callback(_log_refusal)
+            telemetry.note_released()
+            self._commands.release(telemetry.wrapper.release).add_done_callback(_log_refusal)
 
     def _words(self) -> str:
         telemetry = self._telemetry
         if telemetry is None:
             return ""
         return "; ".join(filter(None, (telemetry.words, telemetry.why_not_start, telemetry.wrapper.reasons)))
+
+    def _why_unreachable(self) -> str:
+        """Returns why nothing can be commanded now, for people; empty if it can."""
+        if self._telemetry is None or not self._link.is_up:
+            return self._why_no_vehicle()
+        return self._why_silent()
+
+    def _why_silent(self) -> str:
+        """Returns why the aircraft counts as not heard now, for people; empty while it is heard."""
+        telemetry = self._telemetry
+        silent_s = float("inf") if telemetry is None else telemetry.silent_s(self.clock.now_s())
+        if silent_s <= _HEARD_S:
+            return ""
+        return f"nothing was heard of the aircraft {f'for {silent_s:.1f} s' if silent_s < float('inf') else 'yet'}"
+
+    def _tell(self, words: str) -> None:
+        logs.event(_log, logging.WARNING, "call_open", why=words)
+        if self._telemetry is not None:
+            self._telemetry.say(words, self.clock.now_s())
 
     # --- The link's thread --------------------------------------------------------------------------------------------
 
@@ -332,6 +372,9 @@ class DjiBackend(Backend):
             if telemetry.is_authority_known:
                 self._holding.observe(now_s, is_ours=not telemetry.is_authority_lost)
             self._withdraw_setpoint(telemetry)
+            if telemetry.discards_count != self._discards_count:
+                self._discards_count = telemetry.discards_count
+                self._give_up_landing(telemetry, now_s)
             if self._read_s == now_s:
                 self._lead_landing(telemetry, now_s)
         poses_count = 0 if telemetry is None else telemetry.poses_count
@@ -342,15 +385,19 @@ class DjiBackend(Backend):
     def _withdraw_setpoint(self, telemetry: Telemetry) -> None:
         """Withdraws the setpoint that may wait in a full socket, once the authority is lost."""
         had_authority, self._had_authority = self._had_authority, telemetry.has_authority
-        if had_authority and not self._had_authority and telemetry.wrapper.setpoint_topic:
+        if not had_authority or self._had_authority:
+            return
+        if telemetry.wrapper.setpoint_topic:
             self._link.withdraw(telemetry.wrapper.setpoint_topic)
+        elif self._joystick is not None:
+            self._joystick.cancel()
 
     def _watch_pause(self, now_s: float) -> None:
         """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
         pause_s = self._own_pause.woke(now_s, self.freshness.link_s)
         if pause_s and self._telemetry is not None:
             logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
-            self._telemetry.discard_state()
+            self._telemetry.discard_state(pause_s)
         if now_s - self._stepped_s > _BLIND_S:
             self._late_s = now_s + _CATCH_UP_S
         self._stepped_s = now_s
@@ -374,17 +421,34 @@ class DjiBackend(Backend):
 
     def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
         for topic in wrapper.topics:
-            take = partial(telemetry.take, topic.taken_by)
             is_log = topic.name == "/rosout"
             self._link.subscribe(
                 topic.name,
                 topic.kind,
-                take,
+                # Every node logs there: that is no sign of life of the aircraft.
+                telemetry.take_log if is_log else partial(telemetry.take, topic.taken_by),
                 queue_length=10 if is_log else 1,
                 silence_s=float("inf") if is_log else _SILENCE_S,
             )
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
+
+    def _give_up_landing(self, telemetry: Telemetry, now_s: float) -> None:
+        """Ends a landing, once the flight may have become another's unseen.
+
+        A landing by velocities ends after any silence: nothing is sent in it, and the aircraft hovers, which is safe.
+        The display mode alone shows whom it follows, and velocities of another program look the same as ours.
+
+        The aircraft's own landing goes on in a silence, and waits above the ground for its confirmation. If the mode
+        and the authority still are those of our landing after a short silence, it is confirmed: within that time
+        nobody takes over, hands over to another program, and lands with it. After a long one it waits for the pilot.
+        """
+        request, descent = self._landing, self._descent
+        is_others = request is not None and not request.has_ended and telemetry.blind_s > _LONGEST_GAP_S
+        if descent is not None or is_others:
+            self._end_landing()
+            telemetry.say(_GIVEN_UP, now_s)
+            logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)
 
     def _lead_landing(self, telemetry: Telemetry, now_s: float) -> None:
         """Goes on with a landing that was asked for."""
@@ -400,25 +464,30 @@ class DjiBackend(Backend):
         is_needed = request.needs_confirmation(telemetry, self._settings.confirm_landing_below_m, now_s)
         if is_needed and call is not None and now_s - self._confirmed_s >= _CONFIRM_AGAIN_S:
             self._confirmed_s = now_s
-            self._commands.run((call,)).add_done_callback(_log_refusal)
+            self._call_for_landing(call)
+        if request.has_ended:
+            self._withdraw_landing_call()
 
     def _lead_descent(self, descent: Descent, telemetry: Telemetry, now_s: float) -> None:
         """Sends the next velocity down, and stops the motors on the ground: DJI refuses that in the air."""
-        if descent.has_ended(telemetry):
+        if descent.has_ended(telemetry, now_s):
             self._descent = None
+            self._withdraw_landing_call()
+            if why := descent.why_motors_run(telemetry, now_s):
+                telemetry.say(why, now_s)
+                logs.event(_log, logging.WARNING, "motors_not_stopped", why=why)
             return
         setpoint = descent.setpoint(telemetry, now_s)
         if setpoint is not None and now_s - self._descended_s >= _DESCENT_S:
             self._descended_s = now_s
             self._transmit(telemetry, setpoint)
-        if telemetry.is_on_ground and now_s - self._stopped_s >= _STOP_AGAIN_S:
-            self._stopped_s = now_s
-            self._commands.run((telemetry.wrapper.motors_off,)).add_done_callback(_log_refusal)
+        if descent.begins_stop(telemetry, now_s):
+            self._call_for_landing(telemetry.wrapper.motors_off)
 
 
 def _log_refusal(answer: Future[None]) -> None:
     """Logs what was refused of what nobody waits for."""
-    error = answer.exception()
+    error = None if answer.cancelled() else answer.exception()
     if error is not None:
         logs.event(_log, logging.WARNING, "not_executed", why=str(error))
 

@@ -36,11 +36,27 @@ class _Refusal(NamedTuple):
 class Commands:
     """Calls the wrapper's services. Any thread may begin a command; the link's thread goes on with it."""
 
-    def __init__(self, link: RosbridgeLink, clock: Clock, words: Callable[[], str]) -> None:
-        """`words` returns what the wrapper says beside the refusal of a service, which has no words itself."""
+    def __init__(
+        self,
+        link: RosbridgeLink,
+        clock: Clock,
+        words: Callable[[], str],
+        why_silent: Callable[[], str],
+        tell: Callable[[str], None],
+    ) -> None:
+        """Args:
+        link: Calls the services.
+        clock: The backend's.
+        words: Returns what the wrapper says beside the refusal of a service, which has no words itself.
+        why_silent: Returns why the aircraft counts as not heard now, for people; empty while it is heard.
+        tell: Tells people something.
+
+        """
         self._link = link
         self._clock = clock
         self._words = words
+        self._why_silent = why_silent
+        self._tell = tell
         self._blocking: Future[Message] | None = None
         self._refusals: deque[_Refusal] = deque()
 
@@ -52,27 +68,60 @@ class Commands:
     def run(self, calls: tuple[Call, ...], on_done: OnDone = _ignore) -> Future[None]:
         """Calls services in their order. `on_done` is called with each one that was executed.
 
-        A service that does not answer leaves the future open: whether it was executed is not known.
+        A service that does not answer leaves the future open: whether it was executed is not known. Nothing is called
+        while the aircraft is not heard: it might be executed in the flight of a pilot who has taken over meanwhile.
         """
+        return self._begin(calls, on_done, is_harmless=False)
+
+    def release(self, call: Call) -> Future[None]:
+        """Calls the service that gives up the control authority. Executed late, it takes nothing from anybody."""
+        return self._begin((call,), _ignore, is_harmless=True)
+
+    def _begin(self, calls: tuple[Call, ...], on_done: OnDone, *, is_harmless: bool) -> Future[None]:
         result: Future[None] = Future()
-        self._next(calls, result, on_done)
+        self._next(calls, result, on_done, is_harmless=is_harmless)
         return result
 
-    def _next(self, calls: tuple[Call, ...], result: Future[None], on_done: OnDone) -> None:
+    def _next(
+        self, calls: tuple[Call, ...], result: Future[None], on_done: OnDone, *, is_harmless: bool = False
+    ) -> None:
         if result.cancelled():
             return
         if not calls:
             futures.end(result)
             return
-        call = calls[0]
+        call, why = calls[0], "" if is_harmless else self._why_silent()
+        if why:
+            futures.end(result, LinkLostError(f"{call.service} was not called: {why}"))
+            return
         answer = self._link.call_service(call.service, call.arguments, call.patience_s)
         if call.blocks:
             self._blocking = answer
         answer.add_done_callback(lambda done: self._take(done, calls, result, on_done))
+        result.add_done_callback(lambda ended: self._withdraw(ended, call, answer))
+
+    def _withdraw(self, result: Future[None], call: Call, answer: Future[Message]) -> None:
+        """Withdraws the call of a command that was withdrawn, if it has not left yet.
+
+        One that blocks the wrapper is waited for, as nothing else shows when the wrapper is free again. It follows the
+        answer to another one, so it does not wait, and the aircraft refuses it without the control authority.
+        """
+        if not result.cancelled() or answer.done():
+            return
+        if not call.blocks:
+            answer.cancel()
+        if self._why_silent():
+            self._tell_open(call)
+
+    def _tell_open(self, call: Call) -> None:
+        self._tell(f"{call.service} was not answered: it may still be executed")
 
     def _take(self, answer: Future[Message], calls: tuple[Call, ...], result: Future[None], on_done: OnDone) -> None:
+        if answer.cancelled():
+            return
         error = answer.exception()
         if isinstance(error, ServiceTimeoutError):
+            self._tell_open(calls[0])
             return
         if isinstance(error, ServiceError):
             self._refuse(result, calls[0], error.words)

@@ -30,7 +30,10 @@ _WARNING_ROS1, _WARNING_ROS2 = 4, 30
 
 
 class Telemetry:
-    """The newest values. Belongs to the link's thread; `snapshot` is for any."""
+    """The newest values. Belongs to the link's thread; what they say together is for any.
+
+    Any of them may be discarded meanwhile, so other threads read each once.
+    """
 
     def __init__(self, wrapper: Wrapper, settings: DjiSettings) -> None:
         self.wrapper = wrapper
@@ -41,12 +44,14 @@ class Telemetry:
         self._taken_s: dict[str, float] = {}
         self._begun_s = math.inf
         self._braked: Sample[str] | None = None
-        self._logged: Sample[str] | None = None
+        self._said: Sample[str] | None = None
         self.words = ""
         """What the wrapper logged last as a warning or an error; taken by commands."""
         self.height: Sample[float] | None = None
         """Height above the ground, or above where it took off."""
         self.poses_count = 0
+        self.discards_count, self.blind_s = 0, 0.0
+        """How often what was known was discarded, and how long nothing was heard before the last time."""
         self._settings = settings
         self._orientation: Quaternion | None = None
         self._attitude_s = -math.inf
@@ -59,6 +64,8 @@ class Telemetry:
         self._display: Sample[int] | None = None
         self._left_landing_s: float | None = None
         self._device: Sample[int] | None = None
+        self._granted_s = self._ours_s = -math.inf
+        """When the authority was given to us, while that does not show, and when it showed last."""
         self._level: Sample[int] | None = None
         self._is_rtk_fixed = False
         self._has_rc = True
@@ -74,12 +81,14 @@ class Telemetry:
     # --- One method for each topic ------------------------------------------------------------------------------------
 
     def take(self, name: str, message: Message, now_s: float) -> None:
-        """Takes the message of a topic (`wrappers.Topic.taken_by`). One that a newer one has overtaken is dropped.
+        """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.taken_by`).
+
+        One that a newer one has overtaken is dropped.
 
         After a silence that counts as a lost link nothing from before it is valid.
         """
         if self._heard_s is not None and now_s - self._heard_s > LINK_S:
-            self.discard_state()
+            self.discard_state(now_s - self._heard_s)
         self._heard_s = now_s
         stamp, newest = stamp_s(message), self._stamps.get(name, 0.0)
         if stamp and 0.0 < newest - stamp < _OVERTAKEN_S:
@@ -88,12 +97,29 @@ class Telemetry:
         self._taken_s[name] = now_s
         getattr(self, name)(message, now_s)
 
-    def discard_state(self) -> None:
-        """Discards all that may have changed since it was said; where the frame lies stays known."""
+    def discard_state(self, blind_s: float) -> None:
+        """Discards all that may have changed in so long a silence or pause; where the frame lies stays known."""
+        self.discards_count, self.blind_s = self.discards_count + 1, blind_s
         self._status = self._display = self._device = self._level = self._left_landing_s = None
         self._pose = self._velocity = self._altitude = self._orientation = self.height = None
-        self._attitude_s = -math.inf
+        self._attitude_s = self._granted_s = -math.inf
         self.authority.forget()
+
+    def note_granted(self, asked_s: float, now_s: float) -> None:
+        """Notes that the wrapper has given us the control authority, for which it was asked at a time.
+
+        Where it is published, it counts before that comes: the display mode of a take-off that begins now may come
+        first, and with the authority from before it the mode would be another's. Where it has shown, and is lost again,
+        this answer is late.
+        """
+        self.authority.grant(is_granted=True)
+        if self.wrapper.says_authority and self._ours_s < asked_s:
+            self._device, self._granted_s = Sample(_OURS, now_s), now_s
+
+    def note_released(self) -> None:
+        """Notes that we have given up the control authority."""
+        self.authority.grant(is_granted=False)
+        self._granted_s = -math.inf
 
     def take_attitude(self, message: Message, now_s: float) -> None:
         """Takes the rotation from forward, left, up to east, north, up."""
@@ -195,6 +221,10 @@ class Telemetry:
         """Takes who controls the aircraft."""
         is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
         other = _APP if message["device_mode"] == _APP else _REMOTE
+        if is_ours:
+            self._granted_s, self._ours_s = -math.inf, now_s
+        elif now_s - self._granted_s < _GRANT_SHOWS_S:
+            return
         self._device = Sample(_OURS if is_ours else other, now_s)
 
     def take_rc_connection(self, message: Message, _: float) -> None:
@@ -248,18 +278,27 @@ class Telemetry:
         self.obstacles.distances_m = {name: number(message[name]) for name in names}
 
     def take_log(self, message: Message, now_s: float) -> None:
-        """Takes what the wrapper logs: that is where it writes what DJI's SDK answered."""
+        """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""
         least = _WARNING_ROS2 if "stamp" in message else _WARNING_ROS1
         if self.wrapper.logger in str(message.get("name")) and int(number(message["level"])) >= least:
             self.words = str(message["msg"])
-            self._logged = Sample(self.words, now_s)
+            self.say(self.words, now_s)
+
+    def say(self, words: str, now_s: float) -> None:
+        """Tells people something for a while: in the status text."""
+        self._said = Sample(words, now_s)
 
     # --- What they say together ---------------------------------------------------------------------------------------
 
     @property
     def has_authority(self) -> bool:
         """Whether the aircraft follows us."""
-        return self._device is not None and self._device.value == _OURS
+        return _is_ours(self._device)
+
+    def silent_s(self, now_s: float) -> float:
+        """Returns for how long nothing was heard, in seconds; infinity if nothing ever was."""
+        heard_s = self._heard_s
+        return math.inf if heard_s is None else now_s - heard_s
 
     @property
     def is_authority_known(self) -> bool:
@@ -269,7 +308,7 @@ class Telemetry:
     @property
     def mode_s(self) -> float:
         """When the older one of display mode and authority was said."""
-        mode = self._mode()
+        mode = _mode(self._display, self._device)
         return -math.inf if mode is None else mode.time_s
 
     @property
@@ -279,22 +318,30 @@ class Telemetry:
 
     def follows_us(self, now_s: float, limit_s: float) -> bool:
         """Whether it was said within a time that the aircraft follows us."""
-        return self._device is not None and self.has_authority and now_s - self._device.time_s <= limit_s
+        device = self._device
+        return device is not None and _is_ours(device) and now_s - device.time_s <= limit_s
 
     @property
     def is_landing(self) -> bool:
         """Whether it lands by itself, and takes a confirmation."""
-        return self._display is not None and self._display.value == modes.AUTO_LANDING
+        return self._shown == modes.AUTO_LANDING
 
     @property
     def is_descending(self) -> bool:
         """Whether it lands by itself, for whatever reason."""
-        return self._display is not None and self._display.value in modes.LANDING
+        return self._shown in modes.LANDING
+
+    @property
+    def _shown(self) -> int | None:
+        """The display mode."""
+        display = self._display
+        return None if display is None else display.value
 
     @property
     def flight_status(self) -> int | None:
         """Whether it stands, runs its motors on the ground, or flies."""
-        return None if self._status is None else self._status.value
+        status = self._status
+        return None if status is None else status.value
 
     @property
     def pose(self) -> Sample[Pose] | None:
@@ -309,7 +356,8 @@ class Telemetry:
     @property
     def is_on_ground(self) -> bool:
         """Whether it stands on the ground."""
-        return self._status is not None and self._status.value != modes.IN_AIR
+        status = self.flight_status
+        return status is not None and status != modes.IN_AIR
 
     @property
     def why_not_start(self) -> str:
@@ -336,17 +384,17 @@ class Telemetry:
 
     def _status_text(self, missing: str, now_s: float) -> str:
         """Returns the most important thing to say now."""
-        braked, logged = self._braked, self._logged
+        braked, said = self._braked, self._said
         if missing:
             return missing
         if braked is not None and braked.value and now_s - braked.time_s <= _BRAKED_S:
             return braked.value
-        return logged.value if logged is not None and now_s - logged.time_s <= _LOGGED_S else ""
+        return said.value if said is not None and now_s - said.time_s <= _SAID_S else ""
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
         """Returns what is known. `missing` says for people which topics do not come."""
-        status, velocity = self._status, self._velocity
-        mode = self._mode()
+        status, velocity, device = self._status, self._velocity, self._device
+        mode = _mode(self._display, device)
         return Snapshot(
             time_s=now_s,
             heard_s=self._heard_s,
@@ -367,7 +415,7 @@ class Telemetry:
             gps=self._gps(),
             status_text=self._status_text(missing, now_s),
             failsafe=self._failsafe(),
-            held_by=None if mode is None else self._held_by(),
+            held_by=None if mode is None or device is None else self._held_by(device.value),
             health=self._health(),
         )
 
@@ -385,45 +433,39 @@ class Telemetry:
         """Returns why the position is not good, for people; empty if it is."""
         if missing:
             return missing
-        if self._velocity is None or now_s - self._velocity.time_s > _VELOCITY_S:
+        velocity, level = self._velocity, self._level
+        if velocity is None or now_s - velocity.time_s > _VELOCITY_S:
             return f"no velocity comes ({self.wrapper.topic_of('take_velocity')})"
-        level = None if self._level is None else self._level.value
+        quality = None if level is None else level.value
         least = self._settings.least_gps_level
-        return "" if self._is_good(now_s) else f"the quality of the position is {level} of 5, and {least} is needed"
+        return "" if self._is_good(now_s) else f"the quality of the position is {quality} of 5, and {least} is needed"
 
     def _gps(self) -> GpsInfo | None:
-        if self._level is None:
+        level = self._level
+        if level is None:
             return None
         if self._is_rtk_fixed:
             return GpsInfo(GpsFix.RTK_FIXED)
-        return GpsInfo(GpsFix.FIX_3D if self._level.value >= self._settings.least_gps_level else GpsFix.NONE)
+        return GpsInfo(GpsFix.FIX_3D if level.value >= self._settings.least_gps_level else GpsFix.NONE)
 
     def _landed(self, status: int) -> LandedState:
-        display = None if self._display is None else self._display.value
+        display = self._shown
         if display in modes.TAKING_OFF:
             return LandedState.TAKING_OFF
         if status != modes.IN_AIR:
             return LandedState.ON_GROUND
         return LandedState.LANDING if display in modes.LANDING else LandedState.IN_AIR
 
-    def _mode(self) -> Sample[Mode] | None:
-        """Returns the mode, as old as the older one of its two parts."""
-        display, device = self._display, self._device
-        if display is None or device is None:
-            return None
-        return Sample(_mode_of(display.value, device.value), min(display.time_s, device.time_s))
-
     def _failsafe(self) -> Cause | None:
-        display = None if self._display is None else self._display.value
+        display = self._shown
         if display == modes.FORCED_LANDING:
             return Cause.FAILSAFE
         return Cause.RC if display == modes.GO_HOME and not self._has_rc else None
 
-    def _held_by(self) -> Cause | None:
-        assert self._device is not None
-        if self._device.value == _OURS:
+    def _held_by(self, device: int) -> Cause | None:
+        if device == _OURS:
             return self._failsafe()
-        return Cause.GROUND_STATION if self._device.value == _APP else self._failsafe() or Cause.SAFETY_PILOT
+        return Cause.GROUND_STATION if device == _APP else self._failsafe() or Cause.SAFETY_PILOT
 
     def _health(self) -> Health:
         failing = (self.why_not_start,) if self.why_not_start else ()
@@ -435,19 +477,34 @@ LINK_S = 1.0
 _LEVEL_S = 3.0
 _MISSING_S = 3.0
 """A topic on which nothing came for so long is named."""
-_BRAKED_S, _LOGGED_S = 1.0, 10.0
-"""How long it is told what brakes the aircraft, and what the wrapper has logged."""
+_BRAKED_S, _SAID_S = 1.0, 10.0
+"""How long it is told what brakes the aircraft, and what the wrapper has logged or was noticed."""
 _VELOCITY_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 _FARTHEST_HOME_M = 30_000.0
 """Farther than its batteries reach."""
+_GRANT_SHOWS_S = 0.3
+"""What is published of the authority within this time may be from before we were given it, until it shows as ours."""
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OVERTAKEN_S = 1.0
 """A stamp that is older than the newest by more than this shows that the clock was set back."""
 
 
+def _is_ours(device: Sample[int] | None) -> bool:
+    return device is not None and device.value == _OURS
+
+
+def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mode] | None:
+    """Returns the mode, as old as the older one of its two parts."""
+    if display is None or device is None:
+        return None
+    return Sample(_mode_of(display.value, device.value), min(display.time_s, device.time_s))
+
+
 def _mode_of(display: int, device: int) -> Mode:
+    if display == modes.ENGINE_START:  # nobody has chosen it: it shows while the motors start
+        display = modes.P_GPS
     name = modes.NAMES.get(display, f"DISPLAY_MODE_{display}")
     if display in modes.LANDING:
         return Mode(name, Control.LAND)

@@ -193,6 +193,21 @@ def test_a_landing_with_a_silence_in_it_is_confirmed_after_it() -> None:
         until(lambda: uav.state() is State.LANDED_DISARMED)
 
 
+def test_a_landing_with_a_long_silence_in_it_may_be_that_of_others() -> None:
+    with ready() as (uav, backend):
+        fly(uav)
+        uav.land(blocking=False)
+        until(lambda: uav.state() is State.LANDING)
+        backend.bridge.faults.silent_topics.update(backend.bridge.nodes[0].topics)
+        wait(backend, 12.0)
+        backend.bridge.faults.silent_topics.clear()
+        until(lambda: uav.state() is State.LANDING)
+        until(lambda: "the landing was given up" in backend.snapshot().status_text)
+        wait(backend, 5.0)
+        assert backend.aircraft.confirmations_count == 0
+        assert 0.2 < backend.aircraft.height_m < 0.8
+
+
 def test_authority_that_was_given_up_is_not_released_again() -> None:
     with ready() as (uav, backend):
         fly(uav)

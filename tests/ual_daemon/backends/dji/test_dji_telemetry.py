@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
+from typing_extensions import override
 
+from ual.geometry import Vector3
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.telemetry import Telemetry
-from ual_daemon.backends.dji.wrappers import WRAPPERS
+from ual_daemon.backends.dji.wrappers import WRAPPERS, Wrapper
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.values import Snapshot
 
@@ -107,3 +110,50 @@ def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
     assert telemetry.is_landing
     telemetry.take_display_mode({"data": modes.P_GPS}, 2.11)
     assert not telemetry.is_landing
+
+
+_DISCARDED = frozenset({"_status", "_display", "_device", "_level", "_pose", "_velocity"})
+
+
+class _Vanishing(Telemetry):
+    """Another thread discards each value as soon as it was read once."""
+
+    vanishes = False
+
+    @override
+    def __getattribute__(self, name: str) -> object:
+        value = super().__getattribute__(name)
+        if name in _DISCARDED and self.vanishes:
+            setattr(self, name, None)
+        return value
+
+
+@pytest.mark.parametrize("wrapper", WRAPPERS, ids=lambda wrapper: wrapper.name)
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda telemetry: telemetry.snapshot(NOW_S),
+        lambda telemetry: telemetry.has_authority,
+        lambda telemetry: telemetry.is_authority_known,
+        lambda telemetry: telemetry.is_authority_lost,
+        lambda telemetry: telemetry.mode_s,
+        lambda telemetry: telemetry.follows_us(NOW_S, 1.0),
+        lambda telemetry: telemetry.is_landing,
+        lambda telemetry: telemetry.is_descending,
+        lambda telemetry: telemetry.flight_status,
+        lambda telemetry: telemetry.is_on_ground,
+        lambda telemetry: telemetry.note_setpoint(Vector3(1.0), NOW_S),
+    ],
+)
+def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read: Callable[[Telemetry], object]) -> None:
+    telemetry = _Vanishing(wrapper, DjiSettings())
+    telemetry.take_attitude({"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, NOW_S)
+    telemetry.take_gps_level({"data": 5}, NOW_S)
+    telemetry.take_altitude({"data": 20.0}, NOW_S)
+    telemetry.take_velocity({"vector": {"x": 1.0, "y": 0.0, "z": 0.0}}, NOW_S)
+    telemetry.take_position({"latitude": 37.0, "longitude": -6.0, "altitude": 20.0}, NOW_S)
+    telemetry.take_flight_status({"data": modes.IN_AIR}, NOW_S)
+    telemetry.take_display_mode({"data": modes.SDK_CONTROL}, NOW_S)
+    telemetry.take_control_mode({"device_mode": 4, "control_auth": 1}, NOW_S)
+    telemetry.vanishes = True
+    read(telemetry)
