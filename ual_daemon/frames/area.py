@@ -116,6 +116,13 @@ class Area:
             return self._inside.intersects(_line(a, b))
         return self._obstacle is None or not self._obstacle.covers(_line(a, b))
 
+    def outside_m(self, a: Point2, b: Point2) -> float:
+        """Returns how much of a segment lies outside."""
+        if self.is_everywhere:
+            return 0.0
+        line = _line(a, b)
+        return max(0.0, line.length - self._part(line).length)
+
     def distance_m(self, point: Point2) -> float:
         """Returns how far outside a point is: 0 inside, and infinite if nothing is inside."""
         if self.is_nowhere:

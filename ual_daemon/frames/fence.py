@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from ual.geometry import Vector3
@@ -123,6 +124,15 @@ class Fence:
     def is_free(self, a: Vector3, b: Vector3) -> bool:
         """Returns whether a segment stays over the area; always where that is convex."""
         return self._area.is_convex or self._area.has_segment((a.x, a.y), (b.x, b.y))
+
+    def outside_m(self, polyline: Sequence[Vector3]) -> float:
+        """Returns how much of a polyline passes over what is outside the area, as over a hole; 0 if that is convex.
+
+        There, how far outside the end is says the same.
+        """
+        if self._area.is_convex:
+            return 0.0
+        return sum(self._area.outside_m((a.x, a.y), (b.x, b.y)) for a, b in pairwise(polyline))
 
     def zone_left(self, a: Vector3 | None, b: Vector3) -> str:
         """Returns the name of the zone that keeps from a point `b`, or from the way there from `a`; see `Area`."""
