@@ -180,7 +180,9 @@ class ArduCopter(Autopilot):
     )
     optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS"})
     has_zones = True
-    zones_parameter = "FENCE_TOTAL"  # two more than the corners and circles, or 0 for fewer than 3 of them
+    # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
+    # after each upload, also where it stays the same (measured with 4.6.3).
+    zones_parameter = "FENCE_TOTAL"
 
     @override
     def mode(self, custom_mode: int) -> Mode:

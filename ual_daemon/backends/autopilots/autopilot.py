@@ -111,7 +111,7 @@ class Autopilot(ABC):
     has_zones = False
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     zones_parameter = ""
-    """The name of a parameter that changes with them; empty where there is none."""
+    """The name of a parameter that it sends whenever it has got others; empty where there is none."""
 
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:

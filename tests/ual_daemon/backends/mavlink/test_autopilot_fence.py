@@ -220,6 +220,20 @@ def test_a_fence_that_is_changed_while_disarmed_is_read_again(zoned: Flight) -> 
     assert flight.now_s - changed_s < (2.0 if is_told else 32.0)
 
 
+def test_a_fence_that_is_changed_in_flight_is_read_again_where_the_autopilot_tells(zoned: Flight) -> None:
+    flight = zoned
+    if not isinstance(flight.autopilot, ArduPilot):
+        pytest.skip("PX4 does not tell")
+    flight.take_off()
+    moved = (False, [(north, east + 20.0) for north, east in BUILDING[1]], None)
+    flight.autopilot.set_fence(FIELD, moved, POND)  # with as many items as before
+    flight.let_pass(2.0)
+    with pytest.raises(GeofenceError, match="exclusion polygon"):
+        flight.uav.go_to_waypoint(Pose.at(20.0, 15.0, HEIGHT_M))
+    flight.uav.go_to_waypoint(Pose.at(0.0, 15.0, HEIGHT_M))
+    flight.land()
+
+
 def test_a_fence_is_read_again_when_it_is_armed_and_after_a_boot(zoned: Flight) -> None:
     flight, fence = zoned, zoned.autopilot.fence
     flight.wait_for_state(State.LANDED_DISARMED)
@@ -255,7 +269,7 @@ def test_zones_that_cannot_be_read_stay_a_warning(caplog: pytest.LogCaptureFixtu
 
 def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     if not isinstance(flight.autopilot, ArduPilot):
-        pytest.skip("the simulated PX4 does not apply its fence")
+        pytest.skip("the simulated PX4 does not apply its distances")
     flight.take_off()
     flight.uav.go_to_waypoint(flight.goal(25.0, 0.0))
     task = flight.uav.go_to_waypoint(flight.goal(0.0, 15.0 - 4.0), blocking=False)

@@ -66,26 +66,17 @@ class FenceDownload:
         self._pause_s = FIRST_PAUSE_S
         self._is_wanted = True
         self._was_armed: bool | None = None
-        self._last_value: float | None = None
 
     def want(self) -> None:
         """Downloads it anew, at the next tick: what is under way may be of the fence before."""
         self._is_wanted = True
         self._pause_s = FIRST_PAUSE_S
 
-    def tick(self, now_s: float, *, is_armed: bool | None, changes_with: float | None = None) -> None:
-        """Sends what is due; to be called often.
-
-        `is_armed` is None while that is not known. `changes_with` is the value of a parameter that the autopilot
-        changes with the fence; None while that is not known, or where there is none.
-        """
+    def tick(self, now_s: float, *, is_armed: bool | None) -> None:
+        """Sends what is due; to be called often. `is_armed` is None while that is not known."""
         if is_armed and self._was_armed is False:
             self.want()
         self._was_armed = is_armed
-        if changes_with is not None and changes_with != self._last_value:
-            if self._last_value is not None:
-                self.want()
-            self._last_value = changes_with
         if self._is_wanted:
             self._begin(now_s)
         elif now_s < self._next_s:

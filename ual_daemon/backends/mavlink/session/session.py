@@ -210,7 +210,8 @@ class Session:
         self.telemetry.conflict = self.identity.conflict
         self._check_multirotor()
         self._setup.tick(now_s)
-        self._tick_fence_download(now_s)
+        if self._fence_download is not None:
+            self._fence_download.tick(now_s, is_armed=self.telemetry.is_armed)
         self._commands.tick(now_s)
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
@@ -417,18 +418,16 @@ class Session:
         return FenceDownload(self.system_id, self._own_ids, self._sender.send, fence.set_zones, give_up)
 
     def _fence_handlers(self, download: FenceDownload) -> dict[int, Callable[[Message, float, float], None]]:
+        def on_parameter(message: Message, _now_s: float, _: float) -> None:
+            if message.param_id == self.dialect.zones_parameter:
+                download.want()
+
         return {
+            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: on_parameter,
             mavlink.MAVLINK_MSG_ID_MISSION_COUNT: lambda message, now_s, _: download.on_count(message, now_s),
             mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: lambda message, now_s, _: download.on_item(message, now_s),
             mavlink.MAVLINK_MSG_ID_MISSION_ACK: lambda message, now_s, _: download.on_ack(message, now_s),
         }
-
-    def _tick_fence_download(self, now_s: float) -> None:
-        if self._fence_download is not None:
-            telemetry, parameter = self.telemetry, self.dialect.zones_parameter
-            self._fence_download.tick(
-                now_s, is_armed=telemetry.is_armed, changes_with=telemetry.parameters.get(parameter)
-            )
 
     def _report_missing(self, names: tuple[str, ...]) -> None:
         """Logs once what is assumed instead of parameters that the autopilot does not send."""

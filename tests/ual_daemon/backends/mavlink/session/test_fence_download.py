@@ -44,7 +44,6 @@ class Bench:
         self.failed: list[str] = []
         self.now_s = 100.0
         self.is_armed: bool | None = False
-        self.value: float | None = None
         self.download = FenceDownload(7, OWN, self.sent.append, self.found.append, self.failed.append)
         self.tick()
 
@@ -52,7 +51,7 @@ class Bench:
         """Ticks now, or so many times later."""
         for _ in range(count or 1):
             self.now_s += every_s if count else 0.0
-            self.download.tick(self.now_s, is_armed=self.is_armed, changes_with=self.value)
+            self.download.tick(self.now_s, is_armed=self.is_armed)
 
     def wait(self, duration_s: float) -> None:
         """Ticks once after a time."""
@@ -207,19 +206,6 @@ def test_it_is_read_again_now_and_then_while_disarmed_but_not_in_flight(bench: B
     assert bench.requests() == ["list", 0, "ack 0"]  # as it is armed
     bench.tick(100, 10.0)
     assert bench.requests() == []
-
-
-def test_it_is_read_again_when_the_parameter_changes(bench: Bench) -> None:
-    bench.download_all(1)
-    bench.requests()
-    bench.is_armed = True
-    bench.tick()
-    bench.download_all(1)
-    for value, expected in ((None, []), (5.0, []), (5.0, []), (None, []), (5.0, []), (7.0, ["list"])):
-        bench.value = value
-        bench.requests()
-        bench.tick()
-        assert bench.requests() == expected
 
 
 def test_a_new_wish_begins_anew_also_in_the_middle(bench: Bench) -> None:
