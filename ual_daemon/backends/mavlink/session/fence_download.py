@@ -22,7 +22,7 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 160.0
 """The time from a download that failed to the next one. It doubles each time: an autopilot need not answer at all."""
 POLL_S = 30.0
 """How often it is downloaded anew while the autopilot is disarmed: a ground station may upload another one. In flight
-it stays; the autopilots say when they have a new one only in ways of their own."""
+the link is left to what flies; ArduPilot tells of another one by itself (`Autopilot.zones_parameter`)."""
 MAX_ITEMS = 1000
 """More items are not read. ArduPilot keeps 84 on a Pixhawk (AC_PolyFence_loader::max_items), PX4 64 or fewer."""
 
