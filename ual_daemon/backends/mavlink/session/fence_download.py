@@ -23,8 +23,9 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 160.0
 POLL_S = 30.0
 """How often it is downloaded anew while the autopilot is disarmed: a ground station may upload another one. In flight
 the link is left to what flies; ArduPilot tells of another one by itself (`Autopilot.zones_parameter`)."""
-MAX_ITEMS = 1000
-"""More items are not read. ArduPilot keeps 84 on a Pixhawk (AC_PolyFence_loader::max_items), PX4 64 or fewer."""
+MAX_ITEMS = 500
+"""More items are not read: the geometry of so many circles takes 0.25 s. ArduPilot keeps 84 on a Pixhawk
+(AC_PolyFence_loader::max_items), PX4 64 (DM_KEY_FENCE_POINTS_MAX)."""
 
 _FENCE = mavlink.MAV_MISSION_TYPE_FENCE
 _ACCEPTED, _CANCELLED = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_OPERATION_CANCELLED

@@ -189,7 +189,7 @@ def test_a_refusal_is_not_answered_and_tried_again_in_flight_too(bench: Bench) -
 def test_too_many_items_are_not_read_and_that_is_told(bench: Bench) -> None:
     bench.take(count(MAX_ITEMS + 1))
     assert bench.requests() == ["list", f"ack {mavlink.MAV_MISSION_OPERATION_CANCELLED}"]
-    assert bench.found == [FoundZones(None, "it has 1001 items, more than 1000")]
+    assert bench.found == [FoundZones(None, "it has 501 items, more than 500")]
 
 
 def test_it_is_read_again_now_and_then_while_disarmed_but_not_in_flight(bench: Bench) -> None:
