@@ -34,6 +34,9 @@ _HARMLESS = frozenset(
         mavlink.MAVLINK_MSG_ID_TIMESYNC,
         mavlink.MAVLINK_MSG_ID_PING,
         mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+        mavlink.MAVLINK_MSG_ID_MISSION_ACK,  # the end of a download; it sends no MISSION_COUNT, which begins an upload
         412,  # REQUEST_EVENT
     }
 )

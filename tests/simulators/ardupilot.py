@@ -140,6 +140,7 @@ class ArduPilot(Autopilot):
             "FENCE_ALT_MAX": 100.0,
             "FENCE_ALT_MIN": -10.0,
             "FENCE_TOTAL": 0,
+            "FENCE_OPTIONS": 0,
             "FLTMODE1": LOITER,
             "FLTMODE2": LOITER,
             "FLTMODE3": STABILIZE,
@@ -397,7 +398,15 @@ class ArduPilot(Autopilot):
             return False
         kinds = int(p["FENCE_TYPE"])
         is_high = kinds & 1 and home[2] - position[2] > p["FENCE_ALT_MAX"]
-        return bool(is_high or (kinds & 2 and math.dist(position[:2], home[:2]) > p["FENCE_RADIUS"]))
+        is_far = kinds & 2 and math.dist(position[:2], home[:2]) > p["FENCE_RADIUS"]
+        self.fence.unites_inclusions = bool(int(p["FENCE_OPTIONS"]) & 2)
+        return bool(is_high or is_far or (kinds & 4 and self.is_beyond_zones(position)))
+
+    def _on_fence_set(self) -> None:
+        count = len(self.fence.items)
+        self.parameters["FENCE_TOTAL"] = count + 2 if count >= 3 else 0
+        for channel in self.channels:
+            channel.send(self._parameter("FENCE_TOTAL"), self.elapsed_s)
 
     def _yaw_of(self, message: Message, velocity: Vector, *, is_body: bool) -> tuple[float | None, float]:
         """Returns the heading and yaw rate of a setpoint. Without both, the nose turns to the direction of flight."""
@@ -458,7 +467,7 @@ class ArduPilot(Autopilot):
             self.say("Radio Failsafe - RTL")
             self.set_mode(RTL)
         if not self._is_landed and self._is_beyond_fence(self.position) and self.mode not in (LAND, RTL):
-            self.say("Circle fence breached")
+            self.say(f"{'Polygon' if self.is_beyond_zones(self.position) else 'Circle'} fence breached")
             self.set_mode(RTL)
         if self._is_landed and self._takeoff is None:
             since_s = self.now_s - max(self.armed_s, self._landed_s)

@@ -11,9 +11,11 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from tests.simulators.channel import Channel
+from tests.simulators.fence import CIRCLES, POLYGONS, FenceStore, Item
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from ual.geometry import Vector3
 from ual_daemon.backends.mavlink.wire.frames import Frame
@@ -66,6 +68,8 @@ class Autopilot(ABC):
     external_pose_message: int
     """The message by which it takes poses from outside."""
     parameter_type = mavlink.MAV_PARAM_TYPE_REAL32
+    is_fence_strict = False
+    """See `FenceStore`."""
 
     def __init__(
         self,
@@ -113,6 +117,7 @@ class Autopilot(ABC):
         self.sticks = Sticks()
         self.ignored: set[int] = set()
         """Ids of messages and of commands that it ignores, for tests without an answer."""
+        self.fence = FenceStore(is_strict=self.is_fence_strict)
         self.parameters = dict(self.default_parameters())
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self._handlers: dict[int, Callable[[Message, Sender], None]] = {
@@ -124,6 +129,7 @@ class Autopilot(ABC):
             mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
             mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_local_target,
             mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
+            **{message_id: partial(self._answer, act) for message_id, act in self.fence.handlers().items()},
             self.external_pose_message: self._on_external_pose,
         }
         self._later: list[tuple[float, int, Callable[[], None]]] = []
@@ -511,6 +517,38 @@ class Autopilot(ABC):
     def _from_wire(self, value: float) -> int:
         number: int = struct.unpack("<i", struct.pack("<f", value))[0]
         return number
+
+    # Its own fence
+
+    def set_fence(self, *zones: tuple[bool, list[tuple[float, float]], float | None]) -> None:
+        """Keeps another fence, as after a ground station has uploaded it.
+
+        Each zone is whether it is an inclusion, its corners or its centre in metres north and east, and its radius.
+        """
+        with self.lock:
+            items = []
+            for is_inclusion, points, radius_m in zones:
+                command = (POLYGONS if radius_m is None else CIRCLES)[is_inclusion]
+                size = float(len(points)) if radius_m is None else radius_m
+                places = (self.geo((north, east, 0.0)) for north, east in points)
+                items += [Item(command, size, latitude, longitude) for latitude, longitude, _ in places]
+            self.fence.items = items
+            self._on_fence_set()
+
+    def _on_fence_set(self) -> None:  # noqa: B027  nothing, on PX4
+        """Tells what it tells by itself when it has got a new fence."""
+
+    def is_beyond_zones(self, position: Vector) -> bool:
+        """Returns whether a position is outside an inclusion of its own fence, or in an exclusion."""
+        latitude, longitude, _ = self.geo(position)
+        return bool(self.fence.items) and self.fence.is_beyond(latitude, longitude, self.projection)
+
+    def _answer(
+        self, act: Callable[[Message, Sender, float], Message | None], message: Message, sender: Sender
+    ) -> None:
+        answer = act(message, sender, self.elapsed_s)
+        if answer is not None:
+            sender.channel.send(answer, self.elapsed_s)
 
     # Messages
 

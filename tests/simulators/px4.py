@@ -184,6 +184,7 @@ class Px4(Autopilot):
 
     autopilot = mavlink.MAV_AUTOPILOT_PX4
     external_pose_message = mavlink.MAVLINK_MSG_ID_ODOMETRY
+    is_fence_strict = True
     flight_sw_version = 0x011100FF  # 1.17.0
 
     def __init__(
@@ -546,6 +547,9 @@ class Px4(Autopilot):
             wanted = None  # when the stream is back, OFFBOARD returns by itself
         if wanted != self.failsafe:
             self._fall_back(wanted)
+        is_guarded = self.parameters["GF_ACTION"] and self.mode not in (RTL, LAND) and not self._failsafe_kind
+        if is_guarded and not self._is_landed and self.is_beyond_zones(self.position):
+            self.trigger_failsafe("fence")
         if self._is_landed:
             is_landed_long = self._has_flown and self.now_s - self._landed_s >= self.parameters["COM_DISARM_LAND"]
             is_idle_long = not self._has_flown and self.now_s - self.armed_s >= self.parameters["COM_DISARM_PRFLT"]

@@ -97,6 +97,42 @@ class Transmitter(ABC):
             self._tell(mavlink.MAVLink_param_set_message(self._system_id, 1, name.encode(), value, kind))
             time.sleep(0.3)
 
+    def upload_fence(self, items: Sequence[tuple[int, float, float, float]]) -> None:
+        """Uploads a fence, as a ground station does; without items it is cleared.
+
+        Each item is its command, its first parameter, and latitude and longitude in degrees.
+        """
+        results: list[int] = []
+
+        def send(request: Message) -> None:
+            command, size, latitude_deg, longitude_deg = items[request.seq]
+            place = round(latitude_deg * 1e7), round(longitude_deg * 1e7), 0.0
+            self._tell(
+                mavlink.MAVLink_mission_item_int_message(
+                    self._system_id,
+                    1,
+                    request.seq,
+                    mavlink.MAV_FRAME_GLOBAL,
+                    command,
+                    0,
+                    1,
+                    size,
+                    0.0,
+                    0.0,
+                    0.0,
+                    *place,
+                    mavlink.MAV_MISSION_TYPE_FENCE,
+                )
+            )
+
+        self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST] = send
+        self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT] = send
+        self._listeners[mavlink.MAVLINK_MSG_ID_MISSION_ACK] = lambda message: results.append(message.type)
+        kind = mavlink.MAV_MISSION_TYPE_FENCE
+        self._tell(mavlink.MAVLink_mission_count_message(self._system_id, 1, len(items), kind))
+        self._wait(lambda: bool(results), "given its fence")
+        assert results[0] == mavlink.MAV_MISSION_ACCEPTED, results
+
     def set_mode(self, custom_mode: int, main: float, sub: float = 0.0) -> None:
         """Returns when the autopilot is in it. `main` and `sub` are the mode in the words of DO_SET_MODE."""
         params = (float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), main, sub)

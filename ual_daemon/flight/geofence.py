@@ -1,6 +1,6 @@
 """The geofence: what is refused because it would leave the fence. The safety pilot is never fenced.
 
-`ual_daemon.frames.fence.Fence` is the geometry: a polygon, a disc and a height band. `Geofence` knows where the
+`ual_daemon.frames.fence.Fence` is the geometry: an area, a disc and a height band. `Geofence` knows where the
 configured fence lies in the backend's local frame, and which goals, paths and velocities would leave it. The
 floor and the ceiling, which hold without any configuration, are edges of the same fence; so is the autopilot's own.
 """
@@ -17,7 +17,7 @@ from ual_daemon.backends.values import OwnFence, Snapshot
 from ual_daemon.flight import own_fence
 from ual_daemon.flight.ground import Datum, Ground
 from ual_daemon.flight.state import Estimate
-from ual_daemon.frames.fence import Fence
+from ual_daemon.frames.fence import Exit, Fence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings
 from ual_daemon.tracker.references import Hold, Reference, Velocity, measured_motion
@@ -80,6 +80,7 @@ class Geofence:
         self._stays_at = resolver.frame_to_local(self._frame_id) if is_carried else None
         Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
         self._cached: tuple[object, Fence] | None = None
+        self._zoned: tuple[object, Fence] | None = None
         self._narrowed: tuple[object, Fence] | None = None
         self._own: tuple[object, Fence] | None = None
 
@@ -119,14 +120,15 @@ class Geofence:
         cached = self._cached
         if cached is None or cached[0] != key:
             cached = self._cached = (key, self._make(to_local, snapshot))
+        own = snapshot.own_fence
+        fence = cached[1] if own is None else self._within_own_zones(cached[1], own, snapshot)
         datum = self._datum(snapshot)
         lowest_m, highest_m = self._edges(datum)
-        band = (cached[1], lowest_m - datum.noise_m, highest_m + datum.noise_m)
+        band = (fence, lowest_m - datum.noise_m, highest_m + datum.noise_m)
         narrowed = self._narrowed
         if narrowed is None or narrowed[0] != band:
-            narrowed = self._narrowed = (band, band[0].narrowed(*band[1:]))
-        own = snapshot.own_fence
-        return narrowed[1] if own is None else self._within_own(narrowed[1], own, snapshot)
+            narrowed = self._narrowed = (band, fence.narrowed(*band[1:]))
+        return narrowed[1] if own is None else self._within_own_limits(narrowed[1], own, snapshot)
 
     def edges(self, snapshot: Snapshot) -> Fence:
         """Returns the fence as it is told to people. Raises as `fence`.
@@ -135,19 +137,20 @@ class Geofence:
         """
         return self.fence(snapshot).narrowed(*self._edges(self._datum(snapshot)))
 
-    def _within_own(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
-        """Returns the part of a fence that is inside the autopilot's own, with a reserve."""
-        home = own_fence.home_of(snapshot)
-        if home is None:
-            names = ", ".join(limit.parameter for limit in own.limits)
-            raise WrongStateError(
-                f"the autopilot's own fence ({names}) cannot be checked: the autopilot has not said where its home is"
-            )
-        key = (fence, own, home)
+    def _within_own_zones(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
+        """Returns the part of a fence that the zones of the autopilot's own leave, with a reserve."""
+        key = (fence, own.zones, own.unites_inclusions, snapshot.projection)
+        cached = self._zoned
+        if cached is None or cached[0] != key:
+            cached = self._zoned = (key, own_fence.within_zones(fence, own, snapshot))
+        return cached[1]
+
+    def _within_own_limits(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
+        """Returns the part of a fence that is inside the limits of the autopilot's own, with a reserve."""
+        key = (fence, own, own_fence.home_of(snapshot))
         cached = self._own
         if cached is None or cached[0] != key:
-            part = fence.narrowed(*own_fence.band(own, home.z), own_fence.disc(own, home))
-            cached = self._own = (key, part)
+            cached = self._own = (key, own_fence.within_limits(fence, own, snapshot))
         return cached[1]
 
     def _to_local(self) -> Transform:
@@ -240,7 +243,7 @@ class Geofence:
             self.require_inside([measured.position, pose.position], what, snapshot)
 
     def is_free(self, a: Vector3, b: Vector3, snapshot: Snapshot) -> bool:
-        """Returns whether the straight way between two positions crosses no corner of the fence that points inwards.
+        """Returns whether the straight way between two positions crosses no corner and no hole of the fence.
 
         Yes where it is not known where the fence lies.
         """
@@ -262,16 +265,16 @@ class Geofence:
 
     def require_inside(self, polyline: Iterable[Vector3], what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` if a polyline in the local frame leaves the fence."""
-        exit_point = self.fence(snapshot).exit_point(polyline)
-        if exit_point is not None:
-            raise self._error(what, exit_point, snapshot, ", or the way there does")
+        found = self.fence(snapshot).exit(polyline)
+        if found is not None:
+            raise self._error(what, found.point, snapshot, found.before, ", or the way there does")
 
     def require_velocity(self, motion: Motion, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.
 
         It must be able to stop from the commanded velocity, from its own, and from the one that it has when it can next
-        be commanded to brake. Outside, a velocity that brings it nearer is allowed. Anywhere, a velocity that stops it
-        as well as it can be stopped is allowed.
+        be commanded to brake. Outside, a velocity that brings it nearer, and not out again on another side, is allowed.
+        Anywhere, a velocity that stops it as well as it can be stopped is allowed.
 
         Raises:
             GeofenceError: It could not stop inside.
@@ -286,7 +289,9 @@ class Geofence:
         direction = velocity / speed
         fastest = direction * max(speed, motion.velocity.dot(direction))
         commanded_stop = here + fastest * _REACTION_S + _braking(fastest, limits)
-        if fence.distance_m(commanded_stop) < fence.distance_m(here):  # it comes back
+        if fence.is_nowhere:
+            raise self._velocity_error(Exit(here, None), snapshot)
+        if fence.leads_back(here, commanded_stop):
             return
         self._require_stop_between(here, commanded_stop, velocity, snapshot)
         after_reaction = here + motion.velocity * _REACTION_S
@@ -296,13 +301,16 @@ class Geofence:
             [here, after_reaction, after_reaction + _braking(motion.velocity, limits)],
             [here, changed, changed_stop],
         )
-        exit_points = (fence.exit_point(polyline) for polyline in polylines)
-        exit_point = next((point for point in exit_points if point is not None), None)
-        if exit_point is None:
+        exits = (fence.exit(polyline) for polyline in polylines)
+        found = next((each for each in exits if each is not None), None)
+        if found is None:
             return
-        _, soonest_stop = _change(motion, Vector3(), limits)
-        if fence.signed_distance_m(changed_stop) > fence.signed_distance_m(soonest_stop) + _SAME_POINT_M:
-            raise self._velocity_error(exit_point, snapshot)
+        soonest, soonest_stop = _change(motion, Vector3(), limits)
+        # Behind a hole it is inside again, and the farther the better: so the way over the hole counts, too.
+        is_farther_out = fence.signed_distance_m(changed_stop) > fence.signed_distance_m(soonest_stop) + _SAME_POINT_M
+        changed_m = fence.outside_m([here, changed, changed_stop])
+        if is_farther_out or changed_m > fence.outside_m([here, soonest, soonest_stop]) + _SAME_POINT_M:
+            raise self._velocity_error(found, snapshot)
 
     def _require_stop_between(self, here: Vector3, stop: Vector3, velocity: Vector3, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` if a velocity leads through the floor or the ceiling itself.
@@ -322,19 +330,30 @@ class Geofence:
                 {"setting": "ceiling_m"},
             )
 
-    def _velocity_error(self, point: Vector3, snapshot: Snapshot) -> GeofenceError:
-        edge, metadata = self._broken_edge(point, snapshot)
+    def _velocity_error(self, left: Exit, snapshot: Snapshot) -> GeofenceError:
+        edge, metadata = self._broken_edge(left.point, snapshot, left.before)
         at_edge = f": there it is {edge}" if edge else ""
-        return GeofenceError(f"velocity: it would leave the geofence at about {self._text(point)}{at_edge}", metadata)
+        point = self._text(left.point)
+        return GeofenceError(f"velocity: it would leave the geofence at about {point}{at_edge}", metadata)
 
-    def _error(self, what: str, point: Vector3, snapshot: Snapshot, or_way: str = "") -> GeofenceError:
+    def _error(
+        self, what: str, point: Vector3, snapshot: Snapshot, before: Vector3 | None = None, or_way: str = ""
+    ) -> GeofenceError:
         edge, metadata = self._broken_edge(point, snapshot)
         if edge:
             return GeofenceError(f"{what}: {self._text(point)} is {edge}", metadata)
+        edge, metadata = self._broken_edge(point, snapshot, before)
+        if edge:
+            return GeofenceError(f"{what}: the way to {self._text(point)} leads {edge}", metadata)
         return GeofenceError(f"{what}: {self._text(point)} lies outside the geofence{or_way}")
 
-    def _broken_edge(self, point: Vector3, snapshot: Snapshot) -> tuple[str, dict[str, str]]:
-        """Returns how a point lies beyond the floor or the ceiling, in words and as metadata; empty if it does not."""
+    def _broken_edge(
+        self, point: Vector3, snapshot: Snapshot, before: Vector3 | None = None
+    ) -> tuple[str, dict[str, str]]:
+        """Returns how a point lies beyond the floor, the ceiling or the autopilot's own fence: in words, as metadata.
+
+        With `before`, also how the way from there leads through that fence. Empty if it does not.
+        """
         datum = self._datum(snapshot)
         lowest_m, highest_m = self._edges(datum)
         height_m = point.z - datum.z_m
@@ -343,7 +362,10 @@ class Geofence:
             return f"{where}, below the floor ({self._floor_text()})", {"setting": "floor_m"}
         if point.z > highest_m + datum.noise_m:
             return f"{where}, above the ceiling ({self._ceiling_text()})", {"setting": "ceiling_m"}
-        return _own_edge(point, snapshot)
+        beyond = own_fence.beyond_limit(point, snapshot)
+        if beyond is None:
+            beyond = own_fence.beyond_zone(self.fence(snapshot).zone_left(before, point))
+        return ("", {}) if beyond is None else (own_fence.text(beyond, own_fence.RESERVE_M), beyond.metadata)
 
     def _floor_text(self) -> str:
         return f"floor_m: {self._floor_m:g} in the configuration; z is up"
@@ -353,16 +375,6 @@ class Geofence:
 
     def _text(self, local: Vector3) -> str:
         return self._resolver.describe(local)
-
-
-def _own_edge(point: Vector3, snapshot: Snapshot) -> tuple[str, dict[str, str]]:
-    """Returns how a point lies beyond the autopilot's own fence; empty if it does not. See `Geofence._broken_edge`."""
-    found = own_fence.where_beyond(point, snapshot)
-    if found is None:
-        return "", {}
-    where, limit = found
-    reserve = f"{limit.parameter}: {limit.value_m:g} m; UAL stays {own_fence.RESERVE_M:g} m inside"
-    return f"{where}, beyond the autopilot's own fence ({reserve})", {"parameter": limit.parameter}
 
 
 def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:

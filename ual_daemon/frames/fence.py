@@ -1,23 +1,15 @@
-"""The geometry of a geofence: a polygon and a height band in the backend's local frame.
-
-The geometry of polygons is that of shapely (GEOS), which is loaded only if a polygon is configured.
-"""
+"""The geometry of a geofence: an area, a disc and a height band in the backend's local frame."""
 
 from __future__ import annotations
 
 import copy
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple
 
 from ual.geometry import Vector3
-from ual_daemon.settings import ConfigError
-
-if TYPE_CHECKING:
-    from shapely import Polygon
-
-_MARGIN_M = 0.001
-"""A point that lies beyond the edge by no more than this (roundings between frames) counts as on the edge."""
+from ual_daemon.frames.area import MARGIN_M, Area, LocalZone, Point2
 
 
 class Disc(NamedTuple):
@@ -29,7 +21,7 @@ class Disc(NamedTuple):
 
     def beyond_m(self, point: Vector3) -> float:
         """Returns how far outside a point is; negative inside."""
-        return math.hypot(point.x - self.x, point.y - self.y) - self.radius_m - _MARGIN_M
+        return math.hypot(point.x - self.x, point.y - self.y) - self.radius_m - MARGIN_M
 
     def nearest_m(self, a: Vector3, b: Vector3) -> float:
         """Returns how far outside the nearest point of a segment is; negative inside."""
@@ -39,82 +31,119 @@ class Disc(NamedTuple):
         return self.beyond_m(a + (b - a) * min(max(share, 0.0), 1.0))
 
 
-class Fence:
-    """A polygon (or none), a disc (or none) and a height band in the local frame: pure geometry."""
+class Exit(NamedTuple):
+    """The first part of a polyline that is not allowed: its end, and where it begins (None: it is a single point)."""
 
-    def __init__(
-        self, corners: Sequence[tuple[float, float]], lowest_m: float = -math.inf, highest_m: float = math.inf
-    ) -> None:
+    point: Vector3
+    before: Vector3 | None
+
+
+class Fence:
+    """A polygon (or none), cut by zones, a disc (or none) and a height band in the local frame: pure geometry."""
+
+    def __init__(self, corners: Sequence[Point2], lowest_m: float = -math.inf, highest_m: float = math.inf) -> None:
         """`corners` are x, y in metres in order, at least three, or none for a height band without sides.
 
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
-        self.corners: tuple[tuple[float, float], ...] = tuple(corners)
-        self._polygon = _polygon(corners) if corners else None
-        self._is_convex = self._polygon is None or _is_convex(self._polygon)
+        self.corners: tuple[Point2, ...] = tuple(corners)
+        """Those of the polygon; the zones that cut it have others."""
+        self._area = Area(corners)
         self.disc: Disc | None = None
-        self._lowest_m, self._highest_m = lowest_m - _MARGIN_M, highest_m + _MARGIN_M
+        self._lowest_m, self._highest_m = lowest_m - MARGIN_M, highest_m + MARGIN_M
+
+    def cut(self, zones: Sequence[LocalZone], reserve_m: float, *, unites_inclusions: bool) -> Fence:
+        """Returns the part that the zones leave, with a reserve; see `Area`. Takes some milliseconds."""
+        part = copy.copy(self)
+        part._area = Area(self.corners, zones, reserve_m, unites_inclusions=unites_inclusions)  # noqa: SLF001  a Fence
+        return part
 
     def narrowed(self, lowest_m: float, highest_m: float, disc: Disc | None = None) -> Fence:
         """Returns the part of the fence that is in another height band, and in a disc, too."""
-        part = copy.copy(self)  # with the same polygon, which is expensive to prepare
-        part._lowest_m = max(self._lowest_m, lowest_m - _MARGIN_M)  # noqa: SLF001  a Fence
-        part._highest_m = min(self._highest_m, highest_m + _MARGIN_M)  # noqa: SLF001  a Fence
+        part = copy.copy(self)  # with the same area, which is expensive to prepare
+        part._lowest_m = max(self._lowest_m, lowest_m - MARGIN_M)  # noqa: SLF001  a Fence
+        part._highest_m = min(self._highest_m, highest_m + MARGIN_M)  # noqa: SLF001  a Fence
         part.disc = disc or self.disc
         return part
 
     @property
     def lowest_m(self) -> float:
         """The bottom of the height band."""
-        return self._lowest_m + _MARGIN_M
+        return self._lowest_m + MARGIN_M
 
     @property
     def highest_m(self) -> float:
         """The top of the height band."""
-        return self._highest_m - _MARGIN_M
+        return self._highest_m - MARGIN_M
+
+    @property
+    def is_nowhere(self) -> bool:
+        """Whether its zones leave nothing inside."""
+        return self._area.is_nowhere
 
     def is_inside(self, point: Vector3) -> bool:
         """Returns whether a point lies inside, or on the edge."""
         is_over_disc = self.disc is None or self.disc.beyond_m(point) <= 0.0
-        return is_over_disc and self._is_in_band(point) and self._is_over_polygon(point)
+        return is_over_disc and self._is_in_band(point) and self._area.has((point.x, point.y))
 
-    def exit_point(self, polyline: Iterable[Vector3]) -> Vector3 | None:
-        """Returns the end of the first segment of a polyline that is not allowed; None if all of it is.
+    def exit(self, polyline: Iterable[Vector3]) -> Exit | None:
+        """Returns the first segment of a polyline that is not allowed; None if all of it is.
 
         A polyline that begins outside (the safety pilot flew there) may come in, and must then stay in. Points after
-        the returned one are not read.
+        the returned ones are not read.
         """
         before: Vector3 | None = None
+        before_that: Vector3 | None = None
         has_come_in = False
         for point in polyline:
             is_inside = self.is_inside(point)
             if not self._is_allowed(before, point, has_come_in=has_come_in, is_inside=is_inside):
-                return point
-            before, has_come_in = point, is_inside
-        return None if has_come_in else before
+                return Exit(point, before)
+            before_that, before, has_come_in = before, point, is_inside
+        return None if has_come_in or before is None else Exit(before, before_that)
+
+    def exit_point(self, polyline: Iterable[Vector3]) -> Vector3 | None:
+        """Returns the end of the first segment of a polyline that is not allowed, as `exit`."""
+        found = self.exit(polyline)
+        return None if found is None else found.point
 
     def _is_allowed(self, before: Vector3 | None, point: Vector3, *, has_come_in: bool, is_inside: bool) -> bool:
         """Whether a segment is allowed; `before` is None for the first point."""
         if before is None:
             return True
         if has_come_in:
-            return is_inside and self._is_segment_over_polygon(before, point)
+            return is_inside and self._area.has_segment((before.x, before.y), (point.x, point.y))
         return self._comes_in_once(before, point) if is_inside else not self._crosses(before, point)
 
+    def leads_back(self, a: Vector3, b: Vector3) -> bool:
+        """Returns whether a segment that begins outside brings nearer to the inside, without leaving it again."""
+        if not self.distance_m(b) < self.distance_m(a):
+            return False
+        return self._comes_in_once(a, b) if self.is_inside(b) else not self._crosses(a, b)
+
     def is_free(self, a: Vector3, b: Vector3) -> bool:
-        """Returns whether a segment stays over the polygon; always where that has no corner that points inwards."""
-        return self._is_convex or self._is_segment_over_polygon(a, b)
+        """Returns whether a segment stays over the area; always where that is convex."""
+        return self._area.is_convex or self._area.has_segment((a.x, a.y), (b.x, b.y))
+
+    def outside_m(self, polyline: Sequence[Vector3]) -> float:
+        """Returns how much of a polyline passes over what is outside the area, as over a hole; 0 if that is convex.
+
+        There, how far outside the end is says the same.
+        """
+        if self._area.is_convex:
+            return 0.0
+        return sum(self._area.outside_m((a.x, a.y), (b.x, b.y)) for a, b in pairwise(polyline))
+
+    def zone_left(self, a: Vector3 | None, b: Vector3) -> str:
+        """Returns the name of the zone that keeps from a point `b`, or from the way there from `a`; see `Area`."""
+        return self._area.zone_left(None if a is None else (a.x, a.y), (b.x, b.y))
 
     def distance_m(self, point: Vector3) -> float:
         """Returns how far outside a point is; 0 inside."""
         below, above = self._lowest_m - point.z, point.z - self._highest_m
         vertical = max(0.0, below, above)
         sideways = 0.0 if self.disc is None else max(0.0, self.disc.beyond_m(point))
-        if self._polygon is not None:
-            from shapely import Point
-
-            sideways = max(sideways, self._polygon.distance(Point(point.x, point.y)))
-        return math.hypot(sideways, vertical)
+        return math.hypot(max(sideways, self._area.distance_m((point.x, point.y))), vertical)
 
     def clearance_m(self, point: Vector3) -> float:
         """Returns how far a UAV can fly from a point in any direction and stay inside; 0 outside."""
@@ -123,11 +152,7 @@ class Fence:
         clear = min(point.z - self._lowest_m, self._highest_m - point.z)
         if self.disc is not None:
             clear = min(clear, -self.disc.beyond_m(point))
-        if self._polygon is None:
-            return clear
-        from shapely import Point
-
-        return min(clear, self._polygon.boundary.distance(Point(point.x, point.y)))
+        return min(clear, self._area.clearance_m((point.x, point.y)))
 
     def signed_distance_m(self, point: Vector3) -> float:
         """Returns how far a point is from the edge: positive outside, negative inside."""
@@ -136,28 +161,9 @@ class Fence:
     def _is_in_band(self, point: Vector3) -> bool:
         return self._lowest_m <= point.z <= self._highest_m
 
-    def _is_over_polygon(self, point: Vector3) -> bool:
-        if self._polygon is None:
-            return True
-        from shapely import Point
-
-        return self._polygon.covers(Point(point.x, point.y))
-
-    def _is_segment_over_polygon(self, a: Vector3, b: Vector3) -> bool:
-        if self._polygon is None:
-            return True
-        from shapely import LineString
-
-        return self._polygon.covers(LineString([(a.x, a.y), (b.x, b.y)]))
-
     def _comes_in_once(self, outside: Vector3, inside: Vector3) -> bool:
-        """Whether a segment that ends inside comes in only once. (In height it always does.)"""
-        if self._polygon is None:
-            return True
-        from shapely import LineString
-
-        part = self._polygon.intersection(LineString([(outside.x, outside.y), (inside.x, inside.y)]))
-        return part.geom_type in ("LineString", "Point")
+        """Whether a segment that ends inside comes in only once. (In height, and into the disc, it always does.)"""
+        return self._area.is_entered_once((outside.x, outside.y), (inside.x, inside.y))
 
     def _crosses(self, a: Vector3, b: Vector3) -> bool:
         """Whether a segment between two points outside goes through the inside."""
@@ -173,24 +179,4 @@ class Fence:
         c, d = a + (b - a) * begin, a + (b - a) * end
         if self.disc is not None and self.disc.nearest_m(c, d) > 0.0:
             return False
-        if self._polygon is None:
-            return True
-        from shapely import LineString
-
-        return self._polygon.intersects(LineString([(c.x, c.y), (d.x, d.y)]))
-
-
-def _is_convex(polygon: Polygon) -> bool:
-    return bool(polygon.convex_hull.area - polygon.area < _MARGIN_M * polygon.length)
-
-
-def _polygon(corners: Sequence[tuple[float, float]]) -> Polygon:
-    import shapely
-
-    polygon = shapely.Polygon(corners)
-    if not polygon.is_valid or polygon.area == 0.0:
-        why = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
-        raise ConfigError(f"is no polygon: {why}", "geofence")
-    grown = polygon.buffer(_MARGIN_M, join_style="mitre")
-    shapely.prepare(grown)
-    return grown
+        return self._area.is_touched((c.x, c.y), (d.x, d.y))

@@ -16,7 +16,9 @@ _LEVEL = 1e-6
 
 
 def geofence_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
-    """Returns the geofence, the floor and the ceiling, and the autopilot's own fence, as one.
+    """Returns the geofence, the floor and the ceiling, and the limits of the autopilot's own fence, as one.
+
+    The zones of that fence are refused, but not told: the contract has one polygon and one circle.
 
     Raises:
         WrongStateError: It is not known where they lie.

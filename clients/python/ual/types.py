@@ -356,7 +356,8 @@ class Geofence:
     All is in `frame_id`, ``map``. `corners` are those of a polygon in order, as seen from above; their z says nothing.
     `circle` is that of the autopilot's own fence, less the reserve that UAL keeps. `min_z_m` is the highest of all
     lower edges (of the configured fence, of the floor, of the autopilot's own fence), `max_z_m` the lowest of all upper
-    ones.
+    ones. The autopilot's own fence may have polygons and circles beside these: motions into them are refused, but they
+    are not told here.
     """
 
     frame_id: str = "map"

@@ -20,6 +20,7 @@ from ual_daemon.backends.autopilots.autopilot import (
     positive_parameter,
 )
 from ual_daemon.backends.autopilots.feed_forward import TILT_S
+from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.autopilots.numbers import EstimatorFlag, Sensor, VtolState
 from ual_daemon.backends.values import (
     NO_FENCE,
@@ -83,6 +84,9 @@ _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
 _FENCE_ALT_MAX, _FENCE_CIRCLE, _FENCE_POLYGON, _FENCE_ALT_MIN = 1, 2, 4, 8
 """The bits of FENCE_TYPE."""
+_FENCE_UNION = 2
+"""The bit of FENCE_OPTIONS with which a place inside one inclusion is enough (AC_Fence.h, OPTIONS::INCLUSION_UNION);
+else it must be inside all (AC_PolyFence_loader::breached)."""
 _COPTER_VTOL_STATES = (VtolState.UNDEFINED, VtolState.MULTIROTOR)
 _PLANE_PARAMETER = "Q_ENABLE"
 """A parameter that only ArduPlane has. Its Q_MAV_TYPE makes a quadplane call itself a quadrotor."""
@@ -172,8 +176,13 @@ class ArduCopter(Autopilot):
         "FENCE_ALT_MAX",
         "FENCE_ALT_MIN",
         "FENCE_TOTAL",
+        "FENCE_OPTIONS",
     )
-    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE"})
+    optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS"})
+    has_zones = True
+    # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
+    # after each upload, also where it stays the same (measured with 4.6.3).
+    zones_parameter = "FENCE_TOTAL"
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -247,17 +256,20 @@ class ArduCopter(Autopilot):
         return ACCELERATION_SHARE if "WPNAV_ACCEL" in parameters else 1.0
 
     @override
-    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool, found: FoundZones = UNREAD) -> OwnFence:
         if not (is_enabled or parameters.get("FENCE_ENABLE") or parameters.get("FENCE_AUTOENABLE")):
             return NO_FENCE
-        kinds, corners = int(parameters.get("FENCE_TYPE", 0.0)), int(parameters.get("FENCE_TOTAL", 0.0))
-        unread = f"its polygons and circles (FENCE_TOTAL {corners})" if kinds & _FENCE_POLYGON and corners else ""
+        kinds = int(parameters.get("FENCE_TYPE", 0.0))
+        has_zones = bool(kinds & _FENCE_POLYGON)
+        unread = _unread(int(parameters.get("FENCE_TOTAL", 0.0)), found) if has_zones else ""
         return OwnFence(
             fence_limit(parameters, "FENCE_RADIUS") if kinds & _FENCE_CIRCLE else None,
             fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
             fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
             unread,
             is_cut_by_unread=bool(unread),
+            zones=(found.zones or ()) if has_zones else (),
+            unites_inclusions=bool(int(parameters.get("FENCE_OPTIONS", 0.0)) & _FENCE_UNION),
         )
 
     @override
@@ -278,6 +290,13 @@ class ArduCopter(Autopilot):
             )
         # Its climb takes no speed (WPNAV_SPEED_UP). UAL's setpoints fly the rest of the way, within the limits.
         return standing_m + (min(height_m, _SLOW_CLIMB_M) if is_slower else height_m)
+
+
+def _unread(total: int, found: FoundZones) -> str:
+    """Returns for people what of its polygons and circles is not known, by its FENCE_TOTAL."""
+    if found.why:
+        return f"its polygons and circles: {found.why}"
+    return f"its polygons and circles (FENCE_TOTAL {total})" if found.zones is None and total else ""
 
 
 def _above_home_m(snapshot: Snapshot) -> float | None:

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from ual.errors import WrongStateError
 from ual.types import Capability, Limits
+from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.autopilots.numbers import EstimatorFlag, VehicleType
 from ual_daemon.backends.values import (
     NO_FENCE,
@@ -107,6 +108,10 @@ class Autopilot(ABC):
     """Parameters to read: those that `limits` and `own_fence` use."""
     optional_parameters: frozenset[str] = frozenset()
     """Those of `parameters` that it need not have."""
+    has_zones = False
+    """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
+    zones_parameter = ""
+    """The name of a parameter that it sends whenever it has got others; empty where there is none."""
 
     @abstractmethod
     def mode(self, custom_mode: int) -> Mode:
@@ -171,8 +176,8 @@ class Autopilot(ABC):
         """
         return math.inf
 
-    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
-        """Returns the fence that it applies itself, by the parameters read so far.
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool, found: FoundZones = UNREAD) -> OwnFence:
+        """Returns the fence that it applies itself, by the parameters and the zones read so far.
 
         `is_enabled` says that its SYS_STATUS shows a fence in use: a switch may have enabled it.
         """

@@ -1,4 +1,4 @@
-"""Reads the autopilot's own fence from its parameters, and logs once what was found."""
+"""Puts together the autopilot's own fence, from its parameters and its zones, and logs once what was found."""
 
 from __future__ import annotations
 
@@ -7,19 +7,26 @@ from collections.abc import Mapping
 
 from ual_daemon import logs
 from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.values import NO_FENCE, OwnFence
 
 _log = logging.getLogger(__name__)
 
 
 class FenceReader:
-    """The fence by the newest `parameters`, which their owner fills. Belongs to the thread that receives."""
+    """The fence by the newest `parameters`, which their owner fills. Belongs to the thread that receives.
 
-    def __init__(self, autopilot: Autopilot, parameters: Mapping[str, float]) -> None:
+    With `awaits_zones` nothing is logged until the zones are known, or until it is given up to wait for them: a fence
+    whose zones are about to be read is no reason for a warning.
+    """
+
+    def __init__(self, autopilot: Autopilot, parameters: Mapping[str, float], *, awaits_zones: bool = False) -> None:
         self._autopilot = autopilot
         self._parameters = parameters
+        self._awaits_zones = awaits_zones
         self._is_enabled = False
-        self._fence = NO_FENCE
+        self._found = UNREAD
+        self._fence = self._logged = NO_FENCE
         self.limits: OwnFence | None = None
         """The fence, where it limits something."""
 
@@ -29,14 +36,32 @@ class FenceReader:
             self._is_enabled = is_enabled
             self.update()
 
+    def set_zones(self, found: FoundZones) -> None:
+        """Takes what was found when its zones were read."""
+        self._found = found
+        self.stop_waiting()
+
+    def stop_waiting(self) -> None:
+        """Takes it that the zones do not come for now. Those that are known stay."""
+        self._awaits_zones = False
+        self.update()
+
     def update(self) -> None:
         """Reads it anew; to be called when parameters have come."""
-        fence = self._autopilot.own_fence(self._parameters, is_enabled=self._is_enabled)
-        if fence == self._fence:
-            return
-        self._fence = fence
-        self.limits = fence if fence.limits else None
-        limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
-        level = logging.WARNING if fence.is_cut_by_unread else logging.INFO
-        remedy = "configure it as the geofence of the vehicle" if fence.is_cut_by_unread else None
-        logs.event(_log, level, "autopilot_fence", limits=limits, not_read=fence.unread or None, remedy=remedy)
+        fence = self._autopilot.own_fence(self._parameters, is_enabled=self._is_enabled, found=self._found)
+        if fence != self._fence:
+            self._fence = fence
+            self.limits = fence if fence.limits or fence.zones else None
+        if fence != self._logged and not self._awaits_zones:
+            self._logged = fence
+            _report(fence)
+
+
+def _report(fence: OwnFence) -> None:
+    limits = ", ".join(f"{each.parameter} {each.value_m:g} m" for each in fence.limits) or "none"
+    level = logging.WARNING if fence.is_cut_by_unread else logging.INFO
+    remedy = "configure it as the geofence of the vehicle" if fence.is_cut_by_unread else None
+    unread = fence.unread or None
+    logs.event(
+        _log, level, "autopilot_fence", limits=limits, zones=len(fence.zones) or None, not_read=unread, remedy=remedy
+    )

@@ -15,6 +15,7 @@ from ual_daemon.backends.autopilots.autopilot import (
     fence_limit,
     positive_parameter,
 )
+from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.autopilots.numbers import Sensor, VtolState
 from ual_daemon.backends.values import NO_FENCE, Cause, Control, Mode, OwnFence
 from ual_daemon.geodesy import Projection, SphereProjection
@@ -104,6 +105,7 @@ class Px4(Autopilot):
         "GF_MAX_HOR_DIST",
         "GF_MAX_VER_DIST",
     )
+    has_zones = True
 
     @override
     def mode(self, custom_mode: int) -> Mode:
@@ -173,11 +175,14 @@ class Px4(Autopilot):
         return max(_SHORTEST_LOSS_S, parameters.get("COM_OF_LOSS_T", math.inf))
 
     @override
-    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool) -> OwnFence:
+    def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool, found: FoundZones = UNREAD) -> OwnFence:
         if not parameters.get("GF_ACTION"):
             return NO_FENCE
+        unread = "" if found.zones is not None else "a fence of polygons, if it has one"
         return OwnFence(
             fence_limit(parameters, "GF_MAX_HOR_DIST"),
             fence_limit(parameters, "GF_MAX_VER_DIST"),
-            unread="a fence of polygons, if it has one",
+            unread=f"its polygons and circles: {found.why}" if found.why else unread,
+            is_cut_by_unread=bool(found.why),
+            zones=found.zones or (),  # it must be inside all inclusions (Geofence::isInsidePolygonOrCircle)
         )

@@ -18,7 +18,8 @@ from ual.geometry import Vector3
 def geofence(session: Session) -> None:
     """Print where the UAV may fly: inside all of these at once.
 
-    They are those of the configuration, the floor and the ceiling, and the autopilot's own fence.
+    They are those of the configuration, the floor and the ceiling, and the limits of the autopilot's own fence around
+    its home. Polygons and circles of that fence are refused, too, but not printed.
     """
     with session.connect() as uav:
         found = uav.geofence()

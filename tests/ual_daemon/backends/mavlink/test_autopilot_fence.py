@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
 
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot
+from tests.simulators import ArduPilot, Faults
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
 from ual.errors import GeofenceError, TaskAbortedError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.values import Zone
 
 RADIUS_M, HIGHEST_M = 30.0, 20.0
 NAMES = {"px4": ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"), "ardupilot": ("FENCE_RADIUS", "FENCE_ALT_MAX")}
@@ -86,9 +89,187 @@ def test_a_velocity_towards_it_stops_inside(flight: Flight) -> None:
     flight.land()
 
 
+# --- Polygons and circles ---------------------------------------------------------------------------------------------
+
+BUILDING = (False, [(10.0, -5.0), (10.0, 5.0), (20.0, 5.0), (20.0, -5.0)], None)
+FIELD = (True, [(-40.0, -40.0), (60.0, -40.0), (60.0, 40.0), (-40.0, 40.0)], None)
+POND = (False, [(0.0, 30.0)], 8.0)
+"""In metres north and east of the origin of the local frame, above which it is armed."""
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def zoned(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    """A flight of an autopilot with a field, a building and a pond, of which the daemon knows."""
+    flight = Flight(str(request.param))
+    if "FENCE_ENABLE" in flight.autopilot.parameters:
+        flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
+    flight.autopilot.set_fence(FIELD, BUILDING, POND)
+    flight.kill()
+    flight.start()
+    flight.wait_for(lambda: len(zones(flight)) == 3, "its zones")
+    yield flight
+    flight.uav.close()
+
+
+def zones(flight: Flight) -> tuple[Zone, ...]:
+    own = flight.backend.snapshot().own_fence
+    return () if own is None else own.zones
+
+
+def closest_m(flight: Flight, north_m: float, east_m: float) -> float:
+    """How near it has come to a place, by its telemetry."""
+    flown = [telemetry.pose for _, telemetry in flight.seen if telemetry.state is State.FLYING_AUTO]
+    return min(math.dist((pose.position.x, pose.position.y), (east_m, north_m)) for pose in flown if pose is not None)
+
+
+def test_zones_are_read_and_nothing_leads_into_them(zoned: Flight) -> None:
+    flight, uav = zoned, zoned.uav
+    assert [zone.name for zone in zones(flight)] == [
+        "inclusion polygon 1 of 1",
+        "exclusion polygon 1 of 1",
+        "exclusion circle 1 of 1",
+    ]
+    flight.take_off()
+    building = r"beyond the autopilot's own fence \(exclusion polygon 1 of 1; UAL stays 1 m inside\)"
+    with pytest.raises(GeofenceError, match=f"is {building}") as caught:
+        uav.go_to_waypoint(Pose.at(0.0, 15.0, HEIGHT_M))
+    assert caught.value.metadata["zone"] == "exclusion polygon 1 of 1"
+    with pytest.raises(GeofenceError, match=f"the way to .* leads {building}"):
+        uav.go_to_waypoint(Pose.at(0.0, 30.0, HEIGHT_M))
+    with pytest.raises(GeofenceError, match=building):
+        uav.follow_path([Pose.at(0.0, 5.0, HEIGHT_M), Pose.at(0.0, 25.0, HEIGHT_M)])
+    with pytest.raises(GeofenceError, match="exclusion circle 1 of 1"):
+        uav.go_to_waypoint(Pose.at(30.0, 0.0, HEIGHT_M))
+    with pytest.raises(GeofenceError, match="inclusion polygon 1 of 1"):
+        uav.go_to_waypoint(Pose.at(-60.0, 0.0, HEIGHT_M))
+    with pytest.raises(GeofenceError, match=building):
+        uav.set_pose(Pose.at(0.0, 15.0, HEIGHT_M))
+    uav.follow_path([Pose.at(7.5, 10.0, HEIGHT_M), Pose.at(7.5, 22.0, HEIGHT_M), Pose.at(0.0, 25.0, HEIGHT_M)])
+    assert uav.state() is State.FLYING_AUTO
+    north, east, _ = flight.autopilot.body.position
+    assert (north, east) == pytest.approx((25.0, 0.0), abs=0.6)
+    assert closest_m(flight, 15.0, 0.0) > 6.0
+    flight.land()
+
+
+def test_a_velocity_towards_a_zone_stops_before_it(zoned: Flight) -> None:
+    flight, uav, was_refused = zoned, zoned.uav, False
+    flight.take_off()
+    until_s = flight.now_s + 25.0
+    while flight.now_s < until_s and not was_refused:
+        try:
+            uav.set_velocity(Twist(Vector3(0.0, 3.0, 0.0)))
+        except GeofenceError as error:
+            was_refused = "exclusion polygon" in str(error)
+        flight.let_pass(0.05)
+    flight.let_pass(4.0)
+    assert was_refused
+    assert uav.state() is State.FLYING_AUTO
+    assert 5.0 < flight.autopilot.body.position[0] < 9.6
+    flight.land()
+
+
+def test_a_breach_of_a_zone_all_the_same_is_named_by_the_task(zoned: Flight) -> None:
+    flight = zoned
+    flight.take_off()
+    task = flight.uav.go_to_waypoint(Pose.at(-30.0, 0.0, HEIGHT_M), blocking=False)
+    flight.let_pass(1.0)
+    flight.autopilot.set_fence(FIELD, (False, [(0.0, -8.0)], 4.0), POND)  # PX4 does not tell
+    with pytest.raises(TaskAbortedError) as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == "fence"
+
+
+def test_a_uav_inside_a_zone_may_come_out_and_land(zoned: Flight) -> None:
+    flight, uav = zoned, zoned.uav
+    flight.take_off()
+    with flight.autopilot.lock:  # the pilot's flight, with the fence switched off meanwhile
+        flight.autopilot.fence.refusal = mavlink.MAV_MISSION_DENIED
+        flight.autopilot.fence.items = []
+        flight.autopilot.body.position = (12.0, 0.0, flight.autopilot.body.position[2])
+    flight.let_pass(1.0)
+    with pytest.raises(GeofenceError, match="exclusion polygon"):
+        uav.go_to_waypoint(Pose.at(0.0, 15.0, HEIGHT_M))
+    uav.go_to_waypoint(Pose.at(0.0, 5.0, HEIGHT_M))
+    assert flight.autopilot.body.position[0] == pytest.approx(5.0, abs=0.6)
+    flight.land()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_zones_come_over_a_bad_link(kind: str, seed: int) -> None:
+    flight = Flight(kind, seed)
+    if "FENCE_ENABLE" in flight.autopilot.parameters:
+        flight.autopilot.parameters["FENCE_ENABLE"] = 1
+    flight.autopilot.set_fence(FIELD, BUILDING, POND)
+    flight.kill()
+    flight.link.down = flight.link.up = Faults(loss=0.3, jitter_s=0.1, duplication=0.2)
+    flight.start()
+    flight.wait_for(lambda: len(zones(flight)) == 3, "its zones")
+    assert flight.now_s - flight.started_s < 60.0
+    flight.uav.close()
+
+
+def test_a_fence_that_is_changed_while_disarmed_is_read_again(zoned: Flight) -> None:
+    flight = zoned
+    flight.wait_for_state(State.LANDED_DISARMED)
+    flight.autopilot.set_fence(POND)
+    changed_s = flight.now_s
+    flight.wait_for(lambda: len(zones(flight)) == 1, "the new fence")
+    is_told = isinstance(flight.autopilot, ArduPilot)
+    assert flight.now_s - changed_s < (2.0 if is_told else 32.0)
+
+
+def test_a_fence_that_is_changed_in_flight_is_read_again_where_the_autopilot_tells(zoned: Flight) -> None:
+    flight = zoned
+    if not isinstance(flight.autopilot, ArduPilot):
+        pytest.skip("PX4 does not tell")
+    flight.take_off()
+    moved = (False, [(north, east + 20.0) for north, east in BUILDING[1]], None)
+    flight.autopilot.set_fence(FIELD, moved, POND)  # with as many items as before
+    flight.let_pass(2.0)
+    with pytest.raises(GeofenceError, match="exclusion polygon"):
+        flight.uav.go_to_waypoint(Pose.at(20.0, 15.0, HEIGHT_M))
+    flight.uav.go_to_waypoint(Pose.at(0.0, 15.0, HEIGHT_M))
+    flight.land()
+
+
+def test_a_fence_is_read_again_when_it_is_armed_and_after_a_boot(zoned: Flight) -> None:
+    flight, fence = zoned, zoned.autopilot.fence
+    flight.wait_for_state(State.LANDED_DISARMED)
+    before = fence.downloads_count
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for(lambda: fence.downloads_count > before, "another download")
+    assert flight.autopilot.pilot_disarm()
+    flight.autopilot.reboot()
+    before = fence.downloads_count
+    flight.wait_for(lambda: fence.downloads_count > before, "a download after the boot")
+
+
+def test_zones_that_cannot_be_read_stay_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    flight = Flight("ardupilot")
+    flight.autopilot.parameters["FENCE_ENABLE"] = 1
+    flight.autopilot.set_fence(FIELD, BUILDING, POND)
+    flight.autopilot.fence.refusal = mavlink.MAV_MISSION_UNSUPPORTED
+    flight.kill()
+    with caplog.at_level(logging.INFO):
+        flight.start()
+        flight.wait_for(lambda: flight.backend.snapshot().own_fence is not None, "its fence")
+        flight.let_pass(3.0)
+    own = flight.backend.snapshot().own_fence
+    assert own is not None
+    assert own.zones == ()
+    assert own.unread == "its polygons and circles (FENCE_TOTAL 11)"
+    assert own.is_cut_by_unread
+    assert [each.levelno for each in caplog.records if each.getMessage() == "autopilot_fence"][-1] == logging.WARNING
+    flight.autopilot.fence.refusal = None
+    flight.wait_for(lambda: len(zones(flight)) == 3, "the zones after all")
+    flight.uav.close()
+
+
 def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     if not isinstance(flight.autopilot, ArduPilot):
-        pytest.skip("the simulated PX4 does not apply its fence")
+        pytest.skip("the simulated PX4 does not apply its distances")
     flight.take_off()
     flight.uav.go_to_waypoint(flight.goal(25.0, 0.0))
     task = flight.uav.go_to_waypoint(flight.goal(0.0, 15.0 - 4.0), blocking=False)

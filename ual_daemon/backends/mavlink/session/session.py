@@ -25,6 +25,7 @@ from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEnco
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.conversions import channels
+from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
@@ -92,6 +93,7 @@ class Session:
         self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
         self._reported_missing: tuple[str, ...] = ()
         self._setup = self._new_setup()
+        self._fence_download = self._new_fence_download() if dialect.has_zones else None
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
@@ -120,6 +122,7 @@ class Session:
                 if dialect.stays_without_setpoints
                 else {}
             ),
+            **({} if self._fence_download is None else self._fence_handlers(self._fence_download)),
         }
         """What follows from a message, after `telemetry` has taken its values."""
         self._own_decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
@@ -174,6 +177,8 @@ class Session:
         """Requests everything anew: the autopilot may have booted, or have been connected anew."""
         _log.debug("requesting everything anew from %s", self.dialect.name)
         self._setup = self._new_setup()
+        if self._fence_download is not None:
+            self._fence_download.want()
 
     def submit(
         self, command: CommandLong, now_s: float, is_withdrawn: Callable[[], bool] = lambda: False
@@ -205,6 +210,8 @@ class Session:
         self.telemetry.conflict = self.identity.conflict
         self._check_multirotor()
         self._setup.tick(now_s)
+        if self._fence_download is not None:
+            self._fence_download.tick(now_s, is_armed=self.telemetry.is_armed)
         self._commands.tick(now_s)
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
@@ -400,6 +407,27 @@ class Session:
             self._supervision.loss,
             self._report_missing,
         )
+
+    def _new_fence_download(self) -> FenceDownload:
+        fence, name = self.telemetry.fence, self.dialect.name
+
+        def give_up(why: str) -> None:
+            _log.debug("the zones of the own fence of %s were not read: %s", name, why)
+            fence.stop_waiting()
+
+        return FenceDownload(self.system_id, self._own_ids, self._sender.send, fence.set_zones, give_up)
+
+    def _fence_handlers(self, download: FenceDownload) -> dict[int, Callable[[Message, float, float], None]]:
+        def on_parameter(message: Message, _now_s: float, _: float) -> None:
+            if message.param_id == self.dialect.zones_parameter:
+                download.want()
+
+        return {
+            mavlink.MAVLINK_MSG_ID_PARAM_VALUE: on_parameter,
+            mavlink.MAVLINK_MSG_ID_MISSION_COUNT: lambda message, now_s, _: download.on_count(message, now_s),
+            mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: lambda message, now_s, _: download.on_item(message, now_s),
+            mavlink.MAVLINK_MSG_ID_MISSION_ACK: lambda message, now_s, _: download.on_ack(message, now_s),
+        }
 
     def _report_missing(self, names: tuple[str, ...]) -> None:
         """Logs once what is assumed instead of parameters that the autopilot does not send."""

@@ -79,7 +79,7 @@ class Telemetry:
         """Whether it says so: some autopilots do not have the bit."""
         self.parameters: dict[str, float] = {}
         """Those of `Dialect.parameters` that it has sent."""
-        self._fence = FenceReader(dialect, self.parameters)
+        self.fence = FenceReader(dialect, self.parameters, awaits_zones=dialect.has_zones)
         self.message_counts: Counter[int] = Counter()
         """How many messages of each id came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -158,6 +158,11 @@ class Telemetry:
         return self._home_altitude_amsl_m is None and self._armed is not None and self._armed.value
 
     @property
+    def is_armed(self) -> bool | None:
+        """Whether it is armed; None while that is not known."""
+        return None if self._armed is None else self._armed.value
+
+    @property
     def heard_s(self) -> float | None:
         """When its last frame came."""
         return self._heard_s
@@ -217,7 +222,7 @@ class Telemetry:
             boots_count=self._boots_count,
             has_rangefinder=self._has_rangefinder,
             conflict=self.conflict,
-            own_fence=self._fence.limits,
+            own_fence=self.fence.limits,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -322,7 +327,7 @@ class Telemetry:
         self._has_rangefinder = bool(
             message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
         )
-        self._fence.set_enabled(bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE))
+        self.fence.set_enabled(bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE))
         found = battery(message)
         if found is None or self.plausibility.accepts_battery(found):
             self._battery = found
@@ -341,4 +346,4 @@ class Telemetry:
         value = self._dialect.parameter_value(message)
         if value is not None and self.plausibility.accepts_parameter(name, value):
             self.parameters[name] = value
-            self._fence.update()
+            self.fence.update()
