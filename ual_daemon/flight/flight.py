@@ -20,7 +20,7 @@ from ual.geometry import Pose, Vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Cause, Control, SetpointLoss, Snapshot, Takes
+from ual_daemon.backends.values import Cause, Control, LandedState, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
@@ -89,10 +89,8 @@ class Flight:
         self._watched = WatchedCommands()
         self._lock = threading.Lock()
         self._manoeuvre: Manoeuvre | None = None
-        self._stepped: Manoeuvre | None = None
-        """The manoeuvre that was stepped last. Belongs to the update thread."""
-        self._begun_in = ""
-        """The name of the mode in which the manoeuvre began."""
+        self._mode_seen = ""
+        """The mode in which the manoeuvre was stepped last, or in which it began; empty while that is not known."""
         self._reference: Reference | None = None
         self._shutdown: Shutdown | None = None
         self._last_command = LastCommand(0, "")
@@ -212,12 +210,12 @@ class Flight:
             TaskAbortedError: Another command, such as an abort, began after `since`.
 
         """
-        begun_in = _mode_name(self._backend.snapshot())
+        begun_in = _known_mode(self._backend.snapshot())
         with self._lock:
             old = self._manoeuvre
             error = self._why_not_begin(manoeuvre.name, since)
             if error is None:
-                self._manoeuvre, self._reference, self._begun_in = manoeuvre, None, begun_in
+                self._manoeuvre, self._reference, self._mode_seen = manoeuvre, None, begun_in
                 self.authority.begin()
                 self._last_command = LastCommand(self._last_command.number + 1, manoeuvre.name)
         if error is not None:
@@ -260,7 +258,8 @@ class Flight:
             if error is not None:
                 raise error
             self._manoeuvre, self._reference = None, reference
-            self.authority.begin()
+            if not self.authority.is_ours:  # a call that each setpoint of a stream would cost
+                self.authority.begin()
             self._last_command = LastCommand(self._last_command.number + 1, by)
         if self._reference is reference:  # else another thread has replaced it meanwhile: it must not come after that
             self.sender.send(setpoint, snapshot)
@@ -466,7 +465,7 @@ class Flight:
             # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
             self._withdraw_older(manoeuvre, snapshot)
             return True
-        self._stepped = manoeuvre
+        self._mode_seen = _known_mode(snapshot) or self._mode_seen
         try:
             step = manoeuvre.step(snapshot, raw)
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller
@@ -494,7 +493,7 @@ class Flight:
 
     def _withdraw_older(self, manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
         """Withdraws the command of a manoeuvre from before the mode changed: repeated, it would change that again."""
-        is_older = self._stepped is manoeuvre or _mode_name(snapshot) != self._begun_in
+        is_older = self._mode_seen not in ("", _mode_name(snapshot))
         if is_older and manoeuvre.command is not None:
             manoeuvre.command.withdraw()
 
@@ -503,7 +502,7 @@ class Flight:
         with self._lock:
             if self._manoeuvre is not manoeuvre or manoeuvre.is_paused:
                 return
-            self._manoeuvre, self._begun_in = to.manoeuvre, _mode_name(snapshot)
+            self._manoeuvre, self._mode_seen = to.manoeuvre, _known_mode(snapshot)
         to.begin()
 
     def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
@@ -602,6 +601,18 @@ def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:
 
 def _mode_name(snapshot: Snapshot) -> str:
     return "" if snapshot.mode is None else snapshot.mode.value.name
+
+
+def _known_mode(snapshot: Snapshot) -> str:
+    """Returns the name of the mode; empty if it may be the one from before the arming, which the arming has changed.
+
+    PX4 tells the arming by an event, and the mode that it was made to enter for it up to a second later.
+    """
+    mode, armed, landed = snapshot.mode, snapshot.armed, snapshot.landed
+    is_on_ground = landed is None or landed.value is LandedState.ON_GROUND
+    if mode is not None and armed is not None and is_on_ground and mode.time_s < armed.time_s:
+        return ""
+    return _mode_name(snapshot)
 
 
 def _is_control_given_up(snapshot: Snapshot) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import pytest
@@ -10,9 +9,8 @@ import pytest
 from tests.simulators.dji import STEP_S
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdkVehicle
 from tests.simulators.rosbridge import RefusedError
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, until, wait
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, thread_paused, until, wait
 from ual.types import State
-from ual_daemon.backends.values import Snapshot
 
 LIMIT_S = 60.0
 
@@ -77,24 +75,12 @@ def stall(backend: LockstepDji, seconds: float, meanwhile: Callable[[], None]) -
 
 def pause(backend: LockstepDji, seconds: float, meanwhile: Callable[[], None]) -> None:
     """The thread that hears the aircraft does not run for a while, and something happens in the beginning."""
-    blocked, go_on = threading.Event(), threading.Event()
-    update = backend._on_update
-    assert update is not None
-
-    def block(snapshot: Snapshot) -> None:
-        blocked.set()
-        assert go_on.wait(LIMIT_S)
-        update(snapshot)
-
-    backend._on_update = block
-    assert blocked.wait(LIMIT_S)
-    end_s = backend.aircraft.now_s + seconds
-    meanwhile()
-    while backend.aircraft.now_s < end_s:
-        with backend.lock:
-            backend.bridge.step(backend.bridge.now_s + STEP_S)
-    backend._on_update = update
-    go_on.set()
+    with thread_paused(backend):
+        end_s = backend.aircraft.now_s + seconds
+        meanwhile()
+        while backend.aircraft.now_s < end_s:
+            with backend.lock:
+                backend.bridge.step(backend.bridge.now_s + STEP_S)
 
 
 def let_another_program_hold_it(backend: LockstepDji) -> None:

@@ -468,23 +468,28 @@ def test_authority_is_released_where_velocities_are_refused() -> None:
         until(lambda: backend.aircraft.device == 0)
 
 
+def take_over_in_take_off(uav: UAL, backend: LockstepDji, after_s: float, told_within_s: float) -> None:
+    """Takes an armed aircraft off, has the pilot take it over, and checks that it is told and nothing is sent after."""
+    told = record_states(uav, backend)
+    task = uav.take_off(5.0, blocking=False)
+    wait(backend, after_s)
+    with backend.lock:
+        told.clear()
+        backend.aircraft.pilot_takes_over()
+        taken_s = backend.aircraft.now_s
+    with pytest.raises(TaskAbortedError, match="safety pilot"):
+        task.wait(LIMIT_S)
+    wait(backend, 2.0)
+    assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + told_within_s
+    assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + told_within_s]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("after_s", [1.2, 1.6, 4.0])
 def test_the_pilot_takes_over_in_a_take_off(kind: type[LockstepDji], after_s: float) -> None:
     with ready(kind, 10.0) as (uav, backend):
         uav.arm()
-        told = record_states(uav, backend)
-        task = uav.take_off(5.0, blocking=False)
-        wait(backend, after_s)
-        with backend.lock:
-            told.clear()
-            backend.aircraft.pilot_takes_over()
-            taken_s = backend.aircraft.now_s
-        with pytest.raises(TaskAbortedError, match="safety pilot"):
-            task.wait(LIMIT_S)
-        wait(backend, 2.0)
-        assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + 0.2
-        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.2]
+        take_over_in_take_off(uav, backend, after_s, told_within_s=0.2)
 
 
 def test_a_flight_that_was_not_commanded_gets_nothing() -> None:
@@ -601,11 +606,9 @@ def test_it_takes_off_again_after_a_landing(kind: type[LockstepDji]) -> None:
             uav.land()
 
 
-def stream_blindly(uav: UAL, backend: LockstepDji, seconds: float) -> float:
-    """Lets the aircraft fly on while the thread that hears it does not run, and a program streams velocities.
-
-    Returns when the pilot has taken over, 0.1 s after the beginning.
-    """
+@contextmanager
+def thread_paused(backend: LockstepDji) -> Iterator[None]:
+    """Keeps the thread that hears the aircraft from running while the block runs."""
     blocked, go_on = threading.Event(), threading.Event()
     update = backend._on_update
     assert update is not None
@@ -615,19 +618,28 @@ def stream_blindly(uav: UAL, backend: LockstepDji, seconds: float) -> float:
         assert go_on.wait(LIMIT_S)
         update(snapshot)
 
-    uav.set_velocity(Twist(Vector3(0.5)))
     backend._on_update = block
     assert blocked.wait(LIMIT_S)
-    begun_s = backend.aircraft.now_s
-    while backend.aircraft.now_s < begun_s + seconds:
-        with backend.lock:
-            if backend.aircraft.device and backend.aircraft.now_s >= begun_s + 0.1:
-                backend.aircraft.pilot_takes_over()
-            backend.bridge.step(backend.bridge.now_s + STEP_S)
-        with suppress(ual.UalError):
-            uav.set_velocity(Twist(Vector3(0.5)))
+    yield
     backend._on_update = update
     go_on.set()
+
+
+def stream_blindly(uav: UAL, backend: LockstepDji, seconds: float) -> float:
+    """Lets the aircraft fly on while the thread that hears it does not run, and a program streams velocities.
+
+    Returns when the pilot has taken over, 0.1 s after the beginning.
+    """
+    uav.set_velocity(Twist(Vector3(0.5)))
+    with thread_paused(backend):
+        begun_s = backend.aircraft.now_s
+        while backend.aircraft.now_s < begun_s + seconds:
+            with backend.lock:
+                if backend.aircraft.device and backend.aircraft.now_s >= begun_s + 0.1:
+                    backend.aircraft.pilot_takes_over()
+                backend.bridge.step(backend.bridge.now_s + STEP_S)
+            with suppress(ual.UalError):
+                uav.set_velocity(Twist(Vector3(0.5)))
     return begun_s + 0.1
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from tests.simulators.dji import ENGINE_START, P_GPS, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
-from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, record_states, until, wait
-from ual.errors import TaskAbortedError
+from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, take_over_in_take_off, until, wait
 from ual.types import State
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
@@ -65,18 +64,7 @@ def test_a_pilot_who_takes_over_in_such_a_take_off_is_told_at_once(after_s: floa
     with ready(published(50.0, 10.0, 0.06), 10.0) as (uav, backend):
         backend.simulation().pilot_arm()
         until(lambda: uav.state() is State.LANDED_ARMED)
-        told = record_states(uav, backend)
-        task = uav.take_off(5.0, blocking=False)
-        wait(backend, after_s)
-        with backend.lock:
-            told.clear()
-            backend.aircraft.pilot_takes_over()
-            taken_s = backend.aircraft.now_s
-        with pytest.raises(TaskAbortedError, match="safety pilot"):
-            task.wait(LIMIT_S)
-        wait(backend, 1.0)
-        assert min(time_s for time_s, state in told if state is State.FLYING_MANUAL) <= taken_s + 0.25
-        assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.25]
+        take_over_in_take_off(uav, backend, after_s, told_within_s=0.25)
 
 
 def test_motors_that_have_just_started_are_no_other_mode() -> None:
