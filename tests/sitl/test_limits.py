@@ -101,6 +101,8 @@ def test_a_goal_beyond_its_own_fence_is_refused_and_one_inside_is_reached(
 
 BUILDING_M = ((8.0, -6.0), (8.0, 6.0), (16.0, 6.0), (16.0, -6.0))
 """The corners of what it must not fly over, east and north of where it stands."""
+POLYGONS, ALL_KINDS = 4.0, 7.0
+"""Values of ArduPilot's FENCE_TYPE."""
 READ_S = 40.0
 """ArduPilot tells of an upload by FENCE_TOTAL; PX4 does not, and is asked every 30 s while it is disarmed."""
 
@@ -118,12 +120,14 @@ def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3
     items = [(exclusion, float(len(corners)), corner.latitude_deg, corner.longitude_deg) for corner in corners]
     circle = (mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, 60.0, centre.latitude_deg, centre.longitude_deg)
     if simulator.autopilot == "ArduPilot":
+        flight.pilot.set_parameter("FENCE_TYPE", POLYGONS)
         flight.pilot.set_parameter("FENCE_ENABLE", 1.0)
     flight.pilot.upload_fence([*items, circle])
     yield here
     flight.pilot.upload_fence([])
     if simulator.autopilot == "ArduPilot":
         flight.pilot.set_parameter("FENCE_ENABLE", 0.0)
+        flight.pilot.set_parameter("FENCE_TYPE", ALL_KINDS)
 
 
 def test_a_way_through_a_polygon_of_its_own_fence_is_refused_and_one_around_it_is_flown(
