@@ -69,6 +69,20 @@ def fence(flight: Flight, simulator: Simulator) -> Iterator[str]:
     flight.pilot.set_parameter(radius, 150.0)
 
 
+def stream_until_refused(uav: UAL, velocity: Vector3) -> None:
+    """Streams a velocity until it is refused as leading out of the fence, and lets the UAV come to rest."""
+    refused = False
+    for _ in range(200):
+        try:
+            uav.set_velocity(Twist(velocity))
+        except GeofenceError:
+            refused = True
+            break
+        time.sleep(0.05)
+    time.sleep(3.0)  # as long as a stop may take: it must be inside then, whatever its speed was
+    assert refused
+
+
 def test_a_goal_beyond_its_own_fence_is_refused_and_one_inside_is_reached(
     flight: Flight, uav: UAL, fence: str, simulator: Simulator
 ) -> None:
@@ -84,16 +98,7 @@ def test_a_goal_beyond_its_own_fence_is_refused_and_one_inside_is_reached(
     goal = flight.beside(22.0)
     uav.go_to_waypoint(goal)
     assert (flight.position() - goal.position).norm() < simulator.wanders_m
-    refused = False
-    for _ in range(200):
-        try:
-            uav.set_velocity(Twist(Vector3(3.0, 0.0, 0.0)))
-        except GeofenceError:
-            refused = True
-            break
-        time.sleep(0.05)
-    time.sleep(3.0)
-    assert refused
+    stream_until_refused(uav, Vector3(3.0, 0.0, 0.0))
     assert uav.state() is State.FLYING_AUTO
     assert (flight.position() - begin).norm() < RADIUS_M
     uav.go_to_waypoint(Pose.at(begin.x, begin.y, flight.position().z))
@@ -155,16 +160,7 @@ def test_a_way_through_a_polygon_of_its_own_fence_is_refused_and_one_around_it_i
     uav.follow_path(around)
     assert uav.state() is State.FLYING_AUTO
     assert (flight.position() - around[-1].position).norm() < simulator.wanders_m
-    refused = False
-    for _ in range(200):
-        try:
-            uav.set_velocity(Twist(Vector3(-2.0, 0.0, 0.0)))
-        except GeofenceError:
-            refused = True
-            break
-        time.sleep(0.05)
-    time.sleep(3.0)
-    assert refused
+    stream_until_refused(uav, Vector3(-2.0, 0.0, 0.0))
     assert uav.state() is State.FLYING_AUTO
     assert flight.position().x > building.x + 16.0
     uav.follow_path([*reversed(around[:2]), Pose.at(begin.x, begin.y, begin.z)])
