@@ -55,6 +55,8 @@ class LockstepDji(DjiBackend):
         kind = type(self)
         self.bridge = kind.bridge_kind(kind.ros, [kind.front(self.aircraft)])
         self.lock = threading.RLock()
+        self.is_socket_full = False
+        """Whether the bridge reads nothing, so that what is perishable does not leave."""
         self._pace = Pace(STEP_S, speed)
         super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:1", options.settings))
 
@@ -64,7 +66,7 @@ class LockstepDji(DjiBackend):
         return RosbridgeLink(self._url, self.clock, self._step, self._connect)
 
     def _connect(self, _: BridgeUrl, __: Callable[[], None]) -> Transport:
-        return MemoryTransport(self.bridge, self._advance, self.lock)
+        return MemoryTransport(self.bridge, self._advance, self.lock, lambda: self.is_socket_full)
 
     def _advance(self) -> None:
         """Advances all by a step, at most so many times as fast as real time."""

@@ -115,10 +115,11 @@ class _Clock(MonotonicClock):
 
 
 class _MavrosTransport(MemoryTransport):
-    """A connection to a bridge that may be gone, or read nothing."""
+    """A connection to a bridge that may be gone."""
 
     def __init__(self, backend: LockstepMavros) -> None:
-        super().__init__(backend.bridge, backend.advance, backend.autopilot.lock)
+        lock = backend.autopilot.lock
+        super().__init__(backend.bridge, backend.advance, lock, lambda: backend.is_socket_full)
         self._backend = backend
 
     @override
@@ -133,9 +134,7 @@ class _MavrosTransport(MemoryTransport):
     @override
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
         self._require_bridge()
-        if is_perishable and self._backend.is_socket_full:
-            return False
-        return super().send(text)
+        return super().send(text, is_perishable=is_perishable)
 
     def _require_bridge(self) -> None:
         if self._backend.is_bridge_gone:

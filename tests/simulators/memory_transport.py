@@ -18,13 +18,21 @@ class MemoryTransport(Transport):
     """Advances the time instead of waiting; without a time to wait, it takes what has come."""
 
     def __init__(
-        self, bridge: Bridge, advance: Callable[[], None], lock: AbstractContextManager[object] = _NO_LOCK
+        self,
+        bridge: Bridge,
+        advance: Callable[[], None],
+        lock: AbstractContextManager[object] = _NO_LOCK,
+        is_full: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`advance` steps the bridge by one step. `lock` guards the bridge from other threads."""
+        """`advance` steps the bridge by one step. `lock` guards the bridge from other threads.
+
+        `is_full` is whether the bridge reads nothing, so that what is perishable does not leave.
+        """
         self._bridge = bridge
         self._session = bridge.connect()
         self._advance = advance
         self._lock = lock
+        self._is_full = is_full
         self._heard = 0
 
     @property
@@ -47,6 +55,8 @@ class MemoryTransport(Transport):
 
     @override
     def send(self, text: bytes, *, is_perishable: bool = False) -> bool:
+        if is_perishable and self._is_full():
+            return False
         with self._lock:
             self._session.receive(text)
         return True

@@ -7,7 +7,6 @@ from concurrent.futures import Future
 from functools import partial
 
 import pytest
-from typing_extensions import override
 
 from tests.simulators.dji import RC, Psdk
 from tests.simulators.lockstep_dji import LockstepDji, LockstepOsdk, LockstepOsdkVehicle, LockstepPsdk
@@ -16,8 +15,6 @@ from tests.ual_daemon.backends.dji.test_dji_flights import fly, ready, until, wa
 from ual.errors import LinkLostError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits, State
-from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Transport
 
 LIMIT_S = 60.0
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
@@ -208,78 +205,53 @@ def test_a_call_whose_effect_showed_first_is_no_open_one() -> None:
         assert backend.snapshot().status_text == ""
 
 
-class _Full(LockstepDji):
-    """Its socket can be full, so that what is sent waits."""
-
-    is_full = False
-
-    @override
-    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> Transport:
-        transport = super()._connect(url, wait)
-        send = transport.send
-
-        def send_or_wait(text: bytes, *, is_perishable: bool = False) -> bool:
-            return not (self.is_full and is_perishable) and send(text, is_perishable=is_perishable)
-
-        transport.send = send_or_wait  # type: ignore[method-assign]
-        return transport
-
-
-class LockstepFullPsdk(_Full, LockstepPsdk):
-    """With psdk_ros2."""
-
-
-class LockstepFullVehicle(_Full, LockstepOsdkVehicle):
-    """With the newer node of dji_osdk_ros."""
-
-
-@pytest.mark.parametrize("kind", [LockstepFullPsdk, LockstepFullVehicle])
-def test_a_call_that_waits_is_withdrawn_with_its_command(kind: type[_Full]) -> None:
+@pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
+def test_a_call_that_waits_is_withdrawn_with_its_command(kind: type[LockstepDji]) -> None:
     with ready(kind) as (uav, backend):
         fly(uav)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
         until(lambda: uav.state() is State.FLYING_MANUAL)
         names = called(backend)
-        backend.is_full = True  # type: ignore[attr-defined]
+        backend.is_socket_full = True
         answer = backend.take_control()
         wait(backend, 0.1)
         answer.cancel()
         wait(backend, 0.1)
-        backend.is_full = False  # type: ignore[attr-defined]
+        backend.is_socket_full = False
         wait(backend, 0.5)
         assert not names
         assert backend.aircraft.device == RC
 
 
-@pytest.mark.parametrize("kind", [LockstepFullPsdk, LockstepFullVehicle])
-def test_a_velocity_that_waits_is_withdrawn_when_the_authority_is_lost(kind: type[_Full]) -> None:
+@pytest.mark.parametrize("kind", [LockstepPsdk, LockstepOsdkVehicle])
+def test_a_velocity_that_waits_is_withdrawn_when_the_authority_is_lost(kind: type[LockstepDji]) -> None:
     with ready(kind, 5.0) as (uav, backend):
         fly(uav)
-        backend.is_full = True  # type: ignore[attr-defined]
+        backend.is_socket_full = True
         uav.set_velocity(Twist(Vector3(0.5)))
         wait(backend, 0.1)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
         until(lambda: uav.state() is State.FLYING_MANUAL)
         wait(backend, 0.1)
-        backend.is_full = False  # type: ignore[attr-defined]
+        backend.is_socket_full = False
         back_s = backend.aircraft.now_s
         wait(backend, 0.5)
         assert not [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s >= back_s]
 
 
 def test_a_confirmation_that_waits_is_withdrawn_when_the_pilot_takes_over() -> None:
-    with ready(LockstepFullPsdk, 5.0) as (uav, backend):
+    with ready(LockstepPsdk, 5.0) as (uav, backend):
         fly(uav)
         uav.land(blocking=False)
         until(lambda: backend.aircraft.height_m < 1.5)
-        backend.is_full = True  # type: ignore[attr-defined]
+        backend.is_socket_full = True
         until(lambda: backend._landing_call is not None)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
         until(lambda: uav.state() is State.FLYING_MANUAL)
         wait(backend, 0.1)
-        backend.is_full = False  # type: ignore[attr-defined]
+        backend.is_socket_full = False
         wait(backend, 0.5)
         assert backend.aircraft.confirmations_count == 0
