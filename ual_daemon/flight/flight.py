@@ -561,12 +561,10 @@ class Flight:
         """Returns why a velocity may not go on; empty while it may."""
         if snapshot.time_s > velocity.expires_s:
             return f"no new one within {VELOCITY_TIMEOUT_S:g} s"
-        geofence, limits = self.geofence, self.limits.get()
-        if not geofence.is_clear(velocity, limits, snapshot):
-            try:
-                geofence.admit("velocity", velocity, limits, snapshot)
-            except UalError as error:  # it would leave the geofence, or it is not known any more where that lies
-                return str(error)
+        try:
+            self.geofence.admit("velocity", velocity, self.limits.get(), snapshot)
+        except UalError as error:  # it would leave the geofence, or it is not known any more where that lies
+            return str(error)
         return ""
 
     def _exchange(self, old: Reference | None, new: Reference | None) -> bool:

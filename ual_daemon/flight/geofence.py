@@ -8,7 +8,8 @@ floor and the ceiling, which hold without any configuration, are edges of the sa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import IDENTITY, Transform, Vector3
@@ -16,16 +17,16 @@ from ual.types import Limits
 from ual_daemon.backends.values import OwnFence, Snapshot
 from ual_daemon.flight import own_fence
 from ual_daemon.flight.ground import Datum, Ground
+from ual_daemon.flight.reach import Reach, change, reach
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Exit, Fence
 from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.frames.room import Point3, Room
 from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings
+from ual_daemon.tracker.moving_goal import MovingGoal
 from ual_daemon.tracker.references import Hold, Reference, Velocity, measured_motion
-from ual_daemon.trajectory import Brake, Motion, Trajectory, acceleration_limit
-from ual_daemon.trajectory.envelope import RAMP_S
+from ual_daemon.trajectory import Trajectory
 
-_REACTION_S = 0.4
-"""How long a UAV flies on before it begins to brake: the age of its data, the delay of the setpoint, the tilting."""
 _POINT_PERIOD_S = 0.1
 """The time between the points that are checked on a bend of a trajectory, near the edge, ..."""
 _MAX_POINTS = 200
@@ -37,8 +38,11 @@ _GENTLE_M_S = 0.2
 must not be refused because of noise.
 """
 _LEVEL = 1e-6
+_AT_REST = Vector3()
 _ANYWHERE = Transform(Vector3(), IDENTITY, "", "")
 _SAME_POINT_M = 1e-6
+_MOST_ROOMS = 3
+"""So many are kept: a program that commands two velocities in turn, each near another corner, needs two."""
 
 
 def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence:
@@ -52,6 +56,32 @@ def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence:
     if floor_m is not None and ceiling_m is not None and floor_m >= ceiling_m:
         raise ConfigError("is not above floor_m", "ceiling_m")
     return Geofence(settings.geofence, resolver, floor_m, ceiling_m)
+
+
+class _Now(NamedTuple):
+    """What holds as long as nothing of `key` changes.
+
+    Attributes:
+        key: What the rest depends on.
+        fence: The fence in the local frame.
+        floor_z_m: z of the floor itself, without what the estimated height may be off; minus infinity if there is none.
+        ceiling_z_m: z of the ceiling, likewise.
+        rooms: Parts of the fence in which the last setpoints were found; the newest first.
+
+    """
+
+    key: tuple[object, ...]
+    fence: Fence
+    floor_z_m: float
+    ceiling_z_m: float
+    rooms: tuple[Room, ...]
+
+    def has(self, points: Sequence[Point3]) -> bool:
+        """Returns whether points are surely inside, and with them the straight ways between them."""
+        for room in self.rooms:  # noqa: SIM110  each setpoint calls it: a generator would take twice as long
+            if room.has(points):
+                return True
+        return False
 
 
 class Geofence:
@@ -83,6 +113,8 @@ class Geofence:
         self._zoned: tuple[object, Fence] | None = None
         self._narrowed: tuple[object, Fence] | None = None
         self._own: tuple[object, Fence] | None = None
+        self._last: _Now | None = None
+        self._admitted: tuple[object, ...] = ()
 
     def _check_settings(self) -> None:
         settings = self._settings
@@ -113,6 +145,24 @@ class Geofence:
             FrameLostError: It is not known any more.
 
         """
+        return self._now(snapshot).fence
+
+    def _now(self, snapshot: Snapshot) -> _Now:
+        """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
+        own = snapshot.own_fence
+        place = self._resolver.frames_version() if self._is_configured else self._resolver.odom_z_m
+        home = (snapshot.home_geo, snapshot.home_altitude_amsl_m, snapshot.projection)
+        stands_at = own_fence.home_of(snapshot) if own is not None and None in home else None
+        key = (place, own, home, stands_at, self.ground.place)
+        now = self._last
+        if now is None or now.key != key:  # of a pair of tuples, only those members are compared that are not the same
+            datum = self._datum(snapshot)
+            fence, (floor_z_m, ceiling_z_m) = self._find(snapshot, datum), self._edges(datum)
+            rooms = now.rooms if now is not None and now.fence is fence else ()
+            now = self._last = _Now(key, fence, floor_z_m, ceiling_z_m, rooms)
+        return now
+
+    def _find(self, snapshot: Snapshot, datum: Datum) -> Fence:
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
         to_local = self._to_local()
@@ -122,7 +172,6 @@ class Geofence:
             cached = self._cached = (key, self._make(to_local, snapshot))
         own = snapshot.own_fence
         fence = cached[1] if own is None else self._within_own_zones(cached[1], own, snapshot)
-        datum = self._datum(snapshot)
         lowest_m, highest_m = self._edges(datum)
         band = (fence, lowest_m - datum.noise_m, highest_m + datum.noise_m)
         narrowed = self._narrowed
@@ -135,7 +184,8 @@ class Geofence:
 
         Its floor and its ceiling are where they are configured, without what the estimated height may be off.
         """
-        return self.fence(snapshot).narrowed(*self._edges(self._datum(snapshot)))
+        now = self._now(snapshot)
+        return now.fence.narrowed(now.floor_z_m, now.ceiling_z_m)
 
     def _within_own_zones(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
         """Returns the part of a fence that the zones of the autopilot's own leave, with a reserve."""
@@ -198,29 +248,8 @@ class Geofence:
 
     def top_z_m(self, snapshot: Snapshot) -> float:
         """Returns z of the ceiling or of the top of the configured fence, whichever is lower. Raises as `fence`."""
-        _, ceiling_z_m = self._edges(self._datum(snapshot))
-        return min(ceiling_z_m, self.fence(snapshot).highest_m)
-
-    def is_clear(self, reference: Reference, limits: Limits, snapshot: Snapshot) -> bool:
-        """Returns whether a setpoint is so far from the floor and the ceiling that `admit` would certainly admit it.
-
-        It is no more than an estimate that is quick and on the safe side: every setpoint and update calls it. It is
-        False wherever a fence is configured, or the autopilot has its own.
-        """
-        ground, pose = self.ground.place, snapshot.pose
-        if pose is None or self._is_configured or snapshot.own_fence is not None:
-            return False
-        ground_m = self._datum(snapshot).z_m if ground is None else ground.z
-        z = pose.value.position.z
-        floor_m, ceiling_m = self._floor_m, self._ceiling_m
-        lowest_m = -math.inf if floor_m is None else ground_m + floor_m
-        highest_m = math.inf if ceiling_m is None else ground_m + ceiling_m
-        if isinstance(reference, Velocity):
-            room_m = _most_vertical_m(reference.twist.linear, snapshot, limits)
-            return lowest_m + room_m <= z <= highest_m - room_m
-        return (
-            isinstance(reference, Hold) and lowest_m <= z <= highest_m and lowest_m <= reference.position.z <= highest_m
-        )
+        now = self._now(snapshot)
+        return min(now.ceiling_z_m, now.fence.highest_m)
 
     # --- What is refused ----------------------------------------------------------------------------------------------
 
@@ -232,15 +261,18 @@ class Geofence:
             WrongStateError: It is not known where the fence lies.
 
         """
-        measured = measured_motion(snapshot)
-        if isinstance(motion, Trajectory):
+        if isinstance(motion, Velocity):
+            self.require_velocity(motion.velocity(snapshot), limits, snapshot)
+        elif isinstance(motion, Trajectory):
             self.require_goal_inside(motion.end().position, what, snapshot)
-            outline = _outline(motion, measured.position, self.fence(snapshot), limits)
+            outline = _outline(motion, measured_motion(snapshot).position, self.fence(snapshot), limits)
             self.require_inside(outline, what, snapshot)
-        elif isinstance(motion, Velocity):
-            self.require_velocity(measured, motion.velocity(snapshot), limits, snapshot)
+        elif isinstance(motion, Hold):
+            self.require_straight_to(motion.position, what, snapshot)
+        elif isinstance(motion, MovingGoal):
+            self.require_straight_to(motion.goal(snapshot.time_s).position, what, snapshot)
         elif (pose := motion.pose()) is not None:
-            self.require_inside([measured.position, pose.position], what, snapshot)
+            self.require_straight_to(pose.position, what, snapshot)
 
     def is_free(self, a: Vector3, b: Vector3, snapshot: Snapshot) -> bool:
         """Returns whether the straight way between two positions crosses no corner and no hole of the fence.
@@ -269,64 +301,90 @@ class Geofence:
         if found is not None:
             raise self._error(what, found.point, snapshot, found.before, ", or the way there does")
 
-    def require_velocity(self, motion: Motion, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
+    def require_straight_to(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
+        """Raises `GeofenceError` if a goal, or the straight way there from where the UAV is, leaves the fence."""
+        now, here = self._now(snapshot), measured_motion(snapshot).position
+        points = (here.x, here.y, here.z), (goal.x, goal.y, goal.z)
+        if not now.has(points):
+            self.require_inside([here, goal], what, snapshot)
+            self._find_room(now, points)
+
+    def require_velocity(self, velocity: Vector3, limits: Limits, snapshot: Snapshot) -> None:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.
 
         It must be able to stop from the commanded velocity, from its own, and from the one that it has when it can next
-        be commanded to brake. Outside, a velocity that brings it nearer, and not out again on another side, is allowed.
-        Anywhere, a velocity that stops it as well as it can be stopped is allowed.
+        be commanded to brake; `reach` has these points. Outside, a velocity that brings it nearer, and not out again on
+        another side, is allowed. Anywhere, a velocity that stops it as well as it can be stopped is allowed.
+
+        A stream of setpoints pays for polygons only now and then. What was found to be inside serves the next setpoint
+        as a convex part of the fence (`Room`): where all points of the reach lie in it, so does every way between them,
+        and the rule would admit it. What was admitted without that is admitted for the same data, limits and fence.
 
         Raises:
             GeofenceError: It could not stop inside.
             WrongStateError: It is not known where the fence lies.
 
         """
-        speed = velocity.norm()
-        if speed == 0.0:
+        if velocity.x == velocity.y == velocity.z == 0.0:
             return
-        fence = self.fence(snapshot)
-        here = motion.position
-        direction = velocity / speed
-        fastest = direction * max(speed, motion.velocity.dot(direction))
-        commanded_stop = here + fastest * _REACTION_S + _braking(fastest, limits)
+        assert snapshot.pose is not None
+        now, here = self._now(snapshot), snapshot.pose.value.position
+        own = _AT_REST if snapshot.velocity is None else snapshot.velocity.value.linear
+        points = reach(here, own, velocity, limits)
+        if now.has(points):
+            if not now.floor_z_m <= points.commanded_stop[2] <= now.ceiling_z_m:
+                self._require_stop_between(now, points, velocity)
+            return
+        question = (now.fence, now.floor_z_m, now.ceiling_z_m, here, own, velocity, limits)
+        if self._admitted != question:
+            self._require_stop(now, points, own, velocity, limits, snapshot)
+            self._admitted = question
+            self._find_room(now, points)
+
+    def _require_stop(
+        self, now: _Now, points: Reach, own: Vector3, velocity: Vector3, limits: Limits, snapshot: Snapshot
+    ) -> None:
+        """Checks by the rule itself; see `require_velocity`."""
+        fence, polylines = now.fence, points.polylines()
+        here, commanded_stop = polylines[0]
         if fence.is_nowhere:
             raise self._velocity_error(Exit(here, None), snapshot)
         if fence.leads_back(here, commanded_stop):
             return
-        self._require_stop_between(here, commanded_stop, velocity, snapshot)
-        after_reaction = here + motion.velocity * _REACTION_S
-        changed, changed_stop = _change(motion, velocity, limits)
-        polylines = (
-            [here, commanded_stop],
-            [here, after_reaction, after_reaction + _braking(motion.velocity, limits)],
-            [here, changed, changed_stop],
-        )
-        exits = (fence.exit(polyline) for polyline in polylines)
-        found = next((each for each in exits if each is not None), None)
+        self._require_stop_between(now, points, velocity)
+        found = next((each for each in map(fence.exit, polylines) if each is not None), None)
         if found is None:
             return
-        soonest, soonest_stop = _change(motion, Vector3(), limits)
+        soonest = [here, *(Vector3(*point) for point in change(here, own, _AT_REST, limits))]
+        changed = polylines[-1]
         # Behind a hole it is inside again, and the farther the better: so the way over the hole counts, too.
-        is_farther_out = fence.signed_distance_m(changed_stop) > fence.signed_distance_m(soonest_stop) + _SAME_POINT_M
-        changed_m = fence.outside_m([here, changed, changed_stop])
-        if is_farther_out or changed_m > fence.outside_m([here, soonest, soonest_stop]) + _SAME_POINT_M:
+        is_farther_out = fence.signed_distance_m(changed[-1]) > fence.signed_distance_m(soonest[-1]) + _SAME_POINT_M
+        if is_farther_out or fence.outside_m(changed) > fence.outside_m(soonest) + _SAME_POINT_M:
             raise self._velocity_error(found, snapshot)
 
-    def _require_stop_between(self, here: Vector3, stop: Vector3, velocity: Vector3, snapshot: Snapshot) -> None:
+    def _find_room(self, now: _Now, points: Sequence[Point3]) -> None:
+        """Keeps a part of the fence that contains points that were just admitted, if there is one."""
+        room = now.fence.room_around(points)
+        if room is not None:
+            self._last = now._replace(rooms=(room, *now.rooms[: _MOST_ROOMS - 1]))
+
+    def _require_stop_between(self, now: _Now, points: Reach, velocity: Vector3) -> None:
         """Raises `GeofenceError` if a velocity leads through the floor or the ceiling itself.
 
         Goals may lie beyond them by as much as the estimate may be off, but a UAV must not meet the ground at the speed
         of a descent.
         """
-        lowest_m, highest_m = self._edges(self._datum(snapshot))
-        if velocity.z < -_GENTLE_M_S and stop.z < lowest_m:
+        stop_z_m = points.commanded_stop[2]
+        if velocity.z < -_GENTLE_M_S and stop_z_m < now.floor_z_m:
             raise GeofenceError(
-                f"velocity: from {self._text(here)} the UAV could not stop above the floor ({self._floor_text()})",
+                f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop above the floor "
+                f"({self._floor_text()})",
                 {"setting": "floor_m"},
             )
-        if velocity.z > _GENTLE_M_S and stop.z > highest_m:
+        if velocity.z > _GENTLE_M_S and stop_z_m > now.ceiling_z_m:
             raise GeofenceError(
-                f"velocity: from {self._text(here)} the UAV could not stop below the ceiling ({self._ceiling_text()})",
+                f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop below the ceiling "
+                f"({self._ceiling_text()})",
                 {"setting": "ceiling_m"},
             )
 
@@ -397,35 +455,3 @@ def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limit
             time_s += max(period_s, fence.clearance_m(point) / fastest_m_s)
         yield trajectory.at(end_s).position
     yield trajectory.end().position
-
-
-def _most_vertical_m(velocity: Vector3, snapshot: Snapshot, limits: Limits) -> float:
-    """Returns the most by which a UAV can climb or sink before it comes to rest from a velocity, or from its own.
-
-    A stop from v takes v / 2 * (v / a + RAMP_S) at most (`ual_daemon.trajectory.pulse.change_m`), after the reaction.
-    """
-    commanded_m_s = math.hypot(velocity.x, velocity.y, velocity.z)
-    rise_m_s, fastest_m_s = abs(velocity.z), commanded_m_s
-    if snapshot.velocity is not None:
-        own = snapshot.velocity.value.linear
-        fastest_m_s = max(commanded_m_s, math.hypot(own.x, own.y, own.z))
-        if rise_m_s:  # the UAV may fly faster in the commanded direction
-            rise_m_s *= fastest_m_s / commanded_m_s
-        rise_m_s = max(rise_m_s, abs(own.z))
-    weakest_m_s2 = min(limits.horizontal_acceleration_m_s2, limits.vertical_acceleration_m_s2)
-    return rise_m_s * (_REACTION_S + RAMP_S / 2 + fastest_m_s / (2 * weakest_m_s2))
-
-
-def _change(motion: Motion, velocity: Vector3, limits: Limits) -> tuple[Vector3, Vector3]:
-    """Returns where a UAV that changes to a velocity is after the reaction time, and where it stops from there."""
-    change = velocity - motion.velocity
-    size = change.norm()
-    most_m_s = acceleration_limit(change / size, limits) * _REACTION_S if size > 0.0 else 0.0
-    changed = motion.velocity + change * (most_m_s / size) if size > most_m_s else velocity
-    position = motion.position + (motion.velocity + changed) * (_REACTION_S / 2)
-    return position, position + _braking(changed, limits)
-
-
-def _braking(velocity: Vector3, limits: Limits) -> Vector3:
-    """Returns the displacement while a UAV brakes from a velocity."""
-    return Brake(Motion(Vector3(), 0.0, velocity), limits).end().position

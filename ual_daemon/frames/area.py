@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from ual_daemon.frames.room import Edges, Point3, Side, sides_around
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:
@@ -138,6 +140,16 @@ class Area:
         if self._edge is not None:
             return self._edge.distance(_point(point))
         return math.inf if self._obstacle is None else self._obstacle.distance(_point(point))
+
+    def sides_around(self, points: Sequence[Point3]) -> tuple[Side, ...] | None:
+        """Returns the sides of a convex part that contains some points inside; None if it finds none."""
+        return () if self.is_everywhere else sides_around(points, self._edges)
+
+    @cached_property
+    def _edges(self) -> Edges:
+        boundary = self._edge if self._obstacle is None else self._obstacle.boundary
+        assert boundary is not None
+        return Edges.of(boundary)
 
     def zone_left(self, a: Point2 | None, b: Point2) -> str:
         """Returns the name of the zone on whose wrong side a point `b` lies, or else a part of the way there from `a`.

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 from ual_daemon.frames.area import MARGIN_M, Area, LocalZone, Point2
+from ual_daemon.frames.room import SURE_M, Point3, Room
 
 
 class Disc(NamedTuple):
@@ -133,6 +134,17 @@ class Fence:
         if self._area.is_convex:
             return 0.0
         return sum(self._area.outside_m((a.x, a.y), (b.x, b.y)) for a, b in pairwise(polyline))
+
+    def room_around(self, points: Sequence[Point3]) -> Room | None:
+        """Returns a convex part of the fence that contains points; None if they are not inside, or it finds none."""
+        if not self.is_inside(Vector3(*points[0])):
+            return None
+        sides = self._area.sides_around(points)
+        if sides is None:
+            return None
+        disc = self.disc and (self.disc.x, self.disc.y, (self.disc.radius_m + MARGIN_M - SURE_M) ** 2)
+        room = Room(sides, self._lowest_m, self._highest_m, disc)
+        return room if room.has(points) else None
 
     def zone_left(self, a: Vector3 | None, b: Vector3) -> str:
         """Returns the name of the zone that keeps from a point `b`, or from the way there from `a`; see `Area`."""

@@ -138,6 +138,11 @@ class FrameResolver:
         frame_id = self.tree.odom if self.odom_loss is None else "the autopilot's local frame"
         return f"{p.x:.1f}, {p.y:.1f}, {p.z:.1f} in {frame_id}"
 
+    def frames_version(self) -> tuple[object, ...]:
+        """Returns what the places of fixed frames in the local frame depend on: they differ only where this does."""
+        frame = self._frame
+        return (self.tree.links, frame.home, frame.start, frame.map_loss)
+
     @property
     def odom_z_m(self) -> float:
         """The z of the origin of ``<ns>/odom`` in the local frame; that of the local origin while it is lost."""

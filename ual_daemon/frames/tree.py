@@ -127,6 +127,11 @@ class FrameTree:
             links[frame.frame_id] = _Link(frame.parent_frame_id, transform)
         return links
 
+    @property
+    def links(self) -> object:
+        """Another object whenever a frame was added, moved or removed."""
+        return self._links
+
     def set_home(self, position_in_map: Vector3) -> None:
         """Moves ``<ns>/odom`` to a position in ``map``."""
         with self._lock:

@@ -26,6 +26,7 @@ from ual_daemon.trajectory.motion import Motion
 from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.pulse import Pulse, fastest_change_m_s, largest
 
+_NONE = Vector3()
 _NO_ACCELERATION = 1e-9
 _NO_TIME_S = 1e-9
 _MOST_SPEEDS = 10
@@ -107,6 +108,8 @@ class Change:
         """Whether the velocities are allowed while the acceleration changes, and the velocities that would be reached
         if the acceleration decreased to 0 from then on. All other velocities are between allowed ones.
         """
+        if self.acceleration == _NONE:  # all velocities are between the first and the last one
+            return True
         allowed = 1.0 + 1e-9
         for look in range(_LOOKS + 1):
             x = look / _LOOKS

@@ -57,6 +57,20 @@ def acceleration_share(acceleration: Vector3, limits: Limits) -> float:
     )
 
 
+def stopping_s(x: float, y: float, z: float, limits: Limits) -> float:
+    """Returns for how long a velocity, flown on, leads to where the fastest stop from it ends: its way is velocity *
+    time. The UAV must have no acceleration.
+
+    Such a stop is straight and symmetrical in time (`ual_daemon.trajectory.pulse`), so it is flown at half the velocity
+    on average, and this time is half its duration. At full acceleration the stop would take ``q``, the velocity's share
+    of the acceleration limits. With the ramps it takes ``q + RAMP_S``, or if the limit is not reached, twice
+    ``sqrt(q * RAMP_S)`` (`ual_daemon.trajectory.pulse.change_s`).
+    """
+    # Written out, because each velocity setpoint calls it three times. It equals `Brake(...).end()`.
+    q = max(math.hypot(x, y) / limits.horizontal_acceleration_m_s2, abs(z) / limits.vertical_acceleration_m_s2)
+    return (q + RAMP_S) / 2 if q >= RAMP_S else math.sqrt(q * RAMP_S)
+
+
 def turn_acceleration_limit(limits: Limits) -> float:
     """Returns the largest acceleration of the heading, rad/s^2."""
     return limits.yaw_rate_rad_s / TURN_RAMP_S

@@ -17,7 +17,7 @@ from ual_daemon.flight.flight import Flight
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity
-from ual_daemon.vehicle.admission import admit, require_inside
+from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
 
@@ -52,9 +52,7 @@ class Setpoints:
         # A try, not `logging_refusal`: a context manager costs each setpoint of a stream some microseconds.
         try:
             reference, snapshot = make(setpoint)
-            geofence = self._flight.geofence
-            if not geofence.is_clear(reference, self._flight.limits.get(), snapshot):
-                require_inside(self._flight, name, reference, snapshot)
+            self._flight.geofence.admit(name, reference, self._flight.limits.get(), snapshot)
             self._flight.begin_reference(reference, name, snapshot)  # raises where a manoeuvre may not be replaced
         except UalError as error:
             self._preconditions.log_refusal(name, error)

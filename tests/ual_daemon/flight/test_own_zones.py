@@ -19,7 +19,6 @@ from ual_daemon.frames.area import Area
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import FlatProjection, Projection, SphereProjection
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
-from ual_daemon.trajectory import Motion
 
 LATITUDE, LONGITUDE = 47.4, 8.5
 FLAT = FlatProjection(LATITUDE, LONGITUDE, 488.0)
@@ -147,7 +146,7 @@ def test_a_velocity_must_let_it_stop_before_a_zone_and_lead_out_of_one_by_itself
     fence = geofence()
 
     def require(x: float, velocity: Vector3) -> None:
-        fence.require_velocity(Motion(at(x, 0.0), 0.0), velocity, LIMITS, snapshot(x, 0.0))
+        fence.require_velocity(velocity, LIMITS, snapshot(x, 0.0))
 
     require(0.0, Vector3(1.0, 0.0, 0.0))
     with pytest.raises(GeofenceError, match="exclusion polygon 1 of 1"):
@@ -164,12 +163,12 @@ def test_a_velocity_may_not_lead_faster_through_a_zone(x: float) -> None:
     """`x` is before the building, or still beside it, within the reserve."""
     wall = Zone("exclusion polygon 2 of 2", False, box(x + 4.0, -5.0, x + 6.0, 5.0))
     now = snapshot(x, 0.0, OwnFence(zones=(BUILDING, wall) if x else (wall,)))
-    motion = Motion(at(x, 0.0), 0.0, Vector3(4.0, 0.0, 0.0))
+    now = now._replace(velocity=Sample(Twist(Vector3(4.0, 0.0, 0.0)), 0.0))
     for allowed in (Vector3(0.1, 0.0, 0.0), Vector3(-1.0, 0.0, 0.0)):
-        geofence().require_velocity(motion, allowed, LIMITS, now)
+        geofence().require_velocity(allowed, LIMITS, now)
     for refused in (Vector3(4.0, 0.0, 0.0), Vector3(8.0, 0.0, 0.0)):  # the latter could stop behind it
         with pytest.raises(GeofenceError, match="exclusion polygon"):
-            geofence().require_velocity(motion, refused, LIMITS, now)
+            geofence().require_velocity(refused, LIMITS, now)
 
 
 def test_nothing_is_admitted_where_the_zones_leave_no_room() -> None:
@@ -178,8 +177,8 @@ def test_nothing_is_admitted_where_the_zones_leave_no_room() -> None:
     with pytest.raises(GeofenceError, match="inclusion polygon 2 of 2"):
         geofence().require_goal_inside(at(1.0, 0.0), "go", now)
     with pytest.raises(GeofenceError, match="inclusion polygon 2 of 2"):
-        geofence().require_velocity(Motion(at(0.0, 0.0), 0.0), Vector3(1.0, 0.0, 0.0), LIMITS, now)
-    geofence().require_velocity(Motion(at(0.0, 0.0), 0.0), Vector3(), LIMITS, now)  # a stop
+        geofence().require_velocity(Vector3(1.0, 0.0, 0.0), LIMITS, now)
+    geofence().require_velocity(Vector3(), LIMITS, now)  # a stop
 
 
 def test_united_inclusions_are_one_area() -> None:

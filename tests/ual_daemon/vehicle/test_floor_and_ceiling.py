@@ -7,8 +7,6 @@ import math
 from collections.abc import Callable
 
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError
@@ -26,7 +24,6 @@ from ual_daemon.tracker.references import Hold, Velocity
 from ual_daemon.vehicle.vehicle import Vehicle
 
 FAST = {"vertical_speed_m_s": 10.0, "vertical_acceleration_m_s2": 4.0}
-SPEEDS = st.floats(-12.0, 12.0)
 HIGH = VehicleSettings(ceiling_m=10.0)
 
 
@@ -257,30 +254,3 @@ def test_a_daemon_that_was_started_in_flight_measures_from_the_autopilots_home()
         prepare.go_to_waypoint(at(0.0, 0.0, 5.0))
         with pytest.raises(GeofenceError, match=r"5\.0 m below the autopilot's home \(UAL has not seen the take-off\)"):
             prepare.go_to_waypoint(at(0.0, 0.0, -5.0))
-
-
-@settings(deadline=None, max_examples=300)
-@given(
-    vx=SPEEDS,
-    vz=SPEEDS,
-    own_x=SPEEDS,
-    own_z=SPEEDS,
-    z=st.floats(-1.0, 41.0),
-    goal_z=st.floats(-5.0, 45.0),
-    slow=st.booleans(),
-)
-def test_the_quick_check_admits_nothing_that_the_thorough_one_refuses(
-    vx: float, vz: float, own_x: float, own_z: float, z: float, goal_z: float, slow: bool
-) -> None:
-    configured = VehicleSettings(ceiling_m=40.0)
-    geofence = geofence_of(configured, FrameResolver("uav_1", configured))
-    assert geofence is not None
-    geofence.observe(standing(0.0), Estimate(State.LANDED_ARMED, ""))
-    own = Sample(Twist(Vector3(own_x, 0.0, own_z)), 0.0)
-    here = Snapshot(0.0, pose=Sample(Pose.at(0.0, 0.0, z), 0.0), velocity=own)
-    limits = Limits() if slow else Limits(12.0, 5.0, 3.0, 5.0, 3.0)
-    wanted = Velocity(Twist(Vector3(vx, 0.0, vz)), DriftCorrection(), in_body=False, expires_s=1.0)
-    quick = [each for each in (wanted, Hold(Vector3(3.0, 0.0, goal_z), 0.0)) if geofence.is_clear(each, limits, here)]
-    assume(quick)
-    for reference in quick:
-        geofence.admit("it", reference, limits, here)

@@ -1,0 +1,136 @@
+"""A commanded velocity is admitted by numbers and convex parts of the fence: as by the rule itself, never otherwise."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.strategies import vectors
+from tests.ual_daemon.flight import exact_rule
+from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS
+from ual.errors import GeofenceError
+from ual.geometry import IDENTITY, Pose, Twist, Vector3
+from ual.types import GeoPoint, Limits, State
+from ual_daemon.backends.values import FenceLimit, LandedState, OwnFence, Sample, Snapshot, Zone
+from ual_daemon.flight.geofence import Geofence
+from ual_daemon.flight.reach import reach
+from ual_daemon.flight.state import Estimate
+from ual_daemon.frames.fence import Fence
+from ual_daemon.frames.resolver import FrameResolver
+from ual_daemon.geodesy import FlatProjection
+from ual_daemon.settings import GeofenceSettings, VehicleSettings
+from ual_daemon.trajectory import Motion
+
+ORIGIN = FlatProjection(47.4, 8.5, 488.0)
+FLOOR_M, CEILING_M = 0.0, 25.0
+L_SHAPE = ((-10.0, -10.0), (20.0, -10.0), (20.0, 5.0), (5.0, 5.0), (5.0, 20.0), (-10.0, 20.0))
+CLOSE_M = 1e-6
+"""A part of the fence ends so far before the edge; the rule is asked beyond it."""
+
+
+def geo(x: float, y: float) -> tuple[float, float]:
+    place = ORIGIN.to_geo(Vector3(x, y, 0.0))
+    return place.latitude_deg, place.longitude_deg
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+    return tuple(geo(x, y) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+
+FIELD = Zone("field", True, box(-25.0, -25.0, 25.0, 25.0))
+HOLES = tuple(Zone(f"hole {x}", False, box(x, -4.0, x + 3.0, 4.0)) for x in (-12.0, -3.0, 8.0))
+POND = Zone("pond", False, (geo(3.0, 14.0),), 5.0)
+OWN_FENCES = (
+    None,
+    OwnFence(zones=(FIELD, *HOLES, POND)),
+    OwnFence(zones=(*HOLES, POND)),
+    OwnFence(FenceLimit(22.0, "RADIUS"), FenceLimit(18.0, "HIGHEST"), FenceLimit(2.0, "LOWEST")),
+    OwnFence(FenceLimit(22.0, "RADIUS"), zones=HOLES),
+)
+CONFIGURED = (None, GeofenceSettings(polygon=L_SHAPE, min_height_m=1.0, max_height_m=15.0))
+
+
+class Moment(NamedTuple):
+    """What is known when a velocity is commanded."""
+
+    here: Vector3
+    own: Vector3
+    velocity: Vector3
+
+    def snapshot(self, own_fence: OwnFence | None) -> Snapshot:
+        return Snapshot(
+            0.0,
+            pose=Sample(Pose(self.here, IDENTITY), 0.0),
+            velocity=Sample(Twist(self.own), 0.0),
+            projection=ORIGIN,
+            home_geo=GeoPoint(*geo(0.0, 0.0), 488.0),
+            home_altitude_amsl_m=488.0,
+            own_fence=own_fence,
+        )
+
+
+moments = st.builds(
+    Moment,
+    st.builds(Vector3, st.floats(-28.0, 28.0), st.floats(-28.0, 28.0), st.floats(-1.0, 27.0)),
+    vectors(8.0),
+    vectors(8.0),
+)
+steps = st.builds(Moment, vectors(1.5), vectors(1.0), vectors(2.0))
+
+
+@st.composite
+def flights(draw: st.DrawFn) -> list[Moment]:
+    """A stream of setpoints: the UAV flies on, and what is commanded changes, or not."""
+    flight = [draw(moments)]
+    for step in draw(st.lists(steps, max_size=12)):
+        last = flight[-1]
+        velocity = last.velocity if draw(st.booleans()) else last.velocity + step.velocity
+        flight.append(Moment(last.here + step.here, last.own + step.own, velocity))
+    return flight
+
+
+def geofence(settings: GeofenceSettings | None) -> Geofence:
+    found = Geofence(settings, FrameResolver("uav_1", VehicleSettings(geofence=settings)), FLOOR_M, CEILING_M)
+    ground = Moment(Vector3(), Vector3(), Vector3()).snapshot(None)._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
+    found.observe(ground, Estimate(State.LANDED_ARMED, ""))
+    return found
+
+
+def is_close(fence: Fence, moment: Moment, limits: Limits) -> bool:
+    """Whether the answer depends on roundings: a corner of a way is right at an edge."""
+    points = (Vector3(*point) for point in reach(*moment, limits))
+    return any(abs(fence.signed_distance_m(point)) < CLOSE_M for point in points)
+
+
+@pytest.mark.parametrize("settings", CONFIGURED)
+@pytest.mark.parametrize("own_fence", OWN_FENCES)
+@given(flight=flights(), limits=LIMIT_SETS | st.just(Limits()))
+def test_a_velocity_is_admitted_where_the_rule_admits_it_and_nowhere_else(
+    settings: GeofenceSettings | None, own_fence: OwnFence | None, flight: list[Moment], limits: Limits
+) -> None:
+    tested = geofence(settings)
+    for moment in flight:
+        snapshot = moment.snapshot(own_fence)
+        fence, motion = tested.fence(snapshot), Motion(moment.here, 0.0, moment.own)
+        expected = exact_rule.is_admitted(fence, (FLOOR_M, CEILING_M), motion, moment.velocity, limits)
+        for _ in range(2):  # the second time it may be known already
+            try:
+                tested.require_velocity(moment.velocity, limits, snapshot)
+                is_admitted = True
+            except GeofenceError:
+                is_admitted = False
+            assert is_admitted == expected or is_close(fence, moment, limits)
+
+
+@given(moment=moments, limits=LIMIT_SETS)
+def test_the_reach_is_where_the_planned_trajectories_lead(moment: Moment, limits: Limits) -> None:
+    if moment.velocity.norm() < 1e-9:
+        return
+    ways = exact_rule.ways(Motion(moment.here, 0.0, moment.own), moment.velocity, limits)
+    expected = (moment.here, ways.commanded[-1], ways.own[-1], *ways.changed[1:])
+    for point, planned in zip(reach(*moment, limits), expected, strict=True):
+        assert math.dist(point, tuple(planned)) <= 1e-9 * (1.0 + math.dist(tuple(planned), tuple(moment.here)))
