@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from typing import SupportsFloat
 
+from ual import geometry
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Quaternion, Transform, Twist, Vector3
 from ual.types import AltitudeReference, GeoWaypoint, PathHeading
@@ -22,7 +23,6 @@ MIN_SPEED_M_S = 0.01
 MAX_HOLD_S = 3600.0
 """How long a path may hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
-MAX_ANGLE_RAD = 1e6
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
 
@@ -207,6 +207,11 @@ def altitude_reference(value: AltitudeReference, field: str = "altitude_referenc
     return value
 
 
+def heading(value: SupportsFloat, field: str) -> float:
+    """Accepts a heading in radians of at most a full turn."""
+    return geometry.heading(number(value, field, at_most=math.inf), field)
+
+
 def geo_waypoint(value: GeoWaypoint, prefix: str = "") -> GeoWaypoint:
     """Accepts a geographic waypoint; `prefix` is put before the names of its fields in errors."""
     yaw_rad = value.yaw_rad
@@ -215,7 +220,7 @@ def geo_waypoint(value: GeoWaypoint, prefix: str = "") -> GeoWaypoint:
         longitude(value.longitude_deg, f"{prefix}longitude_deg"),
         number(value.altitude_m, f"{prefix}altitude_m", at_most=MAX_DISTANCE_M),
         altitude_reference(value.altitude_reference, f"{prefix}altitude_reference"),
-        None if yaw_rad is None else number(yaw_rad, f"{prefix}yaw_rad", at_most=MAX_ANGLE_RAD),
+        None if yaw_rad is None else heading(yaw_rad, f"{prefix}yaw_rad"),
     )
 
 

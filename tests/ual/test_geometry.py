@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -147,3 +149,52 @@ def test_a_pose_is_a_point_and_a_rotation(transform: Transform, point: Vector3, 
     pose = transform.apply_pose(Pose(point, turn))
     assert near(pose.position, transform.apply(point), 1e4)
     assert near(pose.orientation.rotate(X), transform.rotation.rotate(turn.rotate(X)))
+
+
+# --- Beside numpy -----------------------------------------------------------------------------------------------------
+
+
+@given(VECTORS)
+def test_a_vector_is_an_array_of_three_and_made_of_one(vector: Vector3) -> None:
+    array = np.asarray(vector)
+    assert array.shape == (3,)
+    assert array.dtype == float
+    assert Vector3(array) == vector
+    assert Vector3(list(vector)) == vector
+    assert np.linalg.norm(vector) == pytest.approx(vector.norm())
+
+
+def test_a_quaternion_is_an_array_of_four() -> None:
+    assert np.asarray(Quaternion(0.1, 0.2, 0.3, 0.4), dtype="f4") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_number_of_numpys_times_a_vector_is_a_vector() -> None:
+    assert np.float64(2.0) * X == X * np.float64(2.0) == Vector3(2.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.zeros(2), np.zeros(4), np.zeros((3, 3)), (1.0, 2.0, "fast"), {"x": 1.0, "y": 2.0, "z": 3.0}]
+)
+def test_what_is_no_vector_makes_none(wrong: Any) -> None:
+    with pytest.raises(InvalidArgumentError, match="three"):
+        Vector3(wrong)
+
+
+def test_an_array_is_a_whole_vector_or_none() -> None:
+    with pytest.raises(InvalidArgumentError, match="three"):
+        _ = np.ones(3) * Vector3(1.0, 2.0, 3.0)
+
+
+# --- Headings that no one means ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degrees", [90.0, -90.0, 7, 359.0])
+def test_degrees_where_radians_are_due_are_refused(degrees: float) -> None:
+    with pytest.raises(InvalidArgumentError, match=r"math.radians\(-?\d+\)") as refused:
+        Pose.at(1.0, 2.0, 3.0, yaw_rad=degrees)
+    assert refused.value.metadata["field"] == "yaw_rad"
+
+
+@given(st.floats(-math.tau, math.tau))
+def test_any_heading_within_a_full_turn_is_taken(yaw_rad: float) -> None:
+    assert math.remainder(Pose.at(0.0, 0.0, 0.0, yaw_rad).yaw_rad - yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-9)

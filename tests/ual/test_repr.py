@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from pathlib import Path
 
 import pytest
@@ -85,4 +86,15 @@ def test_the_class_says_what_it_is() -> None:
 def test_values_say_what_they_are() -> None:
     assert repr(ual.Vector3(1.0, 2.0, 3.0)) == "Vector3(x=1.0, y=2.0, z=3.0)"
     assert repr(ual.Pose.at(1.0, 2.0, 3.0)).startswith("Pose(position=Vector3(x=1.0, y=2.0, z=3.0), orientation=")
+    assert repr(ual.Pose.at(1.0, 2.0, 3.0)).endswith("; yaw_rad: kept)")
+    assert repr(ual.Pose.at(1.0, 2.0, 3.0, math.pi / 2)).endswith("; yaw_rad: 1.571)")
     assert repr(ual.WrongStateError("land needs FLYING_AUTO")) == "WrongStateError('land needs FLYING_AUTO')"
+
+
+def test_telemetry_prints_a_line_for_each_thing_that_is_known() -> None:
+    sample = ual.Telemetry(State.LANDED_ARMED, armed=True, battery=ual.Battery(50.0))
+    lines = repr(sample).splitlines()
+    assert lines[0] == "Telemetry("
+    assert "  state=<State.LANDED_ARMED: 3>," in lines
+    assert "  battery=Battery(remaining_percent=50.0, voltage_v=None, current_a=None)," in lines
+    assert not any("gps" in line or line[-5:] == "None," for line in lines)

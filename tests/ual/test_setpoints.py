@@ -160,7 +160,7 @@ def test_closing_sends_what_waits(daemon: FakeDaemon, setpoints: Setpoints) -> N
 def test_a_value_that_is_no_number_is_refused_before_it_leaves(daemon: FakeDaemon) -> None:
     said = r"velocity\.twist\.linear\.x: 'fast' is not a number"
     with ual.Uav(address=daemon.address) as uav, pytest.raises(InvalidArgumentError, match=said):
-        uav.set_velocity(Twist(Vector3("fast", 0.0, 0.0)))  # type: ignore[arg-type]
+        uav.set_velocity(Twist(Vector3("fast", 0.0, 0.0)))  # type: ignore[call-overload]
     assert daemon.answered == []
 
 

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
+from typing_extensions import override
+
 DOMAIN = "ual"
 
 
@@ -23,6 +25,15 @@ class UalError(Exception):
         super().__init__(message)
         self.message = message
         self.metadata: Mapping[str, str] = MappingProxyType(dict(metadata or {}))
+
+    @override
+    def __reduce__(self) -> tuple[object, ...]:
+        """Lets the error pass between processes (pickle) and be copied: a mapping proxy can do neither."""
+        return type(self), self._arguments(), {"__notes__": list(getattr(self, "__notes__", ()))}
+
+    def _arguments(self) -> tuple[object, ...]:
+        """Returns what `__init__` was called with."""
+        return self.message, dict(self.metadata)
 
     @property
     def state(self) -> str | None:
@@ -142,6 +153,10 @@ class TeamError(UalError):
         super().__init__("; ".join(texts), {"names": ",".join(errors)})
         self.errors = MappingProxyType(dict(errors))
         self.results = MappingProxyType(dict(results))
+
+    @override
+    def _arguments(self) -> tuple[object, ...]:
+        return dict(self.errors), dict(self.results)
 
 
 _BY_REASON: Mapping[str, type[UalError]] = {

@@ -8,20 +8,64 @@ Quaternions are x, y, z, w (Hamilton convention, as in ROS); ``q.rotate(v)`` con
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, SupportsFloat, overload
+
+from typing_extensions import override
 
 from ual._wrong_type import require, wrong_type
 from ual.errors import InvalidArgumentError
 
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike, NDArray
 
-@dataclass(frozen=True, slots=True)
-class Vector3:
-    """Three components along x, y, z. The unit depends on what the vector is used for."""
+
+_set = object.__setattr__
+
+
+class _Components:
+    """The base of values that are a few numbers in an order."""
+
+    __slots__ = ()
+    __array_priority__ = 1.0
+    """A number of numpy's times a vector is a vector: numpy leaves the product to the vector's own method."""
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[float]:
+        """Yields the numbers."""
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """Makes an array of the numbers, for `numpy.asarray`."""
+        import numpy as np  # imported late: a program without numpy never comes here
+
+        if copy is False:
+            raise ValueError(f"a {type(self).__name__} is no array: it is always copied into one")
+        return np.array(tuple(self), dtype)
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Vector3(_Components):
+    """Three components along x, y, z. The unit depends on what the vector is used for.
+
+    ``np.asarray(vector)`` is an array of three, and ``Vector3(array)`` takes one.
+    """
 
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
+
+    @overload
+    def __init__(self, x: float = ..., y: float = ..., z: float = ...) -> None: ...
+    @overload
+    def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
+    def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
+        if x.__class__ is not float and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+            x, y, z = _three(x, y, z)
+        _set(self, "x", x)
+        _set(self, "y", y)
+        _set(self, "z", z)
 
     def __add__(self, other: Vector3) -> Vector3:
         return Vector3(self.x + other.x, self.y + other.y, self.z + other.z)
@@ -67,8 +111,11 @@ class Vector3:
 
 
 @dataclass(frozen=True, slots=True)
-class Quaternion:
-    """A rotation as a unit quaternion. `KEEP_HEADING` (all zeros) is not a rotation: it means "keep the heading"."""
+class Quaternion(_Components):
+    """A rotation as a unit quaternion. `KEEP_HEADING` (all zeros) is not a rotation: it means "keep the heading".
+
+    ``np.asarray(quaternion)`` is an array of four: x, y, z, w.
+    """
 
     x: float = 0.0
     y: float = 0.0
@@ -155,12 +202,44 @@ def _half(angle_rad: float, name: str) -> tuple[float, float]:
         raise InvalidArgumentError(f"{name}: {angle_rad!r} is not an angle", {"field": name}) from None
 
 
+_MOST_HEADING_RAD = math.tau + 1e-3
+"""A full turn, also where it is written as 6.283 or 6.284."""
+
+
+def heading(yaw_rad: float, field: str = "yaw_rad") -> float:
+    """Returns a heading, unless it is more than a full turn: then it was hardly meant in radians.
+
+    Raises:
+        InvalidArgumentError: It is more than a full turn. The error names the `field`.
+
+    """
+    if isinstance(yaw_rad, (int, float)) and _MOST_HEADING_RAD < abs(yaw_rad) < math.inf:
+        raise InvalidArgumentError(
+            f"{field}: {yaw_rad:g} rad are more than a full turn: write math.radians({yaw_rad:g}) if these are "
+            f"degrees, ual.geometry.wrap_angle({yaw_rad:g}) if they are radians",
+            {"field": field},
+        )
+    return yaw_rad
+
+
+def _three(components: Iterable[SupportsFloat], *rest: float) -> tuple[float, float, float]:
+    """Returns the components of a vector that came as an array, a list or another vector, and so has no `rest`."""
+    try:
+        x, y, z = map(float, components)
+        is_whole = all(each.__class__ is float and each == 0.0 for each in rest)
+    except (TypeError, ValueError):
+        is_whole = False
+    if not is_whole:
+        raise InvalidArgumentError(f"{components!r} is neither a number nor three of them")
+    return x, y, z
+
+
 def wrap_angle(angle_rad: float) -> float:
     """Returns the same direction within -pi to pi. Of a difference of headings this is the shortest turn."""
     return math.remainder(angle_rad, math.tau)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Pose:
     """Position (m) and orientation."""
 
@@ -169,13 +248,24 @@ class Pose:
 
     @classmethod
     def at(cls, x: float, y: float, z: float, yaw_rad: float | None = None) -> Pose:
-        """Makes a goal: a position with a heading. If `yaw_rad` is None, the UAV keeps its heading."""
-        return cls(Vector3(x, y, z), KEEP_HEADING if yaw_rad is None else Quaternion.from_yaw(yaw_rad))
+        """Makes a goal: a position with a heading. If `yaw_rad` is None, the UAV keeps its heading.
+
+        Raises:
+            InvalidArgumentError: `yaw_rad` is more than a full turn, as an angle in degrees would be.
+
+        """
+        return cls(Vector3(x, y, z), KEEP_HEADING if yaw_rad is None else Quaternion.from_yaw(heading(yaw_rad)))
 
     @property
     def yaw_rad(self) -> float:
         """The heading, counter-clockwise from x."""
         return self.orientation.yaw_rad
+
+    @override
+    def __repr__(self) -> str:
+        """The fields, and the heading, which no one reads from a quaternion."""
+        heading = "kept" if self.orientation == KEEP_HEADING else f"{self.yaw_rad:.4g}"
+        return f"Pose(position={self.position!r}, orientation={self.orientation!r}; yaw_rad: {heading})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,7 +128,7 @@ def parse_waypoint(text: str) -> Pose:
     x, y, z, *yaw = text.split(",")
     if len(yaw) > 1:
         raise ValueError("more than four numbers")
-    return Pose.at(float(x), float(y), float(z), parse_angle(yaw[0]) if yaw else None)
+    return Pose.at(float(x), float(y), float(z), wrap_angle(parse_angle(yaw[0])) if yaw else None)
 
 
 def parse_angle(text: str) -> float:

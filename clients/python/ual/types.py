@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum, IntEnum
 from typing import TYPE_CHECKING
+
+from typing_extensions import override
 
 from ual.errors import UalError
 from ual.geometry import PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
@@ -300,7 +302,7 @@ class _LateFields:
             return value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Telemetry(_LateFields):
     """One sample of everything known; what is not known is None.
 
@@ -329,6 +331,17 @@ class Telemetry(_LateFields):
     frame_lost: str = ""
     missed_count: int = 0
     health: Health | None = None
+
+    @override
+    def __repr__(self) -> str:
+        """What is known, a line for each field."""
+        lines = (
+            f"  {each.name}={value!r}," for each in fields(self) if (value := getattr(self, each.name)) not in _UNTOLD
+        )
+        return "\n".join(("Telemetry(", *lines, ")"))
+
+
+_UNTOLD: tuple[object, ...] = (None, "")
 
 
 @dataclass(frozen=True, slots=True)

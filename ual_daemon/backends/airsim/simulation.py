@@ -119,7 +119,7 @@ class AirsimSimulation(Simulation):
     @override
     def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
         place = validation.position(position, "position")
-        yaw_rad = validation.number(yaw_rad, "yaw_rad", at_most=validation.MAX_ANGLE_RAD)
+        yaw_rad = validation.heading(yaw_rad, "yaw_rad")
 
         def put(connection: Connection) -> None:
             self._procedures.place(connection, place, yaw_rad)

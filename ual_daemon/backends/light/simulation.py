@@ -117,5 +117,5 @@ class LightSimulation(Simulation):
         """Puts the vehicle on the ground, which is there at the height of the place."""
         self._backend.place_on_ground(
             validation.position(position, "position"),
-            validation.number(yaw_rad, "yaw_rad", at_most=validation.MAX_ANGLE_RAD),
+            validation.heading(yaw_rad, "yaw_rad"),
         )
