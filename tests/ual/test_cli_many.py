@@ -6,17 +6,20 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
-from datetime import datetime, timezone
+from datetime import datetime, timedelta, timezone
+from types import SimpleNamespace
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from ual._cli import cli
+from ual._cli import cli, start
 from ual._cli.app import Session
-from ual._cli.start import Time
+from ual._cli.start import Time, parsed
 from ual.types import State
 
 TEAM = ("uav_1", "uav_2", "uav_3")
@@ -57,17 +60,23 @@ def test_those_that_are_named_fly_and_the_exit_status_tells_of_a_refusal(fleet: 
     assert run("--ns", "uav_1,uav_3", "takeoff", "3").exit_code == 0
     assert states() == [State.FLYING_AUTO, State.LANDED_ARMED, State.FLYING_AUTO]
     result = run("land", "--all")
-    assert result.exit_code == 1
-    assert "uav_2: WRONG_STATE: land" in result.stderr
-    assert result.stdout.count("LAND SUCCEEDED") == 2
+    assert result.exit_code == 0
+    first, second, third = result.stdout.splitlines()
+    assert second == "uav_2: stands on the ground already (LANDED_ARMED)"
+    assert first.startswith("uav_1: LAND SUCCEEDED")
+    assert third.startswith("uav_3: LAND SUCCEEDED")
+    assert run("--all", "goto", "1", "1", "3").exit_code == 1
 
 
 def test_each_result_is_an_object_with_the_name(fleet: DaemonProcess) -> None:
     del fleet
     found = [json.loads(line) for line in run("--json", "--all", "state").stdout.splitlines()]
     assert sorted((each["ns"], each["state"]) for each in found) == [(name, "LANDED_ARMED") for name in TEAM]
-    found = [json.loads(line) for line in run("--json", "--all", "land").stdout.splitlines()]
-    assert sorted((each["ns"], each["error"]["reason"]) for each in found) == [(name, "WRONG_STATE") for name in TEAM]
+    assert [each["ns"] for each in found] == list(TEAM)
+    found = [json.loads(line) for line in run("--json", "--all", "pause").stdout.splitlines()]
+    assert [(each["ns"], each["error"]["reason"]) for each in found] == [(name, "WRONG_STATE") for name in TEAM]
+    found = [json.loads(line) for line in run("--json", "--all", "rtl").stdout.splitlines()]
+    assert [(each["ns"], each["done"], each["state"]) for each in found] == [(n, "rtl", "LANDED_ARMED") for n in TEAM]
 
 
 def test_where_one_cannot_be_reached_nothing_is_sent(fleet: DaemonProcess) -> None:
@@ -134,11 +143,43 @@ def test_a_time_to_begin_is_kept(fleet: DaemonProcess) -> None:
         assert datetime.fromisoformat(line["time"].replace("Z", "+00:00")).timestamp() >= begin_s - 0.001
 
 
-def test_a_time_of_the_day_is_the_next_one() -> None:
-    now = datetime.now().astimezone()
-    begin_s = Time().convert(now.strftime("%H:%M:%S"), None, None)
-    assert begin_s - now.timestamp() > 86_000.0 or begin_s - now.timestamp() <= 1.0
-    assert Time().convert("+5", None, None) == pytest.approx(time.time() + 5.0, abs=2.0)
+@pytest.mark.parametrize(
+    ("now", "text", "begin"),
+    [
+        ("2026-11-25T10:10:00", "10:15", "2026-11-25T10:15:00"),
+        ("2026-11-25T10:10:00", "9:00", "2026-11-25T09:00:00"),  # has passed, and is not tomorrow's
+        ("2026-11-25T23:59:30", "0:05:30", "2026-11-26T00:05:30"),
+        ("2026-11-25T22:00:00", "06:00", "2026-11-26T06:00:00"),
+        ("2026-11-25T10:10:00", "+5", "2026-11-25T10:10:05"),
+    ],
+)
+def test_a_time_of_the_day_is_the_nearest_one(now: str, text: str, begin: str) -> None:
+    assert parsed(text, datetime.fromisoformat(now)) == datetime.fromisoformat(begin).timestamp()
+
+
+def test_a_time_of_the_day_that_has_passed_is_refused_with_that_of_tomorrow() -> None:
+    passed = datetime.now().astimezone() - timedelta(hours=1)
+    with pytest.raises(click.BadParameter, match=r"has passed 1 h 0 min ago; for tomorrow write") as refused:
+        Time().convert(passed.strftime("%H:%M:%S"), None, None)
+    tomorrow = str(refused.value).split("write ")[1]
+    assert datetime.fromisoformat(tomorrow) == passed.replace(microsecond=0) + timedelta(days=1)
+
+
+def test_a_long_wait_is_told_and_again_when_half_of_it_has_passed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock_s = [0.0]
+    told: list[str] = []
+    monkeypatch.setattr(start, "time", SimpleNamespace(time=lambda: clock_s[0]))
+
+    class Passing(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            assert timeout is not None
+            clock_s[0] += timeout
+            return False
+
+    monkeypatch.setattr(start, "threading", SimpleNamespace(Event=Passing))
+    start.wait_until(3600.0, told.append)
+    assert [text.split(", in ")[1] for text in told[:4]] == ["1 h 0 min", "30 min 0 s", "15 min 0 s", "7 min 30 s"]
+    assert len(told) == 9
 
 
 @pytest.mark.parametrize("words", [("goto", "500", "0", "3"), ("velocity", "1", "0", "0", "--for", "600")])

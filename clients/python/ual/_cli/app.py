@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -18,8 +16,10 @@ from typing_extensions import override
 from ual._cli import complete, many, start
 from ual._cli.help import ALIASES, Section, as_typed, close, no_such_command, write_commands, write_examples
 from ual._cli.output import error_text, to_json
+from ual._cli.streams import Line, OutputLostError, give_up_output, write
 from ual._cli.values import Number
 from ual.errors import UalError
+from ual.types import TaskInfo
 
 if TYPE_CHECKING:
     from ual._cli.start import Member
@@ -72,7 +72,7 @@ class Session:
             self.member.meet(uav)
         elif self.begin_utc_s is not None:
             uav.info()  # connected now, it begins on time
-            start.wait_until(self.begin_utc_s)
+            start.wait_until(self.begin_utc_s, self.tell)
         if with_lease and (self.has_lease or self.takes_lease):
             self._lease(uav)
         return uav
@@ -102,20 +102,29 @@ class Session:
 
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
-        if self.as_json:
-            click.echo(json.dumps(self._named(to_json(value)), allow_nan=False))
-        elif text is not None:
-            click.echo(self._prefix + text)
+        line = json.dumps(self._named(to_json(value)), allow_nan=False) if self.as_json else text
+        if line is not None:
+            self._say(line if self.as_json else self._prefix + line, Line.DONE if _is_done(value) else Line.RESULT)
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed."""
-        click.echo(f"{self._prefix or 'ual: '}{as_typed(error_text(error))}", err=True)
+        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))}", Line.MESSAGE)
         if self.as_json:
-            click.echo(json.dumps(self._named({"error": to_json(error)}), allow_nan=False))
+            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), Line.DONE)
 
     def note(self, text: str) -> None:
         """Prints a message that is not a result, on stderr."""
-        click.echo(self._prefix + text, err=True)
+        self._say(self._prefix + text, Line.MESSAGE)
+
+    def tell(self, text: str) -> None:
+        """Prints what the program itself does, on stderr."""
+        self.note(f"{'' if self.member else 'ual: '}{text}")
+
+    def _say(self, text: str, kind: Line) -> None:
+        if self.member is None:
+            write(text, kind)
+        else:
+            self.member.lines.put((text, kind))
 
     @property
     def _prefix(self) -> str:
@@ -123,6 +132,11 @@ class Session:
 
     def _named(self, value: object) -> object:
         return value if self.member is None or not isinstance(value, dict) else {"ns": self.member.name, **value}
+
+
+def _is_done(value: object) -> bool:
+    """Whether a result tells of what the command has done, not of what it was asked to find out."""
+    return isinstance(value, TaskInfo) or (isinstance(value, Mapping) and "done" in value)
 
 
 def session(context: click.Context) -> Session:
@@ -356,10 +370,12 @@ class UalGroup(_SharedOptions, click.Group):
             ctx.exit(REFUSED)
         except KeyboardInterrupt:
             ctx.exit(INTERRUPTED)
-        except BrokenPipeError:
-            # The reader of the output has closed the pipe. Python must not flush into it at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            ctx.exit(0)
+        except OutputLostError as error:
+            give_up_output()
+            if error.has_reader_left:
+                ctx.exit(0)
+            session(ctx).note(f"ual: the result cannot be printed: {error}")
+            ctx.exit(REFUSED)
 
 
 def command(

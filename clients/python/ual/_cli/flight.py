@@ -76,7 +76,7 @@ def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> No
 @pass_session
 def land(session: Session, dry_run: bool) -> None:
     """Land where it is."""
-    with session.connect() as uav:
+    with session.connect() as uav, manoeuvre.standing_is_done(session, "land"):
         if dry_run:
             manoeuvre.print_plan(session, uav.dry_run.land())
             return

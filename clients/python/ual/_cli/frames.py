@@ -50,7 +50,7 @@ def list_frames(session: Session) -> None:
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number)
 @click.option(
-    "--yaw", type=values.angle, default="0", help="Its rotation about z, counter-clockwise: 90deg, 1.57rad or 1.57."
+    "--yaw", type=values.heading, default="0", help="Its rotation about z, counter-clockwise: 90deg, 1.57rad or 1.57."
 )
 @click.option("--parent", default="", help="Its parent; map when not given.", shell_complete=complete.frames)
 @pass_session

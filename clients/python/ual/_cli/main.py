@@ -21,6 +21,7 @@ from ual._cli import (
     record,
     simulation,
     status,
+    streams,
     task,
     token,
     waypoints,
@@ -79,5 +80,6 @@ for command in (
 def main() -> None:
     """The entry point."""
     # gRPC's core would write its own messages to stderr, beside the one line with the reason.
+    streams.prepare()
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     cli(prog_name="ual")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -12,12 +12,14 @@ import click
 from ual._cli import plot, progress
 from ual._cli.app import INTERRUPTED, Session, note
 from ual._cli.output import plan_text, task_text
+from ual.errors import WrongStateError
 from ual.interface import Task
-from ual.types import Plan
+from ual.types import Plan, State
 
 if TYPE_CHECKING:
     from ual._client import Uav
 
+_STANDING = {State.LANDED_ARMED.name, State.LANDED_DISARMED.name}
 CANCELLED = "cancelled: the UAV holds its position"
 
 
@@ -35,6 +37,20 @@ def wait_for(
         interrupt(interrupted)
     info = task.info()
     session.emit(info, task_text(info))
+
+
+@contextmanager
+def standing_is_done(session: Session, what: str) -> Iterator[None]:
+    """Takes it for done that a UAV of several stands already, where `what` is to end its flight.
+
+    A single one that is told to land on the ground may be another than was meant: there it stays refused.
+    """
+    try:
+        yield
+    except WrongStateError as error:
+        if session.member is None or error.state not in _STANDING:
+            raise
+        session.emit({"done": what, "state": error.state}, f"stands on the ground already ({error.state})")
 
 
 def _shown(session: Session, uav: Uav) -> AbstractContextManager[None]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ual._cli.start import Gate, Member
+from ual._cli.streams import OutputLostError, give_up_output, write
+from ual._discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
 
 if TYPE_CHECKING:
@@ -50,22 +52,34 @@ def invoke(
     Ends the program with 1 where one refused or failed, with 130 after Ctrl-C.
     """
     session: Session = context.find_root().obj
-    gate = Gate(len(uavs), session.begin_utc_s, needs_all=needs_all)
-    runs = [_Run(context, dataclasses.replace(session, ns=name, is_all=False), name, gate, command) for name in uavs]
+    gate = Gate(len(uavs), session.begin_utc_s, needs_all=needs_all, tell=session.tell)
+    runs = [
+        _Run(context, dataclasses.replace(session, ns=name, is_all=False), name, gate, command)
+        for name in sorted(uavs, key=natural_order)
+    ]
     for run in runs:
         run.thread.start()
     try:
-        while any(run.thread.is_alive() for run in runs):
-            for run in runs:
-                run.thread.join(_LOOK_S)
+        for run in runs:
+            _print_until_done(run)
     except KeyboardInterrupt:
         gate.close()
         _stop(runs)
+        for run in runs:
+            run.print_lines()
         context.exit(_INTERRUPTED)
     for run in runs:
         if run.defect is not None:
             raise run.defect
     context.exit(max(run.status for run in runs))
+
+
+def _print_until_done(run: _Run) -> None:
+    """Prints what the command of one UAV prints. The others' lines wait: results come in the order of the names."""
+    while run.thread.is_alive():
+        run.thread.join(_LOOK_S)
+        run.print_lines()
+    run.print_lines()
 
 
 def _stop(runs: Sequence[_Run]) -> None:
@@ -97,6 +111,16 @@ class _Run:
         self._context = _context(context, session)
         self._command = command
         self.thread = threading.Thread(target=self._run, name=f"ual for {name}", daemon=True)
+
+    def print_lines(self) -> None:
+        """Prints what its command has printed since."""
+        while not self._member.lines.empty():
+            try:
+                write(*self._member.lines.get())
+            except OutputLostError as error:  # the others fly on
+                self._session.note(f"ual: the result cannot be printed: {error}")
+                give_up_output()
+                self.status = _REFUSED
 
     def stop(self) -> None:
         """Stops what the command has begun."""

@@ -10,7 +10,7 @@ from ual._cli import complete, values
 
 yaw = click.option(
     "--yaw",
-    type=values.angle,
+    type=values.heading,
     help="Heading, counter-clockwise from x (0 is east, 90deg north): 90deg, 1.57rad or 1.57. Kept when not given.",
 )
 frame = click.option(

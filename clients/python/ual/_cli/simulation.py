@@ -122,7 +122,9 @@ def wind(session: Session, x: float, y: float, z: float) -> None:
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number, default=0.0)
-@click.option("--yaw", type=values.angle, default="0", help="Its heading, counter-clockwise from east: 90deg or 1.57.")
+@click.option(
+    "--yaw", type=values.heading, default="0", help="Its heading, counter-clockwise from east: 90deg or 1.57."
+)
 @pass_session
 def place(session: Session, x: float, y: float, z: float, yaw: float) -> None:
     """Put the UAV on the ground at X Y Z, disarmed and at rest.

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 import time
+from collections.abc import Callable
 from datetime import datetime, timedelta
+from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 import click
 from typing_extensions import override
 
+from ual._cli.streams import Line
 from ual.errors import DaemonUnreachableError
 
 if TYPE_CHECKING:
     from ual._client import Uav
 
 _LONGEST_S = 86_400.0
+_HALF_DAY = timedelta(hours=12)
+_SHORT_S = 10.0
+"""A wait that no one needs to be told of."""
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?")
+
+
+def _tell_no_one(_: str) -> None:
+    """Leaves it unsaid."""
 
 
 class Time(click.ParamType[float]):
@@ -27,34 +38,66 @@ class Time(click.ParamType[float]):
 
     @override
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        text, now = str(value), datetime.now().astimezone()
         try:
-            begin_s = _parsed(str(value))
+            begin_s = parsed(text, now)
         except ValueError:
             self.fail(
                 f"{value!r} is no time: 14:05, 14:05:30, +10 (seconds from now) or 2026-11-23T14:05:30Z", param, ctx
             )
-        left_s = begin_s - time.time()
-        if not 0.0 <= left_s <= _LONGEST_S:
-            self.fail(f"{value!r} {'has passed' if left_s < 0.0 else 'is more than a day away'}", param, ctx)
+        left_s = begin_s - now.timestamp()
+        if left_s < 0.0:
+            self.fail(f"{value!r} has passed {_duration_text(-left_s)} ago{_tomorrow(text, begin_s)}", param, ctx)
+        if left_s > _LONGEST_S:
+            self.fail(f"{value!r} is more than a day away", param, ctx)
         return begin_s
 
 
-def _parsed(text: str) -> float:
+def parsed(text: str, now: datetime) -> float:
+    """Returns the time that a text means, in seconds since the epoch.
+
+    A time of the day is the nearest one: shortly before midnight 0:05 is tomorrow's, and at 10:10 9:00 has passed.
+
+    Raises:
+        ValueError: It is no time.
+
+    """
     if text.startswith("+"):
-        return time.time() + float(text)
+        return now.timestamp() + float(text)
     if not _CLOCK.fullmatch(text):
         return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
-    now = datetime.now().astimezone()
     hour, minute, second = (*map(float, text.split(":")), 0.0)[:3]
     begin = now.replace(hour=int(hour), minute=int(minute), second=0, microsecond=0) + timedelta(seconds=second)
-    return (begin if begin >= now else begin + timedelta(days=1)).timestamp()
+    return (begin + timedelta(days=1) if begin < now - _HALF_DAY else begin).timestamp()
 
 
-def wait_until(utc_s: float) -> None:
-    """Blocks until a time of the computer's clock, in seconds since the epoch."""
+def _tomorrow(text: str, begin_s: float) -> str:
+    """Says how to write the same time of tomorrow, where only a time of the day was given."""
+    if not _CLOCK.fullmatch(text):
+        return ""
+    tomorrow = datetime.fromtimestamp(begin_s).astimezone() + timedelta(days=1)
+    return f"; for tomorrow write {tomorrow.isoformat(timespec='seconds')}"
+
+
+def wait_until(utc_s: float, tell: Callable[[str], None] = _tell_no_one) -> None:
+    """Blocks until a time of the computer's clock, in seconds since the epoch.
+
+    A long wait is told at its beginning, and each time when half of the rest has passed.
+    """
     never = threading.Event()
+    told_s = math.inf
     while (left_s := utc_s - time.time()) > 0.0:
+        if _SHORT_S < left_s <= told_s / 2:
+            tell(f"begins at {datetime.fromtimestamp(utc_s).astimezone():%H:%M:%S}, in {_duration_text(left_s)}")
+            told_s = left_s
         never.wait(min(left_s, 1.0))  # the clock may be set meanwhile
+
+
+def _duration_text(duration_s: float) -> str:
+    hours, minutes, seconds = round(duration_s) // 3600, round(duration_s) // 60 % 60, round(duration_s) % 60
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
 
 
 class Gate:
@@ -63,8 +106,12 @@ class Gate:
     Where one cannot come, none passes if the command `needs_all`; else the others do.
     """
 
-    def __init__(self, count: int, begin_utc_s: float | None, *, needs_all: bool) -> None:
+    def __init__(
+        self, count: int, begin_utc_s: float | None, *, needs_all: bool, tell: Callable[[str], None] = _tell_no_one
+    ) -> None:
+        """`tell` gets the words about a long wait, once for all of them."""
         self._begin_utc_s = begin_utc_s
+        self._tell = tell
         self._needs_all = needs_all
         self._missing_count = count
         self._is_closed = False
@@ -95,8 +142,9 @@ class Gate:
             self._changed.wait_for(lambda: self._is_closed or not self._missing_count)
             if self._is_closed:
                 raise DaemonUnreachableError("nothing was sent, because not all of them can be reached")
+            tell, self._tell = self._tell, _tell_no_one
         if self._begin_utc_s is not None:
-            wait_until(self._begin_utc_s)
+            wait_until(self._begin_utc_s, tell)
 
     def _come(self) -> None:
         with self._changed:
@@ -112,6 +160,8 @@ class Member:
         self.is_flying = False
         """Whether Ctrl-C has to stop what the command has begun."""
         self.interrupted = threading.Event()
+        self.lines: SimpleQueue[tuple[str, Line]] = SimpleQueue()
+        """What its command has printed: lines, each with what it tells."""
         self._gate = gate
         self._uav: Uav | None = None
 

@@ -27,7 +27,7 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
     Home is the autopilot's home position; where that is not known, the place where it took off. Ctrl-C cancels until
     the landing begins: the UAV holds its position.
     """
-    with session.connect() as uav:
+    with session.connect() as uav, manoeuvre.standing_is_done(session, "rtl"):
         if dry_run:
             manoeuvre.print_plan(session, uav.dry_run.return_to_launch(height_m))
             return

@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from ual import routes
 from ual.errors import InvalidArgumentError
-from ual.geometry import Pose, Vector3
+from ual.geometry import Pose, Vector3, wrap_angle
 from ual.routes import Route, RouteError
 from ual.types import PathHeading
 
@@ -52,6 +52,12 @@ def angle(text: str) -> float:
         raise click.BadParameter(str(error)) from None
     except ValueError:
         raise click.BadParameter(f"{text!r} is not an angle: write 90deg, 1.57rad or 1.57") from None
+
+
+def heading(text: str) -> float:
+    """Parses an angle; with a unit it may be more than a full turn. Returns radians, -pi to pi."""
+    angle_rad = angle(text)
+    return wrap_angle(angle_rad) if math.isfinite(angle_rad) else angle_rad
 
 
 def waypoint(text: str) -> Pose:
