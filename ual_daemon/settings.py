@@ -13,6 +13,8 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from msgspec import Meta
 
+from ual_daemon.setting_words import did_you_mean, in_words, keys
+
 FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z"
 LONGEST_NAMESPACE = 64
 NAMESPACE_PATTERN = rf"^[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAMESPACE - 1}}}\Z"
@@ -140,7 +142,10 @@ def convert(values: Mapping[str, Any], kind: type[S], section: str = "") -> S:
         key = path.rstrip("`").lstrip(".")
         if "unknown field" in message:  # msgspec names the field in the message, and the path of its parent
             name = message.split("`")[1]
-            key, message = f"{key}.{name}".lstrip("."), "there is no such setting"
+            key = f"{key}.{name}".lstrip(".")
+            message = "there is no such setting" + did_you_mean(key, keys(kind))
+        else:
+            message = in_words(message, kind, key)
         raise ConfigError(message, ".".join(part for part in (section, key) if part)) from None
     _refuse_not_finite(values, section)
     return settings

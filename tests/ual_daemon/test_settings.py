@@ -132,3 +132,30 @@ def test_whatever_is_given_there_are_settings_or_one_error(values: dict[str, Any
     if isinstance(found, ConfigError):
         assert found.key.startswith("uav.")
         assert "\n" not in found.message
+
+
+@pytest.mark.parametrize(
+    ("values", "key", "message"),
+    [
+        ({"tracker": "pursiut"}, "tracker", "'pursiut' is not one of: reference, pursuit"),
+        (
+            {"pose_frame_id": "/map"},
+            "pose_frame_id",
+            "expected a name: letters, digits and _, beginning with a letter or _, parts joined by /",
+        ),
+        (
+            {"limits": {"climb_sped_m_s": 2.0}},
+            "limits.climb_sped_m_s",
+            "there is no such setting; did you mean limits.climb_speed_m_s or limits.descent_speed_m_s?",
+        ),
+        (
+            {"geofence": {"polygn": []}},
+            "geofence.polygn",
+            "there is no such setting; did you mean geofence.polygon or geofence.polygon_geo?",
+        ),
+        ({"frames": [{"quartz": 1}]}, "frames[0].quartz", "there is no such setting"),
+    ],
+)
+def test_what_is_wrong_is_said_in_words(values: dict[str, Any], key: str, message: str) -> None:
+    error = refusal(values)
+    assert (error.key, error.message) == (key, message)

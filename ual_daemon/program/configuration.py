@@ -19,6 +19,7 @@ from msgspec import Meta
 from typing_extensions import override
 
 from ual import _discovery
+from ual_daemon.setting_words import did_you_mean, keys
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, NotNegative, Settings, VehicleSettings, convert
 
 
@@ -152,7 +153,8 @@ def _extensions(sections: object, named: Sequence[str]) -> Mapping[str, Any]:
 def _section(name: str, section: object, known_backends: Collection[str]) -> Mapping[str, Any]:
     if name not in known_backends:
         known = ", ".join(sorted(known_backends))
-        raise ConfigError(f"there is no setting and no backend with this name (backends: {known})", name)
+        meant = did_you_mean(name, (*keys(DaemonSettings), *keys(VehicleSettings), *known_backends))
+        raise ConfigError(f"there is no setting and no backend with this name (backends: {known}){meant}", name)
     if not isinstance(section, Mapping):
         raise ConfigError(f"expected the settings of the backend, got {section!r}", name)
     return section

@@ -20,7 +20,7 @@ import click
 from click.core import ParameterSource
 
 from ual_daemon import __version__, logs
-from ual_daemon.program import lazy, log_output
+from ual_daemon.program import environment, lazy, log_output
 from ual_daemon.program.configuration import (
     Configuration,
     ConfigurationError,
@@ -148,6 +148,7 @@ def main(
     """
     gc.disable()  # saves 10 ms of the start, which makes no garbage; `Daemon.run` enables it
     try:
+        environment.refuse_unknown(os.environ, _with_variables(context.command))
         _run(_sources(context, config_file, assignments, flags), print_config=print_config)
     except (ConfigurationError, ConfigError) as error:
         _fail(str(error), _WRONG_USAGE)
@@ -171,6 +172,13 @@ def _sources(
                 key, value = configuration_yaml.assignment(text, name)
                 sources.append(FlagSource(nested(key, value), {key: f"{name} {key}"}))
     return sources
+
+
+def _with_variables(command: click.Command) -> list[str]:
+    """Returns the options that a variable can set, by the names in those variables."""
+    options = (each for each in command.params if isinstance(each, click.Option))
+    own = [str(each.name) for each in options if each.allow_from_autoenv and not each.envvar]
+    return [*own, "config", "set"]
 
 
 def _given_as(name: str, origin: ParameterSource) -> str:

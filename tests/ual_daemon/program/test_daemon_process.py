@@ -203,7 +203,7 @@ def refusal(tmp_path: Path) -> Callable[..., str]:
             ["--backend", "parrot"],
             "ual-daemon: --backend: there is no backend 'parrot'; known are airsim, crazyflie, dji, light, mavlink",
         ),
-        (["--ns", "uav 1"], "ual-daemon: --ns: Expected `str` matching regex"),
+        (["--ns", "uav 1"], "ual-daemon: --ns: expected a name: letters"),
         (["--listen", "50051"], "ual-daemon: --listen: '50051' is no address: expected HOST:PORT or unix:PATH"),
         (["--listen", "0.0.0.0:1"], "ual-daemon: --listen: 0.0.0.0:1 can be reached from other computers"),
         (["--set", "limits.climb_speed_m_s=x"], "ual-daemon: --set limits.climb_speed_m_s: Expected `float`"),
