@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import grpc
 
-from ual import _calls, _rpc_errors
+from ual import _calls, _forks, _rpc_errors
 from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
@@ -28,6 +28,14 @@ class Connection:
         self._retired: list[Route] = []
         self._is_closed = False
         self._was_reached = False
+        self._of_parent: list[Route] = []
+        _forks.renew_in_child(self)
+
+    def begin_anew(self) -> None:
+        """Opens channels of its own in a forked process: those of the parent may not be used, nor closed, there."""
+        self._lock = threading.Lock()
+        self._of_parent += [*self._retired, *filter(None, [self._route])]
+        self._route, self._retired, self._was_reached = None, [], False
 
     @property
     def described(self) -> str:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import grpc
 
-from ual import _calls, _direct
+from ual import _calls, _direct, _forks
 from ual._connection import Connection
 from ual._direct import Send
 from ual.errors import DaemonUnreachableError, UalError
@@ -68,6 +68,14 @@ class Setpoints:
         self._stream: _Stream | None = None
         self._failure: UalError | None = None
         self._accepted_s: float | None = None
+        self._of_parent: list[_Stream] = []
+        _forks.renew_in_child(self)
+
+    def begin_anew(self) -> None:
+        """Leaves the parent's stream to it in a forked process: the first setpoint here is sent by a call again."""
+        self._lock = threading.Lock()
+        self._of_parent += filter(None, [self._stream])
+        self._stream, self._failure, self._accepted_s = None, None, None
 
     def send(self, setpoint: Element) -> None:
         """Sends a setpoint. Raises the `UalError` by which the daemon refused this one or an earlier one."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import grpc
 
-from ual import _discovery
+from ual import _discovery, _gevent
 from ual._calls import Call, Service
 from ual._credentials import Credentials, read
 from ual.errors import InvalidArgumentError
@@ -120,6 +120,8 @@ class Target:
 
     def open_channel(self, api: Any, address: str, more_options: tuple[tuple[str, int], ...] = ()) -> Any:  # noqa: ANN401 (grpc or grpc.aio, and its channel)
         """Opens a channel to an address by `api`, which is the module `grpc` or `grpc.aio`."""
+        if api is grpc:
+            _gevent.prepare()
         options = (*CHANNEL_OPTIONS, *more_options)
         if self._credentials is None:
             return api.insecure_channel(address, options)

@@ -29,6 +29,7 @@ class Connection:
         self._closing: set[asyncio.Task[None]] = set()
         self._is_closed = False
         self._was_reached = False
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
     def is_closed(self) -> bool:
@@ -109,6 +110,7 @@ class Connection:
     def _enter(self) -> Route:
         if self._is_closed:
             raise _calls.closed()
+        self._require_own_loop()
         address = self.target.address()
         route = self._route
         if route is None or address != route.address:
@@ -121,6 +123,15 @@ class Connection:
             route = self._route
         route.call_count += 1
         return route
+
+    def _require_own_loop(self) -> None:
+        running = asyncio.get_running_loop()
+        if self._loop is None:
+            self._loop = running
+        if self._loop is not running:
+            raise UalError(
+                "this client belongs to another event loop, that of its first call: make one inside each asyncio.run()"
+            )
 
     def _close_soon(self, route: Route) -> None:
         closing = asyncio.create_task(route.channel.close())

@@ -1,0 +1,79 @@
+"""The client where Python runs otherwise: in forked processes, under gevent, on several event loops."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+
+import pytest
+
+import ual
+from tests.conftest import LIMIT_S, DaemonProcess
+
+FORKED = """
+import os, sys, ual
+from ual.geometry import Twist
+uav = ual.Uav(address=sys.argv[1])
+for _ in range(18):
+    uav.telemetry()
+    if not os.fork():
+        try:
+            uav.telemetry()
+            try:
+                uav.set_velocity(Twist())
+            except ual.WrongStateError:
+                os._exit(0)
+        finally:
+            os._exit(1)
+    if os.wait()[1]:
+        sys.exit("a call failed in the child")
+uav.telemetry()
+"""
+
+GEVENT = """
+from gevent import monkey
+monkey.patch_all()
+import gevent, gevent.event, sys, ual
+with ual.Uav(address=sys.argv[1]) as uav:
+    got = gevent.event.Event()
+    with uav.subscribe(lambda _: got.set(), 10.0):
+        assert got.wait(60.0)
+    try:
+        uav.set_velocity(ual.Twist())
+    except ual.WrongStateError:
+        print("done")
+"""
+
+
+def run(program: str, daemon: DaemonProcess) -> subprocess.CompletedProcess[str]:
+    daemon.wait_for("state", new="LANDED_ARMED")
+    command = [sys.executable, "-c", program, daemon.address]
+    return subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_a_client_works_in_a_forked_process_and_in_its_parent(daemon: DaemonProcess) -> None:
+    done = run(FORKED, daemon)
+    assert done.returncode == 0, done.stderr
+
+
+def test_telemetry_flows_under_gevent(daemon: DaemonProcess) -> None:
+    done = run(GEVENT, daemon)
+    assert (done.stdout, done.returncode) == ("done\n", 0), done.stderr
+
+
+def test_a_client_of_another_event_loop_says_so(daemon: DaemonProcess) -> None:
+    uav = ual.aio.Uav(address=daemon.address)
+
+    async def ask() -> None:
+        await uav.info()
+
+    async def listen() -> None:
+        async for _ in uav.subscribe():
+            return
+
+    asyncio.run(ask())
+    for other in (ask, listen):
+        with pytest.raises(ual.UalError, match="belongs to another event loop"):
+            asyncio.run(other())
