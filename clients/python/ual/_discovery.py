@@ -135,6 +135,8 @@ class Registration:
     def _has_process(self) -> bool:
         if self.pid <= 0:
             return False
+        if os.name == "nt":  # there `os.kill` would end it; a call will tell
+            return True
         try:
             os.kill(self.pid, 0)
         except ProcessLookupError:
@@ -164,8 +166,10 @@ def _is_locked(file: Path) -> bool | None:
     Takes the lock for a moment, shared, so that several clients can do this at once. A daemon that starts at that
     moment tries again (`ual_daemon.program.namespace`).
     """
-    import fcntl  # imported late: not every system has it, and a client with a given address does not need it
-
+    try:
+        import fcntl  # imported late: not every system has it, and a client with a given address does not need it
+    except ImportError:
+        return None
     try:
         handle = os.open(file, _UNTRUSTED)
     except OSError:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 _OWN = 0o600
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
 def replace(path: Path, data: bytes) -> None:
@@ -31,7 +32,7 @@ def create(path: Path, data: bytes, mode: int = _OWN) -> None:
         OSError: It is there, or cannot be written.
 
     """
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode), "wb") as file:
+    with os.fdopen(os.open(path, _NEW, mode), "wb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

@@ -54,19 +54,30 @@ def keyboard() -> Iterator[Keyboard]:
         if not sys.stdin.isatty():
             yield Keyboard(None)
             return
-        import termios
-        import tty
-
-        file = sys.stdin.fileno()
-        mode = termios.tcgetattr(file)
-        try:
-            tty.setcbreak(file)
-            yield Keyboard(file)
-        finally:
-            with suppress(termios.error):  # the terminal may be gone
-                termios.tcsetattr(file, termios.TCSADRAIN, mode)
+        with _characters_at_once() as keys:
+            yield keys
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _characters_at_once() -> Iterator[Keyboard]:
+    file = sys.stdin.fileno()
+    try:
+        import termios
+        import tty
+    except ImportError:  # Windows, whose consoles have no such mode
+        from ual._cli.console_keys import ConsoleKeyboard
+
+        yield ConsoleKeyboard(file)
+        return
+    mode = termios.tcgetattr(file)
+    try:
+        tty.setcbreak(file)
+        yield Keyboard(file)
+    finally:
+        with suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(file, termios.TCSADRAIN, mode)
 
 
 class Keyboard:

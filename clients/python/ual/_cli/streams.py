@@ -15,12 +15,16 @@ from typing_extensions import override
 _STDERR = 2
 
 
-class OutputLostError(Exception):
+class OutputLostError(OSError):
     """What was printed did not arrive; `has_reader_left` where the other end of a pipe was closed."""
 
     def __init__(self, error: OSError) -> None:
-        super().__init__(error.strerror or str(error))
+        super().__init__(error.errno, error.strerror)
         self.has_reader_left = error.errno == errno.EPIPE
+
+    @override
+    def __str__(self) -> str:
+        return str(self.strerror)
 
 
 class Line(Enum):

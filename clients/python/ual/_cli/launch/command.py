@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from ual import _discovery
 from ual._cli.app import Session, command, note, pass_session
 from ual._cli.help import Section
 from ual._cli.strict_yaml.loading import WRONG_FILE, loaded
+from ual.errors import NotSupportedError
 
 if TYPE_CHECKING:
     from ual._cli.launch.team import Team
@@ -42,6 +44,8 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
     """
     if session.ns or session.is_all or session.address:
         raise click.UsageError("the UAVs of a team are those of its file: leave out --ns, --all and --address")
+    if not hasattr(os, "killpg"):
+        raise NotSupportedError("ual launch starts daemons, which run on Linux and macOS")
     team = loaded(_load, file, "ual launch", "launch")
     if is_shown:
         from ual._cli.launch import shown

@@ -32,7 +32,8 @@ _LATE = "sticks: released, because the terminal is slow, or the process was susp
 _ANSWER_S = 0.5
 _DRAW_S = 0.2
 """A screen is some 2 kB: 10 kB/s over SSH."""
-_HUNG_UP = 128 + signal.SIGHUP
+_HUNG_UP = 129
+"""The exit status of a program that SIGHUP ends."""
 
 
 class Controls(Protocol):
@@ -157,6 +158,9 @@ class _Suspension:
 @contextmanager
 def _suspension() -> Iterator[_Suspension]:
     suspension = _Suspension()
+    if not hasattr(signal, "SIGTSTP"):  # Windows suspends nothing
+        yield suspension
+        return
     before = signal.signal(signal.SIGTSTP, suspension.ask)
     try:
         yield suspension
@@ -166,6 +170,9 @@ def _suspension() -> Iterator[_Suspension]:
 
 @contextmanager
 def _exit_at_hangup() -> Iterator[None]:
+    if not hasattr(signal, "SIGHUP"):  # nor does it hang up
+        yield
+        return
     before = signal.signal(signal.SIGHUP, _hang_up)
     try:
         yield
