@@ -21,8 +21,8 @@ from tests.conftest import DaemonProcess, daemon_environment
 ROOT = Path(__file__).parents[1]
 VERSIONS = [(".", ual_daemon.__version__), ("clients/python", ual.__version__)]
 PROGRAMS = [
-    ("ual_daemon.program.main", f"ual-daemon {ual_daemon.__version__}"),
-    ("ual._cli", f"ual, version {ual.__version__}"),
+    ("ual_daemon.program.entry", f"ual-daemon {ual_daemon.__version__}"),
+    ("ual._entry", f"ual, version {ual.__version__}"),
 ]
 
 

@@ -1,5 +1,5 @@
 """``python -m ual_daemon`` is ``ual-daemon``."""
 
-from ual_daemon.program.main import main
+from ual_daemon.program.entry import main
 
 main()

@@ -234,14 +234,17 @@ class _Served:
 def _on_first_signal(stop: asyncio.Event) -> None:
     """Sets the event at the first signal; a second signal ends the process at once."""
     loop = asyncio.get_running_loop()
-    numbers = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup ignores SIGHUP
+    # nohup ignores SIGHUP, and means it. A shell without a terminal ignores SIGINT for what it starts with `&`: but who
+    # sends one to a daemon wants its end.
+    is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    numbers = [number for number in _SIGNALS if not (is_kept and number is signal.SIGHUP)]
 
     def end_at_once(number: int, frame: FrameType | None) -> None:
         del frame
         os._exit(128 + number)
 
     def on_first(number: signal.Signals) -> None:
-        logs.event(_log, logging.WARNING, "signal", name=number.name, again="ends at once")
+        logs.event(_log, logging.INFO, "signal", name=number.name, again="ends at once")
         for each in numbers:
             loop.remove_signal_handler(each)
             signal.signal(each, end_at_once)

@@ -315,9 +315,21 @@ def test_a_daemon_that_only_watches_says_so_and_cannot_arm(
 # --- Ending -----------------------------------------------------------------------------------------------------------
 
 
+def test_a_shell_that_ignores_ctrl_c_does_not_make_the_daemon_deaf(start_daemon: StartDaemon) -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a script starts with `&`
+    try:
+        daemon = start_daemon()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    daemon.wait_for("state", new="LANDED_DISARMED")
+    daemon.signal(signal.SIGINT)
+    assert daemon.wait() == 0
+    assert daemon.wait_for("signal", name="SIGINT")["level"] == "info"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_on_the_ground_a_signal_ends_it_cleanly(start_daemon: StartDaemon, number: signal.Signals) -> None:
-    if signal.getsignal(number) is signal.SIG_IGN:
+    if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip(f"{number.name} is ignored where these tests run (nohup), and so by the daemon")
     daemon = start_daemon()
     daemon.wait_for("state", new="LANDED_DISARMED")

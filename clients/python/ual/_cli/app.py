@@ -362,6 +362,13 @@ class UalGroup(_SharedOptions, click.Group):
         write_commands(formatter, self.commands, sections)
 
     @override
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:  # (click's)
+        try:
+            return super().make_context(*args, **kwargs)
+        except KeyboardInterrupt:  # click would print "Aborted!"
+            raise click.exceptions.Exit(INTERRUPTED) from None
+
+    @override
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)

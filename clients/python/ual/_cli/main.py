@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 import click
 
@@ -81,5 +82,7 @@ def main() -> None:
     """The entry point."""
     # gRPC's core would write its own messages to stderr, beside the one line with the reason.
     streams.prepare()
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without a terminal has started it with `&`
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     cli(prog_name="ual")
