@@ -22,6 +22,7 @@ from click.testing import CliRunner, Result
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.pages import why_wrong
+from tests.ports import free_port
 from tests.ual import fake_daemon
 from tests.ual.terminal import UAL, Terminal
 from ual._cli import cli, values
@@ -500,6 +501,14 @@ def test_a_geographic_waypoint_is_flown_to(flying: DaemonProcess) -> None:
     with ual.Uav() as uav:
         position = uav.pose().pose.position
     assert (position.x, position.y, position.z) == pytest.approx((0.0, 1.11, 4.0), abs=0.3)
+
+
+def test_a_state_that_is_not_known_has_its_reason_on_stderr(start_daemon: StartDaemon) -> None:
+    daemon = start_daemon("--url", f"udpin://127.0.0.1:{free_port()}", backend="mavlink")
+    daemon.wait_for("state", new="UNINITIALIZED")
+    result = run("state")
+    assert (result.exit_code, result.stdout) == (1, "UNINITIALIZED\n")
+    assert result.stderr.startswith("ual: nothing heard from the autopilot")
 
 
 def test_wait_prints_the_state_that_came_and_fails_without_it(daemon: DaemonProcess) -> None:

@@ -9,7 +9,8 @@ from typing import NoReturn
 import grpc
 import pytest
 
-from ual import _rpc_errors, errors
+from ual import _discovery, _rpc_errors, errors
+from ual._discovery import Registration
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc as pb_grpc
 
@@ -183,3 +184,12 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
 )
 def test_why_nobody_answers_is_told_in_plain_words(details: str, says: str) -> None:
     assert says in _rpc_errors.unreachable("host:1", "", details).message
+
+
+def test_a_wrong_name_is_told_with_the_names_that_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    running = [Registration(f"uav_{i}", 1, f"127.0.0.1:{50050 + i}", "light", 0.0) for i in range(1, 9)]
+    monkeypatch.setattr(_discovery, "list_daemons", lambda: running[:2])
+    assert "; uav_1, uav_2 run here: start one with" in _rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
+    assert "run here" not in _rpc_errors.unreachable("127.0.0.1:1", "uav_1").message
+    monkeypatch.setattr(_discovery, "list_daemons", lambda: running)
+    assert "uav_6 and 2 others run here" in _rpc_errors.unreachable("127.0.0.1:1", "uva_1").message

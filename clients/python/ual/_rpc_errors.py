@@ -14,7 +14,7 @@ from google.rpc.error_details_pb2 import ErrorInfo
 from google.rpc.status_pb2 import Status
 from grpc_status import rpc_status
 
-from ual import errors
+from ual import _discovery, errors
 from ual.errors import (
     DOMAIN,
     DaemonUnreachableError,
@@ -50,6 +50,7 @@ _NOT_CONNECTED = (
 
 _GATEWAY = "the gateway "
 """How each message of the gateway (deploy/gateway) begins."""
+_MOST_NAMES = 6
 _RESET = "RST_STREAM"
 
 # What gRPC's messages mean if only one side uses TLS or the certificates do not match. The first one found counts.
@@ -151,9 +152,19 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
     cause = details.rpartition(": ")[2].strip(" []") or "no answer"
     start = f"ual-daemon --ns {ns}" if ns else "ual-daemon"
     return DaemonUnreachableError(
-        f"{whom} at {address} ({cause}): start one with `{start}`, or say where it is (--address, UAL_ADDRESS)",
+        f"{whom} at {address} ({cause}){_others(ns)}: start one with `{start}`, or say where it is "
+        "(--address, UAL_ADDRESS)",
         metadata,
     )
+
+
+def _others(ns: str) -> str:
+    """Names the UAVs that run on this computer, where one that was named does not."""
+    names = [each.ns for each in _discovery.list_daemons()] if ns else []
+    if not names or ns in names:
+        return ""
+    more = f" and {len(names) - _MOST_NAMES} others" if len(names) > _MOST_NAMES else ""
+    return f"; {', '.join(names[:_MOST_NAMES])}{more} run here"
 
 
 def was_never_sent(error: DaemonUnreachableError) -> bool:

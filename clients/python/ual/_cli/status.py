@@ -96,6 +96,8 @@ def state(session: Session) -> None:
         _state_text(telemetry),
     )
     if telemetry.state is State.UNINITIALIZED:
+        if not sys.stdout.isatty():  # there the name stands alone
+            session.tell("; ".join(_reasons(telemetry)))
         raise click.exceptions.Exit(REFUSED)
 
 
@@ -117,15 +119,21 @@ def _state_text(telemetry: Telemetry) -> str:
     # A pipe gets only the name, so that scripts can compare it.
     if not sys.stdout.isatty():
         return telemetry.state.name
+    first, *more = _reasons(telemetry)
+    return "\n".join((f"{telemetry.state.name}: {first}", *more))
+
+
+def _reasons(telemetry: Telemetry) -> list[str]:
+    """Returns why it is in this state, and what is wrong beside that."""
     health = telemetry.health or Health()
-    lines = [f"{telemetry.state.name}: {telemetry.state_reason}"]
+    lines = [telemetry.state_reason]
     if health.failsafe:
         lines.append(f"failsafe: {health.failsafe}")
     if health.failing_checks:
         lines.append(f"fails: {', '.join(health.failing_checks)}")
     if telemetry.frame_lost:
         lines.append(f"it is not known where home is: {telemetry.frame_lost}")
-    return "\n".join(lines)
+    return lines
 
 
 def _health_fields(health: Health) -> dict[str, object]:
