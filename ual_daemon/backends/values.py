@@ -218,6 +218,8 @@ class Snapshot(NamedTuple):
     its own, whose place on Earth only a `projection` of that boot says. The `projection` is None while it may be that
     of an earlier frame. `boots_in_frame_count` changes when the autopilot has rebooted and its local frame is the same:
     something outside lays it (motion capture).
+    `link_trouble` says for people what is wrong with the link, or what is heard instead of the autopilot; empty while
+    nothing is wrong. It ends the reason of the state while nothing is heard from the autopilot.
     `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
     `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
     present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
@@ -251,6 +253,7 @@ class Snapshot(NamedTuple):
     updated_s: float = math.inf
     own_pause: str = ""
     other_sender: str = ""
+    link_trouble: str = ""
     health: Health | None = None
     failsafe: Cause | None = None
     held_by: Cause | None = None

@@ -81,16 +81,19 @@ def _because(held_by: Cause | None) -> str:
     return f": {held_by.value}" if held_by is not None and held_by.value else ""
 
 
+def _silent(why: str, snapshot: Snapshot) -> Estimate:
+    trouble = f"; {snapshot.link_trouble}" if snapshot.link_trouble else ""
+    return Estimate(State.UNINITIALIZED, f"{why}{trouble}", is_link_up=False)
+
+
 def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | None:
     if snapshot.heard_s is None:
-        return Estimate(State.UNINITIALIZED, "nothing heard from the autopilot yet", is_link_up=False)
+        return _silent("nothing heard from the autopilot yet", snapshot)
     if snapshot.conflict:
         return Estimate(State.UNINITIALIZED, snapshot.conflict)
     silence_s = snapshot.time_s - snapshot.heard_s
     if silence_s > freshness.link_s:
-        return Estimate(
-            State.UNINITIALIZED, f"nothing heard from the autopilot for {silence_s:.1f} s", is_link_up=False
-        )
+        return _silent(f"nothing heard from the autopilot for {silence_s:.1f} s", snapshot)
     required: tuple[tuple[str, Sample[object] | None, float], ...] = (
         ("whether it is armed", snapshot.armed, freshness.mode_s),
         ("its mode", snapshot.mode, freshness.mode_s),

@@ -15,13 +15,15 @@ FIRST_PORT = 14540
 """The port to which PX4's simulator sends the onboard stream of its first vehicle; the next one's is one higher."""
 
 MavlinkId = Annotated[int, Meta(ge=1, le=254)]
+ComponentId = Annotated[int, Meta(ge=0, le=255)]
 
 
 class MavlinkSettings(Settings, frozen=True, kw_only=True):
     """The section ``mavlink`` of the configuration.
 
     `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot that is received
-    (None: the first heard). `component_id` is ours, beside the autopilot in its system; two programs on one vehicle
+    (None: the first heard), and `autopilot_component_id` its component (None: 1, or another one that is surely an
+    autopilot's). `component_id` is ours, beside the autopilot in its system; two programs on one vehicle
     need different ones. `pose_rate_hz` is the rate at which position and attitude are requested. With
     `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;
     `drag_1_s` is the drag that it begins with.
@@ -30,6 +32,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
 
     url: str | None = None
     system_id: MavlinkId | None = None
+    autopilot_component_id: ComponentId | None = None
     component_id: MavlinkId = 191
     pose_rate_hz: Annotated[float, Meta(ge=5.0, le=200.0)] = 50.0
     learns_feed_forward: bool = True

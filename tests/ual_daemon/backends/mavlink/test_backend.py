@@ -255,18 +255,18 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         other.bind(("127.0.0.1", port))
         backend = stack.enter_context(opened(f"udpin://127.0.0.1:{port}"))
-        text = wait_for(lambda: backend.snapshot().status_text, "the trouble")
+        text = wait_for(lambda: backend.snapshot().link_trouble, "the trouble")
         assert text == (
             f"cannot listen at UDP 127.0.0.1:{port}: Address already in use; "
             "trying again (does another program use this port?)"
         )
         other.close()
-        waiting = f"waiting for an autopilot at udpin://127.0.0.1:{port}"
-        wait_for(lambda: backend.snapshot().status_text == waiting, "the port")
+        waiting = f"nothing comes to udpin://127.0.0.1:{port}"
+        wait_for(lambda: backend.snapshot().link_trouble == waiting, "the port")
         autopilot = stack.enter_context(contextlib.closing(Autopilot(port)))
         autopilot.say(heartbeat())
         wait_for(lambda: backend.snapshot().armed is not None, "the autopilot")
-        wait_for(lambda: not backend.snapshot().status_text, "the end of the trouble")
+        wait_for(lambda: not backend.snapshot().link_trouble, "the end of the trouble")
 
 
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(

@@ -182,9 +182,9 @@ def test_over_tcp_a_simulator_is_met_killed_and_met_again(simulator: Simulator) 
             simulator.repeat_until(lambda now=is_armed: (found := backend.snapshot().armed) and found.value is now)  # type: ignore[misc]
             simulator.hear("COMMAND_LONG", command=INTERVAL)  # asked anew each time
             simulator.hear("TIMESYNC", tc1=0)
-            simulator.repeat_until(lambda: not backend.snapshot().status_text)
+            simulator.repeat_until(lambda: not backend.snapshot().link_trouble)
             simulator.kill()
-            wait_for(lambda: backend.snapshot().status_text)
+            wait_for(lambda: backend.snapshot().link_trouble)
             simulator.start()
         simulator.accept()
     finally:

@@ -24,6 +24,7 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.external_pose import encode_vision_position_estimate
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
@@ -60,11 +61,11 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         if isinstance(setpoint, PositionSetpoint):
             setpoint = self.position_setpoint(setpoint, parameters)
-        return encode_position_target(setpoint, system_id, time_ms, with_acceleration=self.takes_acceleration)
+        return encode_position_target(setpoint, target, time_ms, with_acceleration=self.takes_acceleration)
 
     @override
     def encode_external_pose(self, measured: ExternalPose) -> Message:

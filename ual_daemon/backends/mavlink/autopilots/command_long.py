@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import LandedState, Snapshot
 
@@ -34,12 +35,10 @@ class CommandLong:
     then: CommandLong | None = None
     mode: str = ""
 
-    def encode(self, system_id: int, confirmation: int) -> Message:
-        """Returns the message to the autopilot of a system. `confirmation` is how often it was sent before."""
+    def encode(self, target: Source, confirmation: int) -> Message:
+        """Returns the message to an autopilot. `confirmation` is how often it was sent before."""
         params = (*self.params, *(0.0,) * (_PARAMS_COUNT - len(self.params)))
-        return mavlink.MAVLink_command_long_message(
-            system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, self.id, confirmation, *params
-        )
+        return mavlink.MAVLink_command_long_message(*target, self.id, confirmation, *params)
 
 
 def arm_or_disarm(*, is_arming: bool) -> CommandLong:

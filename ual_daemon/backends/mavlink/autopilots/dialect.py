@@ -10,7 +10,7 @@ from ual.errors import NotSupportedError
 from ual_daemon.backends.autopilots.autopilot import NO_PARAMETERS, Autopilot, version_text
 from ual_daemon.backends.autopilots.px4_events import Event
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, arm_or_disarm
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
 
@@ -52,7 +52,7 @@ class Dialect(Autopilot):
 
     @abstractmethod
     def encode_setpoint(
-        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         """Returns the message of a setpoint; `parameters` are those read so far.
 

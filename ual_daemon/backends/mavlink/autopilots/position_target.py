@@ -5,6 +5,7 @@ from __future__ import annotations
 from ual.geometry import Vector3
 from ual_daemon.backends.autopilots.numbers import POSITION_MASK, UNACCELERATED_MASK, VELOCITY_MASK
 from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
@@ -12,7 +13,7 @@ _ZERO = Vector3()
 
 
 def encode_position_target(
-    setpoint: Setpoint, system_id: int, time_ms: int, *, with_acceleration: bool = True
+    setpoint: Setpoint, target: Source, time_ms: int, *, with_acceleration: bool = True
 ) -> Message:
     """Returns the message of a setpoint.
 
@@ -31,8 +32,8 @@ def encode_position_target(
         yaw_rad = 0.0
     return TargetMessage(
         time_ms,
-        system_id,
-        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        target.system_id,
+        target.component_id,
         mavlink.MAV_FRAME_LOCAL_NED,
         mask,
         position.x,

@@ -23,7 +23,7 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.external_pose import encode_odometry
 from ual_daemon.backends.mavlink.autopilots.position_target import encode_position_target
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
 
@@ -72,9 +72,9 @@ class Px4(px4.Px4, Dialect):
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
-        return encode_position_target(setpoint, system_id, time_ms)
+        return encode_position_target(setpoint, target, time_ms)
 
     @override
     def encode_external_pose(self, measured: ExternalPose) -> Message:

@@ -6,22 +6,23 @@ from collections.abc import Mapping
 
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 
 class SetpointEncoder:
-    """Encodes the setpoints for the autopilot of a system. From any thread.
+    """Encodes the setpoints for one autopilot, the `target`. From any thread.
 
     `parameters` are those read so far, and may grow. `feed_forward` is added to positions; None where the autopilot
     takes none.
     """
 
     def __init__(
-        self, dialect: Dialect, system_id: int, parameters: Mapping[str, float], feed_forward: FeedForward | None
+        self, dialect: Dialect, target: Source, parameters: Mapping[str, float], feed_forward: FeedForward | None
     ) -> None:
         self._dialect = dialect
-        self._system_id = system_id
+        self._target = target
         self._parameters = parameters
         self._feed_forward = feed_forward
 
@@ -35,4 +36,4 @@ class SetpointEncoder:
         time_ms = int(now_s * 1000.0) & 0xFFFFFFFF
         if self._feed_forward is not None and isinstance(setpoint, PositionSetpoint):
             setpoint = self._feed_forward.apply(setpoint, now_s)
-        return self._dialect.encode_setpoint(setpoint, self._system_id, time_ms, self._parameters)
+        return self._dialect.encode_setpoint(setpoint, self._target, time_ms, self._parameters)

@@ -16,6 +16,7 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
     slow_streams,
 )
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
@@ -24,7 +25,7 @@ from ual_daemon.geodesy import EllipsoidProjection, Projection
 class Unknown(Dialect):
     """An unknown autopilot, or a known one on a vehicle that is not a multirotor: read by the common messages."""
 
-    wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+    wanted_messages: tuple[int, ...] = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
 
     def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
         of = "" if kind == mavlink.MAV_TYPE_GENERIC else f", {vehicle_text(kind)}"
@@ -66,7 +67,7 @@ class Unknown(Dialect):
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, system_id: int, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         raise self._refusal()
 
@@ -96,6 +97,24 @@ class Unknown(Dialect):
 
     def _refusal(self) -> NotSupportedError:
         return NotSupportedError(self.limitation, {"autopilot": self.name})
+
+
+class Unaddressed(Unknown):
+    """An autopilot of system 0, which stands for all systems: what is sent to it would reach every vehicle."""
+
+    wanted_messages = ()
+
+    def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
+        super().__init__(autopilot, kind)
+        self.limitation = (
+            f"UAL only watches an autopilot that sends as system 0 ({autopilot_text(autopilot)}, "
+            f"{vehicle_text(kind)}): what is sent to system 0 reaches every vehicle; give it an id of its own "
+            "(PX4: MAV_SYS_ID; ArduPilot: SYSID_THISMAV, from 4.7 on MAV_SYSID)"
+        )
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return []
 
 
 def autopilot_text(autopilot: int) -> str:

@@ -129,7 +129,7 @@ class Connection(Transport):
         if self._link.connections_count != self._connections_count:
             self._connections_count = self._link.connections_count
             self._alive_s = now_s
-            self.trouble = f"waiting for an autopilot at {self._url}" if self._logged else ""
+            self.trouble = ""
         if not self._is_open:
             if now_s >= self._next_open_s:
                 self._open(now_s)

@@ -8,24 +8,31 @@ from dataclasses import replace
 
 from typing_extensions import override
 
+from ual_daemon import logs
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
-from ual_daemon.backends.mavlink.session.session import Session, Successor
+from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
 from ual_daemon.backends.mavlink.session.supervision import LinkState, LinkStatistics, Supervision
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message
-from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector, source_text
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.mavlink.wire.signing import Signer
+from ual_daemon.backends.mavlink.wire.untaken import LASTS_S
 
 _log = logging.getLogger(__name__)
 
 _MOST_OTHERS = 8
-"""So many other autopilots are named in the log."""
+"""So many other autopilots, and so many reasons why nothing is taken, are named in the log."""
+ODD_WAIT_S = 1.5
+"""An autopilot with odd ids (system 0, or not component 1) is taken once none with usual ids has been heard for so long
+beside it: a heartbeat comes each second."""
+_AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _CALLER_SYSTEM_ID = 245
 """Our system until the autopilot is found, whose system we then join."""
 
@@ -34,7 +41,7 @@ class Discovery(Selector):
     """Selects the first autopilot whose heartbeat comes, if the settings allow it, and keeps the session with it.
 
     Not thread-safe: belongs to the thread that receives. `receiver` and `sender` are the two ways through the link;
-    `session` is None until the autopilot is found. `url` is for the log.
+    `session` is None until the autopilot is found. `url` is for people.
     """
 
     def __init__(
@@ -49,7 +56,7 @@ class Discovery(Selector):
         codec = Codec(settings.component_id, signer)
         codec.join(_CALLER_SYSTEM_ID)
         self.sender = Sender(link, codec)
-        self.receiver = Receiver(link, codec, self, settings.system_id, signer)
+        self.receiver = Receiver(link, codec, self, signer)
         self.supervision = Supervision(url, Dialect.freshness.link_s)
         self.session: Session | None = None
         self._settings = settings
@@ -57,8 +64,9 @@ class Discovery(Selector):
         self._setpoints = setpoints
         self._payload_messages = payload_messages or PayloadMessages()
         self._next_heartbeat_s = -math.inf
-        self._other_system_ids: set[int] = set()
-        self._passed_over: set[int] = set()
+        self._url = url
+        self._others: set[Source] = set()
+        self._told: set[str] = set()
 
     def reconnected(self) -> None:
         """Starts anew with a new other end of the link, which continues no frame and has received no request."""
@@ -80,10 +88,11 @@ class Discovery(Selector):
         """Does what is due; to be called often."""
         self.receiver.tick(now_s)
         self.supervision.tick(now_s)
+        self._tell_silence(now_s)
         if self.session is not None:
             self.session.tick(now_s)
             if self.session.successor is not None:
-                self._replace_session(self.session.system_id, self.session.successor)
+                self._replace_session(self.session.source, self.session.successor)
         elif self._link.peer is not None and now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + OWN_HEARTBEAT_S
             self.sender.send(own_heartbeat())
@@ -97,29 +106,87 @@ class Discovery(Selector):
             impossible_count=0 if session is None else session.telemetry.plausibility.counts.total(),
         )
 
+    def why_silent(self, now_s: float) -> str:
+        """Returns for people what is heard instead of the autopilot while that is not heard, or from where nothing is.
+
+        Empty while it is heard.
+        """
+        supervision = self.supervision
+        if supervision.state not in (LinkState.CONNECTING, LinkState.LOST):
+            return ""
+        since_s = -math.inf if supervision.heard_s is None else supervision.heard_s
+        heard = self.receiver.untaken.text(now_s, since_s)
+        return f"heard at {self._url} instead: {heard}" if heard else f"nothing comes to {self._url}"
+
     @override
-    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> Session | None:
+    def is_wanted(self, source: Source, heartbeat: Message) -> bool:
+        return not self._why_not(source, kind_of(heartbeat))
+
+    @override
+    def on_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> Session | None:
+        kind, untaken = kind_of(heartbeat), self.receiver.untaken
+        if self._is_odd(source):
+            why = "waiting for an autopilot with usual ids"
+            untaken.note(source, _heard_text(source, kind, address, why), now_s)
+            if untaken.lasts_s(source, now_s) < ODD_WAIT_S:
+                return None
+        is_addressable = source.system_id != ALL_SYSTEMS
+        if is_addressable:
+            self.sender.join(source.system_id)
+        return self._open_session(source, kind, dialect_of(kind, is_addressable=is_addressable), address)
+
+    @override
+    def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
         kind = kind_of(heartbeat)
-        if not kind.is_vehicle and self._settings.system_id is None:
-            self._pass_over(system_id, kind)
-            return None
-        self.sender.join(system_id)
-        return self._open_session(system_id, kind, dialect_of(kind), address)
+        is_vehicle = kind.is_autopilot and kind.is_vehicle
+        why = self._why_not(source, kind)
+        if not why and self.session is not None:
+            why = f"this daemon flies {source_text(self.session.source)}, the first heard"
+            if is_vehicle:
+                self._tell_other(source)
+        self.receiver.untaken.note(source, _heard_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
 
-    def _pass_over(self, system_id: int, kind: Kind) -> None:
-        if system_id not in self._passed_over and len(self._passed_over) < _MOST_OTHERS:
-            self._passed_over.add(system_id)
-            _log.info("system %d is no vehicle, but %s: waiting for another one", system_id, kind_text(kind))
+    def _is_odd(self, source: Source) -> bool:
+        """Whether it has ids that an autopilot seldom has, and that were not chosen."""
+        is_usual = source.component_id == _AUTOPILOT or self._settings.autopilot_component_id is not None
+        return source.system_id == ALL_SYSTEMS or not is_usual
 
-    def _replace_session(self, system_id: int, successor: Successor) -> None:
+    def _why_not(self, source: Source, kind: Kind) -> str:
+        """Returns for people why the sender of a heartbeat may not be selected; empty if it may."""
+        only, only_component = self._settings.system_id, self._settings.autopilot_component_id
+        is_named = kind.names_firmware or source.system_id == ALL_SYSTEMS
+        if not kind.is_autopilot:
+            return "no autopilot"
+        if only not in (None, source.system_id):
+            return f"{SECTION}.system_id is {only}"
+        if only_component not in (None, source.component_id):
+            return f"{SECTION}.autopilot_component_id is {only_component}"
+        if not kind.is_vehicle and only is None:
+            return "no vehicle"
+        if only_component is None and source.component_id != _AUTOPILOT and not (is_named and kind.names_vehicle):
+            return f"if it is the autopilot, set {SECTION}.autopilot_component_id={source.component_id}"
+        return ""
+
+    def _tell_silence(self, now_s: float) -> None:
+        """Logs once each what is heard instead of the autopilot."""
+        supervision, told = self.supervision, self._told
+        if supervision.state not in (LinkState.CONNECTING, LinkState.LOST) or len(told) >= _MOST_OTHERS:
+            return
+        since_s = -math.inf if supervision.heard_s is None else supervision.heard_s
+        heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTS_S)
+        if heard and heard not in told:
+            told.add(heard)
+            logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=heard)
+
+    def _replace_session(self, source: Source, successor: Successor) -> None:
         """Opens the session anew, as the vehicle is another one than its heartbeats said, or than was there before."""
-        dialect = dialect_of(successor.kind)
-        self.receiver.replace_handler(self._open_session(system_id, successor.heartbeats_kind, dialect, None))
+        dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS)
+        self.receiver.replace_handler(self._open_session(source, successor.heartbeats_kind, dialect, None))
 
-    def _open_session(self, system_id: int, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
+    def _open_session(self, source: Source, kind: Kind, dialect: Dialect, address: Address | None) -> Session:
         """Opens the session with an autopilot whose heartbeats are of this kind."""
         self.session = Session(
-            system_id,
+            source,
             kind,
             dialect,
             self._settings,
@@ -130,21 +197,25 @@ class Discovery(Selector):
         )
         self.supervision.lost_s = dialect.freshness.link_s
         where = "" if address is None else f", at {address[0]}:{address[1]}"
-        _log.info("connected to %s, system %d%s", dialect.name, system_id, where)
+        _log.info("connected to %s, %s%s", dialect.name, source_text(source), where)
         return self.session
 
-    @override
-    def on_other_heartbeat(self, system_id: int) -> None:
-        others = self._other_system_ids
-        if self.session is None or self._settings.system_id is not None or system_id in others:
+    def _tell_other(self, source: Source) -> None:
+        """Logs once each that there is another autopilot."""
+        others, session = self._others, self.session
+        if session is None or source in others or len(others) >= _MOST_OTHERS:
             return
-        if len(others) >= _MOST_OTHERS:
-            return
-        self._other_system_ids.add(system_id)
+        others.add(source)
         _log.warning(
-            "more than one autopilot is heard: systems %s; this one flies system %d, the first heard; "
-            "choose with %s.system_id",
-            ", ".join(map(str, sorted({self.session.system_id, *self._other_system_ids}))),
-            self.session.system_id,
+            "more than one autopilot is heard: %s; this one flies %s, the first heard; choose with %s.system_id%s",
+            " and ".join(map(source_text, sorted({session.source, *others}))),
+            source_text(session.source),
             SECTION,
+            f" and {SECTION}.autopilot_component_id" if source.system_id == session.system_id else "",
         )
+
+
+def _heard_text(source: Source, kind: Kind, address: Address | None, why: str) -> str:
+    """Returns for people what sends a heartbeat, and why it is not taken."""
+    where = "" if address is None else f" at {address[0]}:{address[1]}"
+    return f"{kind_text(kind)} ({source_text(source)}{where}): {why}"

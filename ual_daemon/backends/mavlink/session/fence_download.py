@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from ual_daemon.backends.autopilots.fence_zones import FenceItem, FoundZones, find_zones
 from ual_daemon.backends.mavlink.session.conversions import degrees
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 RETRY_S = 0.6
@@ -36,7 +37,7 @@ class FenceDownload:
     """Belongs to the thread that receives, and never blocks.
 
     Args:
-        system_id: The autopilot's system.
+        target: The autopilot.
         own_ids: Our system and component: only messages to these count.
         send: Sends a message.
         on_found: Takes what the items mean, whenever they have been downloaded, the same as before too.
@@ -46,13 +47,13 @@ class FenceDownload:
 
     def __init__(
         self,
-        system_id: int,
+        target: Source,
         own_ids: tuple[int, int],
         send: Callable[[Message], object],
         on_found: Callable[[FoundZones], None],
         on_failed: Callable[[str], None],
     ) -> None:
-        self._target = (system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._target = target
         self._own_ids = own_ids
         self._send = send
         self._on_found = on_found

@@ -181,12 +181,13 @@ class ReceiveLoop:
             self.info = info
 
     def _publish(self, now_s: float) -> None:
-        session, trouble = self._discovery.session, self._connection.trouble
+        session = self._discovery.session
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
         # What came after the last batch was received is not in it, however long the batch has taken.
         snapshot = snapshot._replace(updated_s=self._own_pause.woke_s, own_pause=self._own_pause.why(now_s))
+        trouble = self._connection.trouble or self._discovery.why_silent(now_s)
         if trouble:
-            snapshot = snapshot._replace(status_text=trouble)
+            snapshot = snapshot._replace(link_trouble=trouble)
         self.snapshot = snapshot
         try:
             self._on_update(snapshot)

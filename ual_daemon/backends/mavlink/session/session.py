@@ -33,7 +33,7 @@ from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.values import Snapshot, VehicleInfo
@@ -49,6 +49,8 @@ HOME_REQUEST_S = 0.2
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
+ALL_SYSTEMS = 0
+"""The system id that addresses every vehicle: nothing is sent to it."""
 ORIGIN_S = 0.5
 """How often the origin of the local frame is requested while it is doubted."""
 
@@ -61,11 +63,11 @@ class Successor(NamedTuple):
 
 
 class Session:
-    """The session with the autopilot of a system. `setpoints` are those that were sent to it."""
+    """The session with the autopilot `source`. `setpoints` are those that were sent to it."""
 
     def __init__(
         self,
-        system_id: int,
+        source: Source,
         kind: Kind,
         dialect: Dialect,
         settings: MavlinkSettings,
@@ -74,9 +76,10 @@ class Session:
         setpoints: SetpointMonitor,
         payload_messages: PayloadMessages | None = None,
     ) -> None:
-        self.system_id = system_id
+        self.source = source
+        self.system_id = source.system_id
         self.dialect = dialect
-        self.identity = Identity(system_id, kind)
+        self.identity = Identity(self.system_id, kind)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
         self.telemetry = Telemetry(dialect, supervision.begin_boot())
@@ -84,8 +87,8 @@ class Session:
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
-        self.setpoint_encoder = SetpointEncoder(dialect, system_id, self.telemetry.parameters, self._feed_forward)
-        self._own_ids = (system_id, settings.component_id)
+        self.setpoint_encoder = SetpointEncoder(dialect, source, self.telemetry.parameters, self._feed_forward)
+        self._own_ids = (self.system_id, settings.component_id)
         self._pose_rate_hz = settings.pose_rate_hz
         self._sender = sender
         self._payload_messages = payload_messages or PayloadMessages()
@@ -415,7 +418,7 @@ class Session:
             _log.debug("the zones of the own fence of %s were not read: %s", name, why)
             fence.stop_waiting()
 
-        return FenceDownload(self.system_id, self._own_ids, self._sender.send, fence.set_zones, give_up)
+        return FenceDownload(self.source, self._own_ids, self._sender.send, fence.set_zones, give_up)
 
     def _fence_handlers(self, download: FenceDownload) -> dict[int, Callable[[Message, float, float], None]]:
         def on_parameter(message: Message, _now_s: float, _: float) -> None:
@@ -454,11 +457,9 @@ class Session:
             self._commands.submit(request, now_s)
 
     def _send_command(self, command: CommandLong, sent_before_count: int) -> None:
-        self._sender.send(command.encode(self.system_id, sent_before_count))
+        if self.system_id == ALL_SYSTEMS:
+            return
+        self._sender.send(command.encode(self.source, sent_before_count))
 
     def _request_parameter(self, name: str) -> None:
-        self._sender.send(
-            mavlink.MAVLink_param_request_read_message(
-                self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode("ascii"), -1
-            )
-        )
+        self._sender.send(mavlink.MAVLink_param_request_read_message(*self.source, name.encode("ascii"), -1))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 from typing import NamedTuple
 
+from ual_daemon.backends.hosts import Address
 from ual_daemon.backends.mavlink.wire import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
@@ -44,8 +46,17 @@ WORK_PER_S = 400_000
 only. A byte that is searched counts as 1. A flood must not take the thread from flying."""
 SAVED_S = 0.25
 """The work of so long may be saved up."""
+MOST_SOURCES = 8
+"""The beginnings of frames of so many sources are kept; that of the source heard least lately gives way."""
 _LOOK = 48
 """The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
+
+
+class Source(NamedTuple):
+    """Who sends: a component of a system."""
+
+    system_id: int
+    component_id: int
 
 
 class Frame(NamedTuple):
@@ -60,9 +71,14 @@ class Frame(NamedTuple):
     payload: bytes
     """Its content. MAVLink 2 omits zeros at the end."""
 
+    @property
+    def source(self) -> Source:
+        """Who sent it."""
+        return Source(self.system_id, self.component_id)
+
 
 class FrameReader:
-    """Finds the frames (MAVLink 1 and 2) in pieces of a stream, cut anywhere, or in whole datagrams.
+    """Finds the frames (MAVLink 1 and 2) in pieces of a stream, or in datagrams, cut anywhere.
 
     Bytes that begin like a frame but are not one are searched again from the second byte on. So garbage hides no frame,
     however the stream is cut, with one exception. The work on false beginnings is limited to `CREDIT_PER_BYTE` for each
@@ -71,6 +87,11 @@ class FrameReader:
     frames alone do not use it up: one of n bytes pays for 4 n and costs n + 48, and the shortest that matter, the
     heartbeats, have 17 and 21. Where `refill` tells the time, the work is also limited to `WORK_PER_S`. In a flood that
     uses this up, the rest of a datagram, or of a piece, is passed over from its first false beginning on.
+
+    A bridge from a serial line cuts a stream into datagrams without regard to frames, so a frame may go on in the next
+    datagram of its source. A datagram that begins with a whole frame never waits for what was begun before. In other
+    datagrams an incomplete frame that directly follows a whole one is completed first: its content may look like a
+    frame (a log that is downloaded). What looks like a beginning amid garbage holds up no whole frame behind it.
 
     `garbage_count` is the number of bytes that belong to no frame, `corrupt_count` the number of uninterrupted runs of
     them: about the number of damaged frames.
@@ -84,11 +105,7 @@ class FrameReader:
         self._credit = float(LARGEST_CREDIT)
         self._budget = math.inf
         self._refilled_s: float | None = None
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether the last bytes may be the beginning of a frame."""
-        return bool(self._rest)
+        self._sources: dict[Address | None, _Source] = {}
 
     def refill(self, now_s: float) -> None:
         """Tells the time, for the limit on the work in a second; to be called before bytes are read."""
@@ -100,34 +117,27 @@ class FrameReader:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Returns the frames that end in the next piece of a stream."""
-        return self._scan(self._rest + data, goes_on=True)
+        source = self._sources.get(None)
+        frames = self._scan(source.begun + data if source is not None else data, goes_on=True, is_stream=True)
+        if source is not None or self._rest:
+            self._keep(source, None)
+        return frames
 
-    def finish(self) -> list[Frame]:
-        """Gives up the incomplete frame. Returns the frames that were found within its bytes."""
-        if not self._rest:
-            return []
-        self._skip(1)
-        return self._scan(self._rest[1:], goes_on=False)
-
-    def read(self, datagram: bytes) -> list[Frame]:
-        """Returns the frames of a datagram, which contains only whole ones."""
+    def read(self, datagram: bytes, source: Address | None = None) -> list[Frame]:
+        """Returns the frames that end in a datagram of a source."""
         frame = _frame(datagram)
         if frame is not None:  # nearly always: one frame
             self._is_in_garbage = False
             return [frame]
         if self._budget < 0.0:
             return self.read_beginning(datagram)
-        # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
-        self._credit = min(LARGEST_CREDIT, CREDIT_PER_BYTE * len(datagram))
-        frames = self._scan(datagram, goes_on=False)
-        self._is_in_garbage = False
-        return frames
+        return self._read_pieces(datagram, source)
 
     def read_beginning(self, datagram: bytes) -> list[Frame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
         frames: list[Frame] = []
         at = 0
-        while _BEGINNING.match(datagram, at) and (size := _size_at(datagram, at)):
+        while size := _whole_at(datagram, at):
             frame = _frame(datagram[at : at + size])
             if frame is None:
                 break
@@ -137,21 +147,66 @@ class FrameReader:
         self._is_in_garbage = False
         return frames
 
-    def _scan(self, data: bytes, *, goes_on: bool) -> list[Frame]:
-        """Returns the frames in some bytes; an incomplete one at the end is kept where they go on."""
+    def give_up(self, before_s: float = math.inf) -> list[tuple[Address | None, list[Frame]]]:
+        """Gives up what was begun and has not gone on since a time. Returns the frames within it, for each source."""
+        late = [key for key, source in self._sources.items() if source.begun and source.heard_s < before_s]
+        return [(key, self._give_up(self._sources[key])) for key in late]
+
+    def forget(self) -> None:
+        """Forgets all that was begun, and how each source cuts its frames: the link is another one."""
+        for source in self._sources.values():
+            self._skip(len(source.begun))
+        self._sources.clear()
+        self._is_in_garbage = False
+
+    def _give_up(self, source: _Source) -> list[Frame]:
+        begun, source.begun = source.begun, b""
+        self._skip(1)
+        frames = self._scan(begun[1:], goes_on=False)
+        self._is_in_garbage = False
+        return frames
+
+    def _read_pieces(self, datagram: bytes, key: Address | None) -> list[Frame]:
+        """Returns the frames of a datagram that is not one frame."""
+        source = self._sources.get(key) if self._sources else None
+        begun = b"" if source is None else source.begun
+        frames: list[Frame] = []
+        if source is not None and begun and _begins_whole(datagram) and not _begins_whole(begun + datagram):
+            frames, begun = self._give_up(source), b""
+        # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
+        saved = source.credit if source is not None and begun else 0.0
+        self._credit = min(saved + CREDIT_PER_BYTE * len(datagram), LARGEST_CREDIT)
+        frames += self._scan(begun + datagram, goes_on=True)
+        if not self._rest:
+            self._is_in_garbage = False
+        if source is not None or self._rest:
+            self._keep(source, key)
+        return frames
+
+    def _keep(self, source: _Source | None, key: Address | None) -> None:
+        """Keeps the beginning of a frame that the last bytes of a source may be."""
+        if source is None:
+            if len(self._sources) >= MOST_SOURCES:
+                del self._sources[min(self._sources, key=lambda each: self._sources[each].heard_s)]
+            source = self._sources[key] = _Source()
+        source.begun, source.credit = self._rest, self._credit
+        source.heard_s = self._refilled_s or 0.0
+
+    def _scan(self, data: bytes, *, goes_on: bool, is_stream: bool = False) -> list[Frame]:
+        """Returns the frames in some bytes. Where they go on, an incomplete one at the end becomes `_rest`."""
         frames: list[Frame] = []
         self._rest = b""
         begin = 0  # of the garbage that is not counted yet
+        open_at: int | None = None
         at = self._blind_until(data, 0)
         while match := self._find(data, at):
             found = match.start()
             size = _size_at(data, found)
             if size is None or len(data) - found < size:
-                if goes_on:
-                    self._rest = data[found:]
-                    self._earn(found - at)
-                    self._skip(found - begin)
-                    return frames
+                if goes_on and open_at is None:
+                    open_at = found
+                if goes_on and (is_stream or found == begin):
+                    break
                 size = 0
             frame = _frame(data[found : found + size]) if size else None
             if frame is None:
@@ -165,8 +220,11 @@ class FrameReader:
                 begin = found + size
                 self._earn(begin - at)
                 at = begin
-        self._earn(len(data) - at)
-        self._skip(len(data) - begin)
+                open_at = None
+        end = len(data) if open_at is None else open_at
+        self._earn(max(0, end - at))
+        self._skip(end - begin)
+        self._rest = data[end:]
         return frames
 
     def _find(self, data: bytes, at: int) -> re.Match[bytes] | None:
@@ -197,10 +255,34 @@ class FrameReader:
         return at + count
 
 
+@dataclass(slots=True)
+class _Source:
+    """One who sends pieces of frames."""
+
+    begun: bytes = b""
+    """The beginning of a frame that is not complete."""
+    credit: float = 0.0
+    heard_s: float = 0.0
+
+
 def split(datagram: bytes) -> tuple[list[Frame], int]:
     """Returns the frames in a datagram, and how many bytes belong to none."""
     reader = FrameReader()
-    return reader.read(datagram), reader.garbage_count
+    frames = reader.read(datagram)
+    frames += [frame for _, found in reader.give_up() for frame in found]
+    return frames, reader.garbage_count
+
+
+def _begins_whole(datagram: bytes) -> bool:
+    """Whether a datagram begins with a whole frame."""
+    size = _whole_at(datagram, 0)
+    return bool(size) and _frame(datagram[:size]) is not None
+
+
+def _whole_at(datagram: bytes, at: int) -> int:
+    """Returns the size of the frame that may begin there and is not longer than the datagram; 0 if none does."""
+    size = _size_at(datagram, at) if _BEGINNING.match(datagram, at) else None
+    return size if size and size <= len(datagram) - at else 0
 
 
 def _size_at(data: bytes, at: int) -> int | None:

@@ -8,9 +8,10 @@ from collections.abc import Set as AbstractSet
 from typing import Protocol
 
 from ual_daemon.backends.mavlink.links import Address, Transport
-from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader, Source
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import KEY, Signer, Verdict
+from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
 _log = logging.getLogger(__name__)
 
@@ -18,6 +19,7 @@ PEER_SILENCE_S = 0.5
 """Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
 _MOST_LOGGED = 32
 """So many different troubles are logged, each once."""
+_GARBAGE = "bytes that are no MAVLink (another baud rate or protocol?)"
 INCOMPLETE_FRAME_S = 0.5
 """What begins like a frame and is not completed within this time is not a frame."""
 
@@ -38,18 +40,24 @@ class MessageHandler(Protocol):
 class Selector(Protocol):
     """Selects the autopilot whose messages are received."""
 
-    def on_heartbeat(self, system_id: int, heartbeat: Message, address: Address | None) -> MessageHandler | None:
-        """Takes an autopilot's heartbeat while none is selected. Returns the handler that selects this autopilot."""
+    def is_wanted(self, source: Source, heartbeat: Message) -> bool:
+        """Whether who sends a heartbeat may be selected at all."""
 
-    def on_other_heartbeat(self, system_id: int) -> None:
-        """Takes note of the heartbeat of an autopilot that is not the selected one."""
+    def on_heartbeat(
+        self, source: Source, heartbeat: Message, address: Address | None, now_s: float
+    ) -> MessageHandler | None:
+        """Takes a wanted heartbeat while none is selected. Returns the handler that selects who sent it."""
+
+    def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
+        """Takes note of any other heartbeat."""
 
 
 class Receiver:
     """Finds frames, checks their senders and signatures, decodes them, and passes them to the handler.
 
-    Not thread-safe: belongs to the thread that receives. Only frames of component 1 (autopilots) count. Before one is
-    selected, only the autopilot with `system_id` can be (None: any). With a `signer` only signed messages are accepted.
+    Not thread-safe: belongs to the thread that receives. Of all who send, only heartbeats count until the `selector`
+    has selected one; then only that one's messages do. With a `signer` only signed messages are accepted. What comes
+    and is not taken is noted in `untaken`.
 
     Without signatures anyone can send as our autopilot. So while the peer is heard, frames from another host are
     dropped. A new port of its host is followed at once: its router may have bound it anew.
@@ -60,9 +68,9 @@ class Receiver:
         link: Transport,
         codec: Codec,
         selector: Selector,
-        system_id: int | None = None,
         signer: Signer | None = None,
     ) -> None:
+        self.untaken = Untaken()
         self.unsigned_count = 0
         """Frames dropped for their signature."""
         self.stranger_count = 0
@@ -70,13 +78,11 @@ class Receiver:
         self._link = link
         self._codec = codec
         self._selector = selector
-        self._system_id = system_id
+        self._source: Source | None = None
         self._signer = signer
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
-        self._incomplete_since_s: float | None = None
         self._peer_heard_s = -math.inf
-        self._other_system_ids: set[int] = set()
         self._utc_offset_s = 0.0
         self._undecodable_count = 0
         self._logged: set[str] = set()
@@ -92,21 +98,25 @@ class Receiver:
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
         self._utc_offset_s = utc_now_s - now_s
-        self._reader.refill(now_s)
+        reader = self._reader
+        reader.refill(now_s)
+        garbage_count = reader.garbage_count
         if self._link.is_stream:
-            frames = self._reader.feed(data)
-            self._incomplete_since_s = now_s if self._reader.is_waiting else None
-        elif self._link.peer in (None, address):
-            frames = self._reader.read(data)
+            frames = reader.feed(data)
+        elif self._link.peer in (None, address) or now_s - self._peer_heard_s > PEER_SILENCE_S:
+            frames = reader.read(data, address)
         else:
-            frames = self._reader.read_beginning(data)
-        self._take_all(frames, address, now_s, utc_now_s)
+            frames = reader.read_beginning(data)
+        if frames:
+            self._take_all(frames, address, now_s, utc_now_s)
+        elif reader.garbage_count > garbage_count:
+            self.untaken.note("garbage", _GARBAGE, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Gives up a frame that was begun and not completed in time; to be called often."""
-        if self._incomplete_since_s is not None and now_s - self._incomplete_since_s > INCOMPLETE_FRAME_S:
-            self._incomplete_since_s = None
-            self._take_all(self._reader.finish(), self._link.peer, now_s, now_s + self._utc_offset_s)
+        """Gives up frames that were begun and not completed in time; to be called often."""
+        for source, frames in self._reader.give_up(now_s - INCOMPLETE_FRAME_S):
+            address = self._link.peer if source is None else source
+            self._take_all(frames, address, now_s, now_s + self._utc_offset_s)
 
     def replace_handler(self, handler: MessageHandler) -> None:
         """Passes the messages of the selected autopilot to another handler from now on."""
@@ -114,43 +124,36 @@ class Receiver:
 
     def reconnected(self) -> None:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
-        self._reader.finish()
+        self._reader.forget()
 
     def _take_all(self, frames: list[Frame], address: Address | None, now_s: float, utc_now_s: float) -> None:
         for frame in frames:
-            if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1:
-                try:
-                    self._take(frame, address, now_s, utc_now_s)
-                except CorruptFrameError as error:
-                    self._undecodable_count += 1
-                    _log.debug("dropped a frame: %s", error)
-                except Exception:  # noqa: BLE001 - a defect that one message triggers must not cost the others
-                    defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
-                    self._log_once(defect, logging.ERROR, has_traceback=True)
+            try:
+                self._take(frame, address, now_s, utc_now_s)
+            except CorruptFrameError as error:
+                self._undecodable_count += 1
+                _log.debug("dropped a frame: %s", error)
+            except Exception:  # noqa: BLE001 - a defect that one message triggers must not cost the others
+                defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
+                self._log_once(defect, logging.ERROR, has_traceback=True)
 
     def _take(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
-        handler = self._handler
-        if handler is None:
-            handler = self._select(frame, address)
+        handler, source = self._handler, self._source
+        if handler is None or source is None:
+            handler = self._select(frame, address, now_s)
             if handler is None:
                 return
-        elif frame.system_id != self._system_id:
-            self._take_other(frame)
+        elif frame.system_id != source.system_id or frame.component_id != source.component_id:
+            if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+                self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
             return
-        elif not self._is_accepted(frame, address) or self._is_stranger(frame, address, now_s):
+        elif not self._is_accepted(frame, address, now_s) or self._is_stranger(frame, address, now_s):
             return
         message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
         if self._link.peer != address:
             self._link.answer_to(address)
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
-
-    def _take_other(self, frame: Frame) -> None:
-        """Takes a frame of another system; only the first heartbeat of each autopilot matters."""
-        system_id = frame.system_id
-        if system_id not in self._other_system_ids and self._autopilot_heartbeat(frame) is not None:
-            self._other_system_ids.add(system_id)
-            self._selector.on_other_heartbeat(system_id)
 
     def _is_stranger(self, frame: Frame, address: Address | None, now_s: float) -> bool:
         """Whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
@@ -163,25 +166,26 @@ class Receiver:
         self._log_once(f"frames of system {frame.system_id} from another host than {peer[0]} are dropped")
         return True
 
-    def _select(self, frame: Frame, address: Address | None) -> MessageHandler | None:
-        """Offers the sender of a heartbeat to the selector."""
-        if self._system_id not in (None, frame.system_id) or not self._is_accepted(frame, address):
-            return None
-        heartbeat = self._autopilot_heartbeat(frame)
-        if heartbeat is not None:
-            self._handler = self._selector.on_heartbeat(frame.system_id, heartbeat, address)
-        if self._handler is not None:
-            self._system_id = frame.system_id
-        return self._handler
-
-    def _autopilot_heartbeat(self, frame: Frame) -> Message | None:
-        """The heartbeat in a frame; None for any other message, and for the heartbeat of what is not an autopilot."""
+    def _select(self, frame: Frame, address: Address | None, now_s: float) -> MessageHandler | None:
+        """Offers the sender of a heartbeat to the selector, once its signature is right."""
+        source = frame.source
         if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            if source not in self.untaken:
+                self.untaken.note(source, f"messages of {source_text(source)}, but no heartbeat", now_s, is_minor=True)
             return None
         heartbeat = self._codec.decode(frame)
-        return None if heartbeat.autopilot == mavlink.MAV_AUTOPILOT_INVALID else heartbeat
+        if not self._selector.is_wanted(source, heartbeat):
+            self._selector.on_other_heartbeat(source, heartbeat, address, now_s)
+            return None
+        if not self._is_accepted(frame, address, now_s):
+            return None
+        handler = self._selector.on_heartbeat(source, heartbeat, address, now_s)
+        if handler is not None:
+            self._handler, self._source = handler, source
+            self.untaken.forget(source)
+        return handler
 
-    def _is_accepted(self, frame: Frame, address: Address | None) -> bool:
+    def _is_accepted(self, frame: Frame, address: Address | None, now_s: float) -> bool:
         """Whether its signature is right, where one is required."""
         if self._signer is None:
             if frame.is_signed:
@@ -195,10 +199,18 @@ class Receiver:
             # Its clock is behind ours. It follows the newest timestamp that it receives, so it must receive ours.
             self._link.answer_to(address)
         if verdict is not Verdict.REPEATED:  # a message that comes twice, or late, is no reason for a warning
-            self._log_once(f"messages of system {frame.system_id} are dropped: {verdict.value}")
+            text = f"messages of system {frame.system_id} are dropped: {verdict.value}"
+            self._log_once(text)
+            self.untaken.note(("signature", frame.system_id), text, now_s)
         return False
 
     def _log_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
         if text not in self._logged and len(self._logged) < _MOST_LOGGED:
             self._logged.add(text)
             _log.log(level, "%s", text, exc_info=has_traceback)
+
+
+def source_text(source: Source) -> str:
+    """Returns who sends, for people; component 1 is the autopilot's own, and goes without saying."""
+    component = "" if source.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else f", component {source.component_id}"
+    return f"system {source.system_id}{component}"

@@ -9,9 +9,8 @@ from tests.ual_daemon.backends.mavlink.fakes import (
     position,
 )
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire import frames
-from ual_daemon.backends.mavlink.wire.frames import Frame
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire import frames, untaken
+from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 
@@ -134,23 +133,144 @@ def test_a_strangers_garbage_is_not_searched(monkeypatch: pytest.MonkeyPatch) ->
     assert harness.snapshot().armed.value is True
 
 
-def test_other_systems_are_decoded_once_each_and_few_are_named(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_others_are_remembered_and_named_in_bounds(caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness()
     harness.receive(heartbeat())
-    decoded: list[int] = []
-    decode = Codec.decode
-
-    def counted(self: Codec, frame: Frame) -> Message:
-        decoded.append(frame.system_id)
-        return decode(self, frame)
-
-    monkeypatch.setattr(Codec, "decode", counted)
     for _ in range(3):
         for system_id in range(2, 256):
             harness.receive(data=packer(system_id)(heartbeat()), address=STRANGER)
             harness.receive(data=packer(system_id)(attitude()))
-    assert decoded == list(range(2, 256))
     assert sum("more than one autopilot" in record.message for record in caplog.records) == 8
     assert harness.link.peer == ADDRESS
+    assert len(harness.discovery.receiver.untaken._notes) == untaken.MOST_NOTES
+
+
+GROUND_STATION = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink.MAV_TYPE_GCS)
+BETAFLIGHT = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
+
+
+def heard(harness: Harness, *sent: bytes, for_s: float = 3.0) -> str:
+    """Who sends each second for some time. Returns what is told instead of the autopilot."""
+    for _ in range(round(for_s)):
+        for data in sent:
+            harness.receive(data=data)
+        harness.run(1.0)
+    return harness.discovery.why_silent(harness.now_s)
+
+
+@pytest.mark.parametrize("component_id", [0, 50, 200, 250])
+def test_a_px4_or_ardupilot_at_any_component_is_taken_and_addressed_there(component_id: int) -> None:
+    harness = Harness()
+    harness.pack = packer(3, component_id)
+    harness.receive(heartbeat())
+    harness.run(1.0)
+    harness.receive(heartbeat())
+    assert harness.discovery.session is None, "an autopilot at component 1 may be beside it"
+    harness.run(1.0)
+    harness.receive(heartbeat(), heartbeat(armed=True), attitude(), position(harness.now_s))
+    assert harness.session.source == (3, component_id)
+    assert harness.snapshot().armed.value is True
+    harness.run(1.0)
+    sent = harness.link.take("COMMAND_LONG")
+    assert {(each.target_system, each.target_component) for each in sent} == {(3, component_id)}
+    assert len(sent) > 3
+
+
+def test_an_autopilot_at_component_1_goes_before_any_other_component() -> None:
+    harness = Harness()
+    companion = packer(1, 191)
+    harness.receive(data=companion(heartbeat()))
+    harness.run(1.0)
+    harness.receive(data=companion(heartbeat()))
+    harness.receive(heartbeat())
+    assert harness.session.source == (1, 1)
+
+
+@pytest.mark.parametrize("component_id", [1, 200])
+def test_an_autopilot_of_system_0_is_watched_and_nothing_is_sent_to_all_systems(component_id: int) -> None:
+    harness = Harness()
+    harness.pack = packer(0, component_id)
+    for _ in range(4):
+        harness.receive(BETAFLIGHT, attitude(), position(harness.now_s))
+        harness.run(1.0)
+    assert harness.session.source == (0, component_id)
+    assert "system 0 (generic, quadrotor): what is sent to system 0 reaches every vehicle" in (
+        harness.session.info().limitation
+    )
+    assert not harness.session.info().capabilities
+    assert harness.snapshot().pose is not None
+    sent = [Codec(1).decode(frame) for data in harness.link.sent for frame in frames.split(data)[0]]
+    assert {each.get_type() for each in sent} == {"HEARTBEAT", "TIMESYNC"}
+    assert {each.get_srcSystem() for each in sent} == {245}
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (packer(255, 190)(GROUND_STATION), "a gcs (system 255, component 190 at 127.0.0.1:14580): no autopilot"),
+        (packer(255, 1)(GROUND_STATION), "a gcs (system 255 at 127.0.0.1:14580): no autopilot"),
+        (
+            packer(2)(heartbeat()),
+            "px4 on a quadrotor (system 2 at 127.0.0.1:14580): mavlink.system_id is 7",
+        ),
+        (
+            packer(7, 50)(BETAFLIGHT),
+            (
+                "generic on a quadrotor (system 7, component 50 at 127.0.0.1:14580): if it is the autopilot, set "
+                "mavlink.autopilot_component_id=50"
+            ),
+        ),
+        (packer(7)(attitude()), "messages of system 7, but no heartbeat"),
+        (b"\x80\xf8\x00" * 30, "bytes that are no MAVLink (another baud rate or protocol?)"),
+    ],
+)
+def test_what_is_heard_and_why_it_is_not_taken_is_told(
+    data: bytes, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    harness = Harness(MavlinkSettings(system_id=7))
+    assert harness.discovery.why_silent(0.0) == "nothing comes to test"
+    assert heard(harness, data) == f"heard at test instead: {told}"
+    (event,) = [record for record in caplog.records if record.getMessage() == "no_autopilot"]
+    assert vars(event)["ual_fields"]["heard"] == told
+    assert harness.discovery.session is None
+    harness.run(6.0)
+    assert harness.discovery.why_silent(harness.now_s) == "nothing comes to test"
+
+
+def test_an_autopilot_comes_first_of_what_is_told_and_the_rest_is_counted() -> None:
+    harness = Harness(MavlinkSettings(system_id=7))
+    sent = [packer(1, component_id)(GROUND_STATION) for component_id in range(10, 15)]
+    told = heard(harness, *sent, packer(2)(heartbeat()))
+    assert told.startswith("heard at test instead: px4 on a quadrotor (system 2 ")
+    assert told.endswith("; and 3 more")
+
+
+def test_a_chosen_component_is_taken_at_once_and_no_other() -> None:
+    harness = Harness(MavlinkSettings(autopilot_component_id=50))
+    harness.receive(data=packer(1)(heartbeat()))
+    assert harness.discovery.session is None
+    assert "mavlink.autopilot_component_id is 50" in harness.discovery.why_silent(0.0)
+    harness.receive(data=packer(1, 50)(BETAFLIGHT))
+    assert harness.session.source == (1, 50)
+
+
+def test_what_is_heard_after_the_autopilot_fell_silent_is_told() -> None:
+    """As where its id was changed, and it was booted."""
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.receive(data=packer(4)(GROUND_STATION))
+    harness.run(0.5)
+    assert harness.discovery.why_silent(harness.now_s) == ""
+    told = heard(harness, packer(9)(heartbeat()))
+    assert told == (
+        "heard at test instead: px4 on a quadrotor (system 9 at 127.0.0.1:14580): this daemon flies system 1, "
+        "the first heard"
+    )
+
+
+def test_a_ground_station_at_component_1_is_no_second_autopilot(caplog: pytest.LogCaptureFixture) -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    for autopilot in (mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0):
+        harness.receive(data=packer(255)(heartbeat(autopilot=autopilot, kind=mavlink.MAV_TYPE_GCS)))
+    assert [record.message for record in caplog.records if "more than one" in record.message] == []

@@ -15,6 +15,7 @@ from ual_daemon.backends.mavlink.session.fence_download import (
     TRIES_COUNT,
     FenceDownload,
 )
+from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 OWN, OTHER = (7, 191), (255, 190)
@@ -44,7 +45,7 @@ class Bench:
         self.failed: list[str] = []
         self.now_s = 100.0
         self.is_armed: bool | None = False
-        self.download = FenceDownload(7, OWN, self.sent.append, self.found.append, self.failed.append)
+        self.download = FenceDownload(Source(7, 1), OWN, self.sent.append, self.found.append, self.failed.append)
         self.tick()
 
     def tick(self, count: int = 0, every_s: float = RETRY_S + 0.01) -> None:

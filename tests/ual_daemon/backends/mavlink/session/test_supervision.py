@@ -131,7 +131,7 @@ def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: p
             harness.receive(data=packer(7)(heartbeat()) + packer(3)(heartbeat()) + packer(255)(ground_station))
     (told,) = [record.message for record in caplog.records if "more than one" in record.message]
     assert told == (
-        "more than one autopilot is heard: systems 3, 7; this one flies system 7, the first heard; "
+        "more than one autopilot is heard: system 3 and system 7; this one flies system 7, the first heard; "
         "choose with mavlink.system_id"
     )
 

@@ -1,0 +1,64 @@
+"""What is received and not taken, and why, for people. Pure logic: callers pass the time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+RECENT_S = 5.0
+"""Only what came within this time is told: everything that speaks MAVLink sends a heartbeat each second."""
+LASTS_S = 2.0
+"""What has come for less than this is not worth a line of the log: the autopilot's heartbeat may come next."""
+MOST_NOTES = 16
+"""So much is remembered; what came least lately gives way."""
+MOST_TOLD = 3
+"""So much is told at once."""
+
+
+@dataclass(slots=True)
+class _Note:
+    text: str
+    is_minor: bool
+    since_s: float
+    heard_s: float
+
+
+class Untaken:
+    """Takes notes of what comes and is not used. Belongs to the thread that receives; bounded, whatever comes."""
+
+    def __init__(self) -> None:
+        self._notes: dict[Hashable, _Note] = {}
+
+    def __contains__(self, key: Hashable) -> bool:
+        return key in self._notes
+
+    def note(self, key: Hashable, text: str, now_s: float, *, is_minor: bool = False) -> None:
+        """Takes note of something that came: `text` says what, and why it is not taken.
+
+        What `is_minor` is told after the rest: it is nothing that could be flown.
+        """
+        since_s = now_s - self.lasts_s(key, now_s)
+        if key not in self._notes and len(self._notes) >= MOST_NOTES:
+            del self._notes[min(self._notes, key=lambda each: self._notes[each].heard_s)]
+        self._notes[key] = _Note(text, is_minor, since_s, now_s)
+
+    def forget(self, key: Hashable) -> None:
+        """Forgets what was noted: it is taken now."""
+        self._notes.pop(key, None)
+
+    def lasts_s(self, key: Hashable, now_s: float) -> float:
+        """Returns for how long something has come without a long pause; 0 where it does not come now."""
+        note = self._notes.get(key)
+        return 0.0 if note is None or now_s - note.heard_s > RECENT_S else now_s - note.since_s
+
+    def text(self, now_s: float, since_s: float = -math.inf, *, lasts_s: float = 0.0) -> str:
+        """Returns what has come lately, after `since_s`, and for at least `lasts_s`; empty if there is nothing."""
+        found = [
+            note
+            for key, note in self._notes.items()
+            if note.heard_s > since_s and now_s - note.heard_s <= RECENT_S and self.lasts_s(key, now_s) >= lasts_s
+        ]
+        texts = [note.text for note in sorted(found, key=lambda each: each.is_minor)]
+        more_count = len(texts) - MOST_TOLD
+        return "; ".join([*texts[:MOST_TOLD], *([f"and {more_count} more"] if more_count > 0 else [])])
