@@ -15,6 +15,15 @@ from ual.types import GeoPoint
 _WGS84 = Geodesic.WGS84
 
 
+_ZERO_DEG = 1e-7
+"""1 cm; MAVLink's integers have no finer step."""
+
+
+def is_zero(latitude_deg: float, longitude_deg: float) -> bool:
+    """Returns whether a position is at latitude and longitude 0: what is left where none were given."""
+    return abs(latitude_deg) < _ZERO_DEG and abs(longitude_deg) < _ZERO_DEG
+
+
 @dataclass(frozen=True, slots=True)
 class Projection(ABC):
     """A local frame on Earth: its origin, and how its metres relate to latitude and longitude.

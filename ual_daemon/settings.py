@@ -108,8 +108,10 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     """Frames, limits and tolerances of one UAV.
 
     `floor_m` and `ceiling_m` are heights above the ground of the take-off, between which commands may lead; None: no
-    such limit. `rtl_height_m` is the height above that ground at which `return_to_launch` flies at least, where the
-    call gives none, and the ceiling and the geofence allow it.
+    such limit. Goals and ways stay at least `clearance_m` above the floor (None: as much as the body of this kind of
+    vehicle needs). A goal lies at most `reach_m` from the UAV; None: anywhere. `rtl_height_m` is the height above that
+    ground at which `return_to_launch` flies at least, where the call gives none, and the ceiling and the geofence
+    allow it.
     """
 
     home_pose: Position = (0.0, 0.0, 0.0)
@@ -122,6 +124,8 @@ class VehicleSettings(Settings, frozen=True, kw_only=True):
     tracker: Tracker = Tracker.REFERENCE
     floor_m: Coordinate | None = 0.0
     ceiling_m: Coordinate | None = 120.0
+    clearance_m: NotNegative | None = None
+    reach_m: Positive | None = 10_000.0
     rtl_height_m: Positive = 15.0
     geofence: GeofenceSettings | None = None
 

@@ -13,7 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Capability, GeoPoint, GpsInfo, Health, Limits, State, TaskKind, Telemetry
-from ual_daemon.geodesy import Projection
+from ual_daemon.geodesy import Projection, is_zero
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -266,6 +266,8 @@ class Snapshot(NamedTuple):
         place, altitude_m, projection = self.home_geo, self.home_altitude_amsl_m, self.projection
         if place is None or altitude_m is None or projection is None:
             return None
+        if is_zero(place.latitude_deg, place.longitude_deg):  # none was set
+            return None
         return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)
 
     def at(self, time_s: float) -> Snapshot:
@@ -332,6 +334,7 @@ class VehicleInfo:
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
+    `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
     `limitation` says for people why it has fewer capabilities than others.
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
@@ -354,6 +357,7 @@ class VehicleInfo:
     limitation: str = ""
     cruise_speed_m_s: float = math.inf
     acceleration_share: float = 1.0
+    clearance_m: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

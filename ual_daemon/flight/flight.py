@@ -134,6 +134,10 @@ class Flight:
         is_idle = self._manoeuvre is None and self._reference is None
         return not (is_idle and self._watched.is_empty and self._shutdown is None)
 
+    def _is_taking_off(self) -> bool:
+        manoeuvre = self._manoeuvre
+        return manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
+
     def task_info(self) -> TaskInfo | None:
         """Returns the running task; None if there is none."""
         manoeuvre = self._manoeuvre
@@ -405,7 +409,7 @@ class Flight:
         """Makes one update."""
         raw = self.raw_estimate(snapshot)
         self.authority.follow(raw.state, snapshot)
-        self.geofence.observe(snapshot, raw)
+        self.geofence.observe(snapshot, raw, is_taking_off=self._is_taking_off())
         if not isinstance(self._reference, Velocity):
             self.drift.forget()
         if not self._step_manoeuvre(snapshot, raw):

@@ -34,9 +34,13 @@ _MAX_POINTS = 200
 _SPEED_MARGIN = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
 _GENTLE_M_S = 0.2
-"""A velocity that sinks more slowly may lead as far below the floor as the estimate may be off: a hover at low height
-must not be refused because of noise.
+"""A velocity that sinks more slowly may lead as near to the ground as a goal, one that climbs more slowly as far above
+the ceiling as the estimate may be off: a hover must not be refused because of noise.
 """
+_SINKING_M_S = 0.02
+"""A velocity that sinks no faster keeps its height."""
+_MOST_GIVEN_M = 0.1
+"""A goal may be this much nearer to the ground than the clearance."""
 _LEVEL = 1e-6
 _AT_REST = Vector3()
 _ANYWHERE = Transform(Vector3(), IDENTITY, "", "")
@@ -45,17 +49,23 @@ _MOST_ROOMS = 3
 """So many are kept: a program that commands two velocities in turn, each near another corner, needs two."""
 
 
-def geofence_of(settings: VehicleSettings, resolver: FrameResolver) -> Geofence:
+def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: float) -> Geofence:
     """Returns the geofence of a UAV. Where the configuration has none, it is the one that the autopilot itself has.
+
+    Args:
+        settings: The floor, the ceiling, the clearance and the fence.
+        resolver: Where the fence's frame is.
+        needed_m: The clearance where the settings have none.
 
     Raises:
         ConfigError: The settings do not make a fence.
 
     """
     floor_m, ceiling_m = settings.floor_m, settings.ceiling_m
-    if floor_m is not None and ceiling_m is not None and floor_m >= ceiling_m:
-        raise ConfigError("is not above floor_m", "ceiling_m")
-    return Geofence(settings.geofence, resolver, floor_m, ceiling_m)
+    clearance_m = needed_m if settings.clearance_m is None else settings.clearance_m
+    if floor_m is not None and ceiling_m is not None and floor_m + clearance_m >= ceiling_m:
+        raise ConfigError("is not above floor_m and clearance_m", "ceiling_m")
+    return Geofence(settings.geofence, resolver, floor_m, ceiling_m, clearance_m)
 
 
 class _Now(NamedTuple):
@@ -63,8 +73,11 @@ class _Now(NamedTuple):
 
     Attributes:
         key: What the rest depends on.
-        fence: The fence in the local frame.
-        floor_z_m: z of the floor itself, without what the estimated height may be off; minus infinity if there is none.
+        fence: The fence of goals and ways in the local frame.
+        low_fence: That of velocities, which reaches to the ground: a UAV that hovers below the clearance may still be
+            flown, but `_require_stop_between` lets it sink no more.
+        floor_z_m: z of the floor with its clearance, without what the estimated height may be off; minus infinity if
+            there is none.
         ceiling_z_m: z of the ceiling, likewise.
         rooms: Parts of the fence in which the last setpoints were found; the newest first.
 
@@ -72,6 +85,7 @@ class _Now(NamedTuple):
 
     key: tuple[object, ...]
     fence: Fence
+    low_fence: Fence
     floor_z_m: float
     ceiling_z_m: float
     rooms: tuple[Room, ...]
@@ -93,9 +107,12 @@ class Geofence:
         resolver: FrameResolver,
         floor_m: float | None = None,
         ceiling_m: float | None = None,
+        clearance_m: float = 0.0,
     ) -> None:
         """`settings` None: only the floor and the ceiling. Raises `ConfigError` if the settings do not make a fence."""
         self._floor_m, self._ceiling_m = floor_m, ceiling_m
+        self.clearance_m = 0.0 if floor_m is None else clearance_m
+        """How far goals and ways stay above the floor."""
         self.ground = Ground()
         """The ground of the take-off, as seen by the updates."""
         self._is_configured = settings is not None
@@ -111,8 +128,8 @@ class Geofence:
         Fence(settings.polygon or settings.polygon_geo)  # refuses a polygon that crosses itself now, not in the air
         self._cached: tuple[object, Fence] | None = None
         self._zoned: tuple[object, Fence] | None = None
-        self._narrowed: tuple[object, Fence] | None = None
-        self._own: tuple[object, Fence] | None = None
+        self._narrowed: tuple[object, tuple[Fence, Fence]] | None = None
+        self._own: tuple[object, tuple[Fence, Fence]] | None = None
         self._last: _Now | None = None
         self._admitted: tuple[object, ...] = ()
 
@@ -138,7 +155,7 @@ class Geofence:
         return math.inf if self._settings.max_height_m is None else self._settings.max_height_m
 
     def fence(self, snapshot: Snapshot) -> Fence:
-        """Returns the fence in the local frame.
+        """Returns the fence of goals and ways in the local frame.
 
         Raises:
             WrongStateError: It is not known where it lies there.
@@ -146,6 +163,10 @@ class Geofence:
 
         """
         return self._now(snapshot).fence
+
+    def fence_of_velocities(self, snapshot: Snapshot) -> Fence:
+        """Returns the fence that a velocity must not lead out of: it reaches down to the ground. Raises as `fence`."""
+        return self._now(snapshot).low_fence
 
     def _now(self, snapshot: Snapshot) -> _Now:
         """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
@@ -157,12 +178,13 @@ class Geofence:
         now = self._last
         if now is None or now.key != key:  # of a pair of tuples, only those members are compared that are not the same
             datum = self._datum(snapshot)
-            fence, (floor_z_m, ceiling_z_m) = self._find(snapshot, datum), self._edges(datum)
+            (fence, low_fence), (floor_z_m, ceiling_z_m) = self._find(snapshot, datum), self._edges(datum)
             rooms = now.rooms if now is not None and now.fence is fence else ()
-            now = self._last = _Now(key, fence, floor_z_m, ceiling_z_m, rooms)
+            now = self._last = _Now(key, fence, low_fence, floor_z_m, ceiling_z_m, rooms)
         return now
 
-    def _find(self, snapshot: Snapshot, datum: Datum) -> Fence:
+    def _find(self, snapshot: Snapshot, datum: Datum) -> tuple[Fence, Fence]:
+        """Returns the fence of goals and ways, and that of velocities."""
         if self._settings.polygon_geo and snapshot.projection is None:
             raise WrongStateError("the geofence cannot be checked: the autopilot has not said where on Earth it is")
         to_local = self._to_local()
@@ -173,10 +195,12 @@ class Geofence:
         own = snapshot.own_fence
         fence = cached[1] if own is None else self._within_own_zones(cached[1], own, snapshot)
         lowest_m, highest_m = self._edges(datum)
-        band = (fence, lowest_m - datum.noise_m, highest_m + datum.noise_m)
+        highest_m += datum.noise_m
+        band = (fence, lowest_m - self._given_m(), highest_m)
         narrowed = self._narrowed
         if narrowed is None or narrowed[0] != band:
-            narrowed = self._narrowed = (band, fence.narrowed(*band[1:]))
+            low_fence = fence.narrowed(lowest_m - self.clearance_m - datum.noise_m, highest_m)
+            narrowed = self._narrowed = (band, (fence.narrowed(*band[1:]), low_fence))
         return narrowed[1] if own is None else self._within_own_limits(narrowed[1], own, snapshot)
 
     def edges(self, snapshot: Snapshot) -> Fence:
@@ -195,12 +219,13 @@ class Geofence:
             cached = self._zoned = (key, own_fence.within_zones(fence, own, snapshot))
         return cached[1]
 
-    def _within_own_limits(self, fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
-        """Returns the part of a fence that is inside the limits of the autopilot's own, with a reserve."""
-        key = (fence, own, own_fence.home_of(snapshot))
+    def _within_own_limits(self, fences: tuple[Fence, Fence], own: OwnFence, snapshot: Snapshot) -> tuple[Fence, Fence]:
+        """Returns the parts of both fences that are inside the limits of the autopilot's own, with a reserve."""
+        key = (fences, own, own_fence.home_of(snapshot))
         cached = self._own
         if cached is None or cached[0] != key:
-            cached = self._own = (key, own_fence.within_limits(fence, own, snapshot))
+            fence, low_fence = (own_fence.within_limits(each, own, snapshot) for each in fences)
+            cached = self._own = (key, (fence, low_fence))
         return cached[1]
 
     def _to_local(self) -> Transform:
@@ -226,9 +251,9 @@ class Geofence:
 
     # --- The floor and the ceiling ------------------------------------------------------------------------------------
 
-    def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
+    def observe(self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False) -> None:
         """Notes where the ground is. Called by the update thread at each update."""
-        self.ground.observe(snapshot, raw)
+        self.ground.observe(snapshot, raw, is_taking_off=is_taking_off)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""
@@ -241,10 +266,14 @@ class Geofence:
         return self._resolver.odom_z_m
 
     def _edges(self, datum: Datum) -> tuple[float, float]:
-        """Returns z of the floor and of the ceiling in the local frame."""
-        floor_m = -math.inf if self._floor_m is None else self._floor_m
+        """Returns z of the floor, with the clearance over it, and of the ceiling in the local frame."""
+        floor_m = -math.inf if self._floor_m is None else self._floor_m + self.clearance_m
         ceiling_m = math.inf if self._ceiling_m is None else self._ceiling_m
         return datum.z_m + floor_m, datum.z_m + ceiling_m
+
+    def _given_m(self) -> float:
+        """Returns how far below the clearance a goal may lie, so that a hover at it is no goal beyond it."""
+        return min(_MOST_GIVEN_M, self.clearance_m / 2.0)
 
     def top_z_m(self, snapshot: Snapshot) -> float:
         """Returns z of the ceiling or of the top of the configured fence, whichever is lower. Raises as `fence`."""
@@ -345,7 +374,7 @@ class Geofence:
         self, now: _Now, points: Reach, own: Vector3, velocity: Vector3, limits: Limits, snapshot: Snapshot
     ) -> None:
         """Checks by the rule itself; see `require_velocity`."""
-        fence, polylines = now.fence, points.polylines()
+        fence, polylines = now.low_fence, points.polylines()
         here, commanded_stop = polylines[0]
         if fence.is_nowhere:
             raise self._velocity_error(Exit(here, None), snapshot)
@@ -369,13 +398,10 @@ class Geofence:
             self._last = now._replace(rooms=(room, *now.rooms[: _MOST_ROOMS - 1]))
 
     def _require_stop_between(self, now: _Now, points: Reach, velocity: Vector3) -> None:
-        """Raises `GeofenceError` if a velocity leads through the floor or the ceiling itself.
-
-        Goals may lie beyond them by as much as the estimate may be off, but a UAV must not meet the ground at the speed
-        of a descent.
-        """
+        """Raises `GeofenceError` if a velocity leads through the clearance of the floor, or through the ceiling."""
         stop_z_m = points.commanded_stop[2]
-        if velocity.z < -_GENTLE_M_S and stop_z_m < now.floor_z_m:
+        given_m = self._given_m() if velocity.z >= -_GENTLE_M_S else 0.0
+        if velocity.z < -_SINKING_M_S and stop_z_m < now.floor_z_m - given_m:
             raise GeofenceError(
                 f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop above the floor "
                 f"({self._floor_text()})",
@@ -416,8 +442,8 @@ class Geofence:
         lowest_m, highest_m = self._edges(datum)
         height_m = point.z - datum.z_m
         where = f"{abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} {datum.name}"
-        if point.z < lowest_m - datum.noise_m:
-            return f"{where}, below the floor ({self._floor_text()})", {"setting": "floor_m"}
+        if point.z < lowest_m - self._given_m():
+            return f"{where}, {self._below_text(height_m)}", {"setting": "floor_m"}
         if point.z > highest_m + datum.noise_m:
             return f"{where}, above the ceiling ({self._ceiling_text()})", {"setting": "ceiling_m"}
         beyond = own_fence.beyond_limit(point, snapshot)
@@ -425,8 +451,18 @@ class Geofence:
             beyond = own_fence.beyond_zone(self.fence(snapshot).zone_left(before, point))
         return ("", {}) if beyond is None else (own_fence.text(beyond, own_fence.RESERVE_M), beyond.metadata)
 
+    def _below_text(self, height_m: float) -> str:
+        assert self._floor_m is not None
+        if height_m < self._floor_m or not self.clearance_m:
+            return f"below the floor ({self._floor_text()})"
+        return (
+            f"nearer to the floor than its clearance of {self.clearance_m:g} m ({self._floor_text()}); to come down, "
+            "land"
+        )
+
     def _floor_text(self) -> str:
-        return f"floor_m: {self._floor_m:g} in the configuration; z is up"
+        clearance = f", clearance_m: {self.clearance_m:g}" if self.clearance_m else ""
+        return f"floor_m: {self._floor_m:g}{clearance} in the configuration; z is up"
 
     def _ceiling_text(self) -> str:
         return f"ceiling_m: {self._ceiling_m:g} in the configuration"

@@ -42,8 +42,13 @@ class Ground:
         """Its z in the local frame; None if it is not known."""
         return None if self.place is None else self.place.z
 
-    def observe(self, snapshot: Snapshot, raw: Estimate) -> None:
-        """Notes what an update says of the ground."""
+    def observe(self, snapshot: Snapshot, raw: Estimate, *, is_taking_off: bool = False) -> None:
+        """Notes what an update says of the ground.
+
+        In a take-off the autopilot says for a while that it stands, though it rises already: then the ground stays.
+        """
+        if is_taking_off and self.place is not None and raw.is_link_up:
+            return
         if raw.state is State.LANDED_ARMED or raw.state is State.LANDED_DISARMED:
             assert snapshot.pose is not None
             self.place, self._origin_m = snapshot.pose.value.position, _origin_m(snapshot)

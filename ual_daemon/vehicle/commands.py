@@ -12,6 +12,7 @@ from ual.types import (
     GoToWaypointGeoRequest,
     GoToWaypointRequest,
     LandRequest,
+    Limits,
     MotionRequest,
     Plan,
     RecoverFromManualRequest,
@@ -41,9 +42,17 @@ from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.planner import Planner
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
+from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.setpoints import Setpoints
 
 _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
+
+
+def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> Line:
+    """Returns the straight way up from where the UAV stands."""
+    ground = measured_motion(snapshot)
+    top = ground.position + Vector3(0.0, 0.0, height_m)
+    return Line(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
 
 
 class Commands:
@@ -72,8 +81,9 @@ class Commands:
         self._allow_arming = allow_arming
         self.is_armed_automatically = False
         """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
-        self._planner = Planner(flight, resolver, preconditions, tasks, settings)
-        self.setpoints = Setpoints(flight, resolver, preconditions)
+        reach_limit = ReachLimit(settings)
+        self._planner = Planner(flight, resolver, preconditions, tasks, settings, reach_limit)
+        self.setpoints = Setpoints(flight, resolver, preconditions, reach_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
     # --- Motions ------------------------------------------------------------------------------------------------------
@@ -125,13 +135,14 @@ class Commands:
             snapshot = self._require_armed_for_take_off()
             self._preconditions.require_own_ground("take_off")
             self._preconditions.require_no_failsafe("take_off", snapshot, force=request.force)
-            ground, bounds = measured_motion(snapshot), self._flight.limits.get()
-            top = ground.position + Vector3(0.0, 0.0, height_m)
+            bounds = self._flight.limits.get()
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints
-            line = Line(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
-            plan = admit(self._flight, "take_off", line, snapshot)
-            if not on_setpoints:  # the autopilot climbs at its own speed
-                plan = Plan(plan.length_m)
+            # The clearance is for those that fly: a take-off begins on the ground, and may end lower.
+            least_m = max(height_m, self._flight.geofence.clearance_m)
+            admit(self._flight, "take_off", _climb(least_m, bounds, snapshot), snapshot)
+            line = _climb(height_m, bounds, snapshot)
+            # Where the autopilot climbs by itself, it does at its own speed.
+            plan = Plan(line.length_m, line.duration_s if on_setpoints else None)
 
         def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
             command = AutopilotCommand("take off", start.time_s)

@@ -48,6 +48,7 @@ from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
+from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 
 MOST_WAYPOINTS = 10_000
@@ -69,6 +70,7 @@ class Planner:
         preconditions: Preconditions,
         tasks: Tasks,
         settings: VehicleSettings,
+        reach_limit: ReachLimit,
     ) -> None:
         self._flight = flight
         self._resolver = resolver
@@ -77,6 +79,7 @@ class Planner:
         self._settings = settings
         self._tolerance = settings.tolerance
         self._tracker_setting = settings.tracker
+        self._reach_limit = reach_limit
 
     def go_to_waypoint(self, request: GoToWaypointRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
@@ -89,6 +92,7 @@ class Planner:
             if self._resolver.is_moving(goal):
                 return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
             local = replace(self._resolver.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
+            self._reach_limit.require_goal("go_to_waypoint", goal, local, snapshot)
             return self._go_straight(TaskKind.GO_TO_WAYPOINT, goal, local, bounds, snapshot, since)
 
     def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
@@ -100,6 +104,7 @@ class Planner:
             bounds = self._bounds(max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
             local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
+            self._reach_limit.require_goal("go_to_waypoint_geo", goal, local, snapshot)
             return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, local, bounds, snapshot, since)
 
     def _go_straight(
@@ -143,6 +148,7 @@ class Planner:
             interest = None if point is None else self._resolver.point(point, "point_of_interest")
             snapshot = self._preconditions.require_state("follow_path", State.FLYING_AUTO)
             waypoints = self._local_waypoints(goals, speeds_m_s, holds_s, snapshot)
+            self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
             trajectory = path(self._flight.start(snapshot), waypoints, radius_m, bounds, heading, look_at)
             what = f"follow {count} waypoints to {_text(goals[-1])}"
@@ -314,6 +320,7 @@ class Planner:
         reference = moving_goal(self._flight, self._resolver, goal, bounds, snapshot, max_speed_m_s)
         admit(self._flight, name, reference, snapshot)
         motion = reference.goal(snapshot.time_s)
+        self._reach_limit.require_goal(name, goal, Waypoint(motion.position), snapshot)
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):

@@ -17,9 +17,11 @@ from ual_daemon.flight.flight import Flight
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity
+from ual_daemon.trajectory import Waypoint
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
+from ual_daemon.vehicle.reach_limit import ReachLimit
 
 T = TypeVar("T")
 
@@ -27,8 +29,11 @@ T = TypeVar("T")
 class Setpoints:
     """The setpoints of one UAV. Any thread may call. A setpoint has been sent when its call returns."""
 
-    def __init__(self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions) -> None:
+    def __init__(
+        self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions, reach_limit: ReachLimit
+    ) -> None:
         self._flight = flight
+        self._reach_limit = reach_limit
         self._resolver = resolver
         self._preconditions = preconditions
 
@@ -69,8 +74,12 @@ class Setpoints:
         goal = self._resolver.goal(pose, "pose")
         snapshot = self._preconditions.require_state("set_pose", State.FLYING_AUTO)
         if self._resolver.is_moving(goal):  # within the limits, wherever it moves
-            return moving_goal(self._flight, self._resolver, goal, self._flight.limits.get(), snapshot), snapshot
+            reference = moving_goal(self._flight, self._resolver, goal, self._flight.limits.get(), snapshot)
+            there = Waypoint(reference.goal(snapshot.time_s).position)
+            self._reach_limit.require_goal("set_pose", goal, there, snapshot)
+            return reference, snapshot
         local = self._resolver.to_local(goal, snapshot)
+        self._reach_limit.require_goal("set_pose", goal, local, snapshot)
         yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
         return Hold(local.position, yaw_rad), snapshot
 

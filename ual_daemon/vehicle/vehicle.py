@@ -72,7 +72,8 @@ class Vehicle:
         kept = home_file if backend.outlived else None
         self._resolver = FrameResolver(self.ns, settings, kept, lambda: backend.info().identity)
         self._limits = CurrentLimits(backend, settings.limits)
-        self._flight = Flight(backend, self._limits, geofence_of(settings, self._resolver), watch_only=watch_only)
+        fence = geofence_of(settings, self._resolver, backend.info().clearance_m)
+        self._flight = Flight(backend, self._limits, fence, watch_only=watch_only)
         self._tasks = Tasks(backend.clock)
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming

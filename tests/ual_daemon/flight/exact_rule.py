@@ -14,6 +14,7 @@ from ual_daemon.frames.fence import Fence
 from ual_daemon.trajectory import Brake, Motion, acceleration_limit
 
 _GENTLE_M_S = 0.2
+_SINKING_M_S = 0.02
 _SAME_POINT_M = 1e-6
 
 
@@ -53,8 +54,18 @@ def ways(motion: Motion, velocity: Vector3, limits: Limits) -> Ways:
     )
 
 
-def is_admitted(fence: Fence, band: tuple[float, float], motion: Motion, velocity: Vector3, limits: Limits) -> bool:
-    """Returns whether a velocity is admitted. `band` is z of the floor and of the ceiling themselves."""
+def is_admitted(
+    fence: Fence,
+    band: tuple[float, float],
+    motion: Motion,
+    velocity: Vector3,
+    limits: Limits,
+    given_m: float = 0.0,
+) -> bool:
+    """Returns whether a velocity is admitted. `band` is z of the floor, with its clearance, and of the ceiling.
+
+    A slow descent may lead `given_m` below.
+    """
     if velocity.norm() == 0.0:
         return True
     found = ways(motion, velocity, limits)
@@ -63,7 +74,8 @@ def is_admitted(fence: Fence, band: tuple[float, float], motion: Motion, velocit
         return False
     if fence.leads_back(here, stop):
         return True
-    if (velocity.z < -_GENTLE_M_S and stop.z < band[0]) or (velocity.z > _GENTLE_M_S and stop.z > band[1]):
+    lowest_m = band[0] if velocity.z < -_GENTLE_M_S else band[0] - given_m
+    if (velocity.z < -_SINKING_M_S and stop.z < lowest_m) or (velocity.z > _GENTLE_M_S and stop.z > band[1]):
         return False
     if all(fence.exit(polyline) is None for polyline in found):
         return True

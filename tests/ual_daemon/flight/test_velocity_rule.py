@@ -93,8 +93,9 @@ def flights(draw: st.DrawFn) -> list[Moment]:
     return flight
 
 
-def geofence(settings: GeofenceSettings | None) -> Geofence:
-    found = Geofence(settings, FrameResolver("uav_1", VehicleSettings(geofence=settings)), FLOOR_M, CEILING_M)
+def geofence(settings: GeofenceSettings | None, clearance_m: float) -> Geofence:
+    resolver = FrameResolver("uav_1", VehicleSettings(geofence=settings))
+    found = Geofence(settings, resolver, FLOOR_M, CEILING_M, clearance_m)
     ground = Moment(Vector3(), Vector3(), Vector3()).snapshot(None)._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
     found.observe(ground, Estimate(State.LANDED_ARMED, ""))
     return found
@@ -108,15 +109,22 @@ def is_close(fence: Fence, moment: Moment, limits: Limits) -> bool:
 
 @pytest.mark.parametrize("settings", CONFIGURED)
 @pytest.mark.parametrize("own_fence", OWN_FENCES)
+@pytest.mark.parametrize("clearance_m", [0.0, 0.5])
 @given(flight=flights(), limits=LIMIT_SETS | st.just(Limits()))
 def test_a_velocity_is_admitted_where_the_rule_admits_it_and_nowhere_else(
-    settings: GeofenceSettings | None, own_fence: OwnFence | None, flight: list[Moment], limits: Limits
+    settings: GeofenceSettings | None,
+    own_fence: OwnFence | None,
+    clearance_m: float,
+    flight: list[Moment],
+    limits: Limits,
 ) -> None:
-    tested = geofence(settings)
+    tested = geofence(settings, clearance_m)
     for moment in flight:
         snapshot = moment.snapshot(own_fence)
-        fence, motion = tested.fence(snapshot), Motion(moment.here, 0.0, moment.own)
-        expected = exact_rule.is_admitted(fence, (FLOOR_M, CEILING_M), motion, moment.velocity, limits)
+        fence, motion = tested.fence_of_velocities(snapshot), Motion(moment.here, 0.0, moment.own)
+        band = (FLOOR_M + clearance_m, CEILING_M)
+        given_m = min(0.1, clearance_m / 2.0)
+        expected = exact_rule.is_admitted(fence, band, motion, moment.velocity, limits, given_m)
         for _ in range(2):  # the second time it may be known already
             try:
                 tested.require_velocity(moment.velocity, limits, snapshot)

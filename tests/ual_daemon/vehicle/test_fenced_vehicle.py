@@ -90,7 +90,7 @@ def test_the_number_of_checked_points_does_not_depend_on_the_length_or_speed_of_
         checked.append(point)
         return is_inside(fence, point)
 
-    with stepped(VehicleSettings(geofence=GeofenceSettings(max_height_m=10.0))) as uav:
+    with stepped(VehicleSettings(geofence=GeofenceSettings(max_height_m=10.0), reach_m=None)) as uav:
         uav.fly()
         for velocity_m_s in (0.0, 1.0):  # from rest, and in motion
             uav.vehicle.commands.setpoints.set_velocity(velocity(0.0, velocity_m_s))

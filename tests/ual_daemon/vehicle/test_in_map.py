@@ -36,7 +36,7 @@ def test_without_a_fence_there_are_the_floor_and_the_ceiling() -> None:
         found = uav.vehicle.geofence()
     assert found.corners == ()
     assert found.circle is None
-    assert found.min_z_m == pytest.approx(7.0, abs=0.01)
+    assert found.min_z_m == pytest.approx(7.5, abs=0.01)
     assert found.max_z_m == pytest.approx(127.0, abs=0.01)
 
 

@@ -13,6 +13,8 @@ _SPEED_M_S = 1.0
 _PID = (0, 1)
 _PID_SHARE = 0.8
 """The part of its own largest velocity that the PID controller is asked for: it corrects with the rest."""
+_CLEARANCE_M = 0.1
+"""It weighs 30 g, and flies at 0.3 m in most programs for it."""
 _HORIZONTAL_M_S2, _VERTICAL_M_S2 = 1.5, 1.0
 CAPABILITIES = frozenset(Capability) - {Capability.GEO}
 """It does not know where it is on Earth."""
@@ -33,6 +35,7 @@ def describe(
     horizontal_m_s, vertical_m_s = max(0.1, min(x, y)), max(0.1, z)
     limits = Limits(horizontal_m_s, vertical_m_s, vertical_m_s, _HORIZONTAL_M_S2, _VERTICAL_M_S2, yaw_rate_rad_s)
     return VehicleInfo(
+        clearance_m=_CLEARANCE_M,
         autopilot="Crazyflie",
         autopilot_version=version,
         is_simulation=is_simulation,

@@ -1,0 +1,88 @@
+"""How far away a goal may lie: a swapped or an empty coordinate is no goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+from typing import NoReturn
+
+from ual.errors import GeofenceError
+from ual.geometry import Vector3
+from ual.types import GeoWaypoint
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.frames.resolver import Goal
+from ual_daemon.geodesy import is_zero
+from ual_daemon.settings import ConfigError, VehicleSettings
+from ual_daemon.tracker.references import measured_motion
+from ual_daemon.trajectory import Waypoint
+
+_SETTING = {"setting": "reach_m"}
+_KM = 1000.0
+_ZERO = "latitude and longitude 0 are what is left where none were given"
+
+
+class ReachLimit:
+    """Refuses goals that lie further from the UAV than `reach_m`, and those at latitude and longitude 0."""
+
+    def __init__(self, settings: VehicleSettings) -> None:
+        """Raises `ConfigError` where the configuration itself has a place at latitude and longitude 0."""
+        self._reach_m = settings.reach_m
+        if self._reach_m is not None:
+            _require_meant(settings)
+
+    def require_goal(self, name: str, goal: Goal | GeoWaypoint, local: Waypoint, snapshot: Snapshot) -> None:
+        """Checks the goal of a command, which is `local` in the local frame. Raises `GeofenceError`."""
+        self.require_goals(name, [goal], [local], snapshot)
+
+    def require_goals(
+        self, name: str, goals: Sequence[Goal | GeoWaypoint], locals_: Sequence[Waypoint], snapshot: Snapshot
+    ) -> None:
+        """Checks all goals of a command. Raises `GeofenceError`, which names the first one that is refused."""
+        if self._reach_m is None:
+            return
+        here = measured_motion(snapshot).position
+        for number, goal, local in zip(count(), goals, locals_, strict=False):
+            place = f"waypoint {number}: " if len(goals) > 1 else ""
+            if isinstance(goal, GeoWaypoint) and is_zero(goal.latitude_deg, goal.longitude_deg):
+                raise GeofenceError(
+                    f"{name}: {place}{_ZERO}; reach_m: null in the configuration permits them", _SETTING
+                )
+            self._require_near(name, place, goal, local.position, here, snapshot)
+
+    def _require_near(
+        self, name: str, place: str, goal: Goal | GeoWaypoint, there: Vector3, here: Vector3, snapshot: Snapshot
+    ) -> None:
+        assert self._reach_m is not None
+        distance_m = (there - here).horizontal_norm()
+        if distance_m > self._reach_m:
+            self._refuse(f"{name}: {place}", distance_m, self._swapped_m(goal, here, snapshot))
+
+    def _refuse(self, what: str, distance_m: float, swapped_m: float | None) -> NoReturn:
+        assert self._reach_m is not None
+        hint = "" if swapped_m is None else f"; with latitude and longitude swapped it is {_text(swapped_m)} away"
+        raise GeofenceError(
+            f"{what}the goal is {_text(distance_m)} from the UAV, beyond its reach of {_text(self._reach_m)}"
+            f" (reach_m: {self._reach_m:g} in the configuration){hint}",
+            _SETTING,
+        )
+
+    def _swapped_m(self, goal: Goal | GeoWaypoint, here: Vector3, snapshot: Snapshot) -> float | None:
+        """Returns how far a goal on Earth would be with its coordinates swapped, where that is within the reach."""
+        if not isinstance(goal, GeoWaypoint) or snapshot.projection is None or abs(goal.longitude_deg) > 90.0:
+            return None
+        assert self._reach_m is not None
+        there = snapshot.projection.to_local(goal.longitude_deg, goal.latitude_deg, 0.0)
+        distance_m = (there - here).horizontal_norm()
+        return distance_m if distance_m <= self._reach_m else None
+
+
+def _require_meant(settings: VehicleSettings) -> None:
+    origin, fence = settings.map_origin_geo, settings.geofence
+    if origin is not None and is_zero(origin[0], origin[1]):
+        raise ConfigError(f"{_ZERO}; reach_m: null permits it", "map_origin_geo")
+    if fence is not None and any(is_zero(*corner) for corner in fence.polygon_geo):
+        raise ConfigError(f"{_ZERO}; reach_m: null permits it", "geofence.polygon_geo")
+
+
+def _text(distance_m: float) -> str:
+    return f"{distance_m / _KM:,.1f} km" if distance_m >= _KM else f"{distance_m:.0f} m"
