@@ -142,3 +142,88 @@ def test_the_reach_is_where_the_planned_trajectories_lead(moment: Moment, limits
     expected = (moment.here, ways.commanded[-1], ways.own[-1], *ways.changed[1:])
     for point, planned in zip(reach(*moment, limits), expected, strict=True):
         assert math.dist(point, tuple(planned)) <= 1e-9 * (1.0 + math.dist(tuple(planned), tuple(moment.here)))
+
+
+# --- What is kept is forgotten when anything changes ------------------------------------------------------------------
+
+HIGH = Moment(Vector3(0.0, 6.0, 10.0), Vector3(), Vector3(0.0, 0.5, 0.0)).snapshot(None)
+ON_GROUND = HIGH._replace(landed=Sample(LandedState.ON_GROUND, 0.0), home_geo=None)
+BESIDE = Pose(Vector3(0.0, -20.0, 10.0), IDENTITY)
+FAR_HOME = GeoPoint(*geo(0.0, -20.0), 488.0)
+DISC = OwnFence(FenceLimit(22.0, "RADIUS"), FenceLimit(15.0, "HIGHEST"))
+CAGE = OwnFence(zones=(Zone("cage", True, box(-9.0, -9.0, 9.0, 7.0)),))
+CHANGES = {
+    "a fence appears": (HIGH, HIGH._replace(own_fence=CAGE)),
+    "another fence": (HIGH._replace(own_fence=OWN_FENCES[2]), HIGH._replace(own_fence=CAGE)),
+    "home moves": (HIGH._replace(own_fence=DISC), HIGH._replace(own_fence=DISC, home_geo=FAR_HOME)),
+    "home sinks": (HIGH._replace(own_fence=DISC), HIGH._replace(own_fence=DISC, home_altitude_amsl_m=483.0)),
+    "it stands elsewhere": (
+        ON_GROUND._replace(own_fence=DISC, pose=Sample(BESIDE, 0.0)),
+        ON_GROUND._replace(own_fence=DISC),
+    ),
+    "the origin moves": (
+        HIGH._replace(own_fence=CAGE),
+        HIGH._replace(own_fence=CAGE, projection=FlatProjection(47.4001, 8.5, 488.0)),
+    ),
+}
+
+
+def bounds(fence: Fence) -> tuple[object, ...]:
+    probes = [Vector3(x, y, 10.0) for x in range(-30, 31, 3) for y in range(-30, 31, 3)]
+    return (fence.lowest_m, fence.highest_m, fence.disc, [fence.is_inside(probe) for probe in probes])
+
+
+def is_refused(tested: Geofence, velocity: Vector3, snapshot: Snapshot) -> bool:
+    try:
+        tested.require_velocity(velocity, Limits(), snapshot)
+    except GeofenceError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_was_kept_is_forgotten_when_anything_changes(change: str) -> None:
+    before, after = CHANGES[change]
+    tested, fresh = geofence(None), geofence(None)
+    slow = Vector3(0.0, 0.5, 0.0)
+    for _ in range(2):
+        is_refused(tested, slow, before)
+    assert bounds(tested.fence(before)) != bounds(fresh.fence(after))
+    assert bounds(tested.fence(after)) == bounds(fresh.fence(after))
+    for velocity in (slow, Vector3(0.0, -0.5, 0.0), Vector3(0.0, 0.0, 0.5), Vector3(6.0, 0.0, 0.0)):
+        assert is_refused(tested, velocity, after) == is_refused(fresh, velocity, after)
+
+
+def test_a_part_of_a_fence_is_no_part_of_another_one() -> None:
+    tested, north = geofence(None), Vector3(0.0, 2.0, 0.0)
+    assert not is_refused(tested, north, HIGH)
+    assert is_refused(tested, north, HIGH._replace(own_fence=CAGE))
+    assert not is_refused(tested, north, HIGH)
+
+
+def test_what_was_admitted_outside_of_one_fence_is_not_within_another_one() -> None:
+    """Outside of the first it leads back; out of the second it leads."""
+    tested = geofence(None)
+    first = HIGH._replace(own_fence=OwnFence(zones=(Zone("north", True, box(-20.0, 9.0, 20.0, 40.0)),)))
+    north = Vector3(0.0, 2.0, 0.0)
+    assert not is_refused(tested, north, first)
+    assert is_refused(tested, north, HIGH._replace(own_fence=CAGE))
+
+
+def test_the_floor_and_the_ceiling_follow_the_ground() -> None:
+    tested = geofence(None)
+    down = Vector3(0.0, 0.0, -1.0)
+    assert not is_refused(tested, down, HIGH)
+    high = HIGH._replace(pose=Sample(Pose(Vector3(0.0, 0.0, 9.5), IDENTITY), 0.0))
+    ground = high._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
+    tested.observe(ground, Estimate(State.LANDED_ARMED, ""))
+    assert is_refused(tested, down, HIGH)
+
+
+def test_a_fence_below_map_follows_odom_in_map() -> None:
+    frames = FrameResolver("uav_1", VehicleSettings(map_origin_geo=(47.4, 8.5, 488.0)))
+    tested = Geofence(GeofenceSettings(polygon=L_SHAPE, frame_id="map"), frames)
+    frames.tree.set_home(Vector3())
+    assert tested.fence(HIGH).is_inside(Vector3(19.0, 0.0, 10.0))
+    frames.tree.set_home(Vector3(5.0, 0.0, 0.0))  # the autopilot's origin moved, and nothing tied home
+    assert not tested.fence(HIGH).is_inside(Vector3(19.0, 0.0, 10.0))
