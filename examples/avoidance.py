@@ -88,8 +88,9 @@ async def fly(
                 raise ual.WrongStateError(f"{name}: {sample.state.name}: {sample.state_reason}")
             position = to_map.apply(sample.pose.position)
             seen[name] = me = Mover(position, to_map.rotation.rotate(sample.velocity.linear), clock())
-            if (goals[name] - position).horizontal_norm() < NEAR_M:
-                there.add(name)
+            # All at the same time: one that is there may yet have to make room for another one.
+            is_there = (goals[name] - position).horizontal_norm() < NEAR_M
+            (there.add if is_there else there.discard)(name)
             if len(there) == len(goals):
                 return
             others = [mover for other, mover in seen.items() if other != name]

@@ -59,7 +59,7 @@ def number(value: SupportsFloat, field: str, *, at_most: float) -> float:
     if not math.isfinite(result):
         raise refuse(field, f"{result} is not a finite number")
     if abs(result) > at_most:
-        raise refuse(field, f"{result:g} is out of range (at most {at_most:g})")
+        raise refuse(field, f"{result:.12g} is out of range (at most {at_most:g})")
     return result
 
 

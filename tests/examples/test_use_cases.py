@@ -28,6 +28,8 @@ from ual import _discovery
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 200.0
 SPEED = "light.speed_factor=5"
+REAL_TIME = "light.speed_factor=1"
+"""For programs that steer by what they see: on a busy computer that is old, and the faster they fly the older."""
 
 
 class Program:
@@ -163,8 +165,7 @@ def test_movers_that_choose_their_velocities_never_meet(seed: int) -> None:
 
 
 def test_uavs_change_places_and_keep_apart(start_daemon: StartDaemon, runtime_dir: Path) -> None:
-    # Slower than the others: what the program decides from is not to be seconds old on a busy computer.
-    names = start_fleet(start_daemon, 4, "light.speed_factor=2")
+    names = start_fleet(start_daemon, 4, REAL_TIME)
     with watched(*names) as watch:
         before = dict(zip(names, _places(names), strict=True))
         lines = Program(runtime_dir, "avoidance", *names, "--arm").end()
@@ -349,7 +350,7 @@ for _ in range(40):
 
 
 def test_the_car_is_in_the_picture_of_both(start_daemon: StartDaemon, runtime_dir: Path) -> None:
-    names = start_fleet(start_daemon, 2)
+    names = start_fleet(start_daemon, 2, REAL_TIME)
     aside: dict[str, list[float]] = {name: [] for name in names}
     with ExitStack() as stack:
         program = Program(runtime_dir, "film", *names, "--shot-s", "4", "--arm")

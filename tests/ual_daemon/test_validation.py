@@ -68,6 +68,11 @@ def test_what_cannot_be_meant_is_refused(value: float) -> None:
     assert message.endswith("is out of range (at most 7)")
 
 
+def test_a_value_just_out_of_range_is_not_told_as_the_limit() -> None:
+    with pytest.raises(InvalidArgumentError, match=r"180\.00005 is out of range \(at most 180\)"):
+        validation.longitude(180.00005)
+
+
 def test_signs() -> None:
     assert validation.not_negative(0.0, "x", at_most=1.0) == 0.0
     assert validation.positive(DENORMAL, "x", at_most=1.0) == DENORMAL

@@ -43,7 +43,9 @@ class _Seen(NamedTuple):
 class PoseGate:
     """Judges the poses of one UAV, one after the other. Times are of one clock. Not thread-safe."""
 
-    def __init__(self) -> None:
+    def __init__(self, advice: str = "compare the clocks") -> None:
+        """`advice` says what to do about a stamp that is too old or in the future."""
+        self._advice = advice
         self.resets_count = 0
         """Changes with a pose that is taken although it is a jump."""
         self._last: _Seen | None = None
@@ -54,9 +56,9 @@ class PoseGate:
         """Returns why a pose that was measured at a time cannot be used; None if it can."""
         age_s = now_s - time_s
         if age_s > OLDEST_S:
-            return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_S:g} s; compare the clocks")
+            return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_S:g} s; {self._advice}")
         if age_s < -FUTURE_S:
-            return Drop("it is in the future", f"its stamp is {-age_s:.2f} s ahead; compare the clocks")
+            return Drop("it is in the future", f"its stamp is {-age_s:.2f} s ahead; {self._advice}")
         if self._last is not None and time_s < self._last.time_s - _TICK_S:
             before_s = self._last.time_s - time_s
             return Drop("it is older than the one before", f"by {before_s:.3f} s; is there another source?")

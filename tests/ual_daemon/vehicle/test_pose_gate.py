@@ -19,9 +19,10 @@ def at(x: float, yaw_rad: float = 0.0) -> Pose:
 
 @pytest.mark.parametrize(("age_s", "why"), [(OLDEST_S + 0.01, "it is old"), (-FUTURE_S - 0.01, "it is in the future")])
 def test_old_poses_and_those_of_the_future_are_untimely(age_s: float, why: str) -> None:
-    drop = PoseGate().untimely(10.0 - age_s, 10.0)
+    drop = PoseGate("give no stamp").untimely(10.0 - age_s, 10.0)
     assert drop is not None
     assert drop.why == why
+    assert drop.detail.endswith("; give no stamp")
 
 
 @pytest.mark.parametrize("age_s", [OLDEST_S - 0.001, 0.0, -FUTURE_S + 0.001])
