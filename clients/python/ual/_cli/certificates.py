@@ -12,6 +12,7 @@ from ual import _extras
 from ual._access import tokens
 from ual._cli.app import Session, UalGroup, command, pass_session
 from ual._cli.help import Section
+from ual._cli.values import Number
 from ual.errors import InvalidArgumentError
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def _directory(function: F) -> F:
 def _days(default: float) -> Callable[[F], F]:
     return click.option(
         "--days",
-        type=click.FloatRange(0.0, _LONGEST_DAYS, min_open=True),
+        type=Number(0.0, _LONGEST_DAYS, min_open=True),
         default=default,
         show_default=True,
         help="How long it is valid.",

@@ -40,7 +40,14 @@ altitude = click.option(
     "altitude_m",
     type=values.number,
     metavar="M",
-    help="The altitude above home at which to fly a .kml line that lies on the ground.",
+    help="Fly all of a KML, KMZ, GPX or GeoJSON file at this altitude above home.",
+)
+altitude_reference = click.option(
+    "--reference",
+    "altitude_reference",
+    type=values.altitude_reference,
+    metavar="home|amsl|ellipsoid",
+    help="What the altitudes of a GPX or GeoJSON file count from.",
 )
 plot = click.option(
     "--plot",

@@ -13,7 +13,7 @@ from ual._cli import manoeuvre, options, values
 from ual._cli.app import Session, command, note, pass_session
 from ual.geometry import PointStamped, Pose, PoseStamped, Vector3
 from ual.routes import Route
-from ual.types import PathHeading
+from ual.types import AltitudeReference, PathHeading
 
 
 class PathArguments(TypedDict):
@@ -57,9 +57,11 @@ class PathOptions:
 @click.option(
     "--file",
     type=click.Path(path_type=Path),
-    help="Read the waypoints from a file: QGroundControl's .plan, .kml, or waypoints a line (-: standard input).",
+    help="Read the waypoints from a file: .plan, .waypoints, .kml, .kmz, .gpx, .geojson, or waypoints a line (-: "
+    "standard input).",
 )
 @options.altitude
+@options.altitude_reference
 @options.corner_radius
 @options.max_speed
 @click.option(
@@ -95,6 +97,7 @@ def path(
     waypoints: tuple[Pose, ...],
     file: Path | None,
     altitude_m: float | None,
+    altitude_reference: AltitudeReference | None,
     corner_radius_m: float,
     max_speed_m_s: float | None,
     leg_speeds_m_s: list[float],
@@ -115,7 +118,9 @@ def path(
         raise click.UsageError("give either waypoints or --file")
     route = Route([PoseStamped(each, frame_id) for each in waypoints])
     if file is not None:
-        route = values.read_route(file, frame_id, altitude_m)
+        route = values.read_route(file, frame_id, altitude_m, altitude_reference)
+    elif altitude_m is not None or altitude_reference is not None:
+        raise click.UsageError("--altitude and --reference are for a --file")
     if isinstance(heading, Vector3):
         kind, point = PathHeading.POINT_OF_INTEREST, PointStamped(heading, frame_id)
     else:

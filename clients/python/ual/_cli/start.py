@@ -15,6 +15,7 @@ import click
 from typing_extensions import override
 
 from ual._cli.streams import Line
+from ual._numbers import parse_number
 from ual.errors import DaemonUnreachableError
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def parsed(text: str, now: datetime) -> float:
 
     """
     if text.startswith("+"):
-        return now.timestamp() + float(text)
+        return now.timestamp() + parse_number(text)
     if not _CLOCK.fullmatch(text):
         return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
     hour, minute, second = (*map(float, text.split(":")), 0.0)[:3]

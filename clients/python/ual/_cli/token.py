@@ -13,6 +13,7 @@ from ual._access.tokens import Token
 from ual._cli.app import Session, UalGroup, command, pass_session
 from ual._cli.help import Section
 from ual._cli.tables import print_table
+from ual._cli.values import Number
 from ual.errors import InvalidArgumentError
 
 _ROLES = [role.text for role in Role if role is not Role.NONE]
@@ -38,9 +39,7 @@ def token() -> None:
 @command("new", "ual token new --role pilot --name field-laptop --days 30", section=Section.ACCESS)
 @click.option("--name", required=True, help="Whose it is: by this it appears in logs and in the audit.")
 @click.option("--role", type=click.Choice(_ROLES), required=True, help="What it permits.")
-@click.option(
-    "--days", type=click.FloatRange(0.0, _LONGEST_DAYS, min_open=True), help="How long it is valid.  [for ever]"
-)
+@click.option("--days", type=Number(0.0, _LONGEST_DAYS, min_open=True), help="How long it is valid.  [for ever]")
 @_file
 @pass_session
 def new(session: Session, name: str, role: str, days: float | None, file: Path) -> None:

@@ -12,10 +12,14 @@ import click
 from typing_extensions import override
 
 from ual import routes
+from ual._numbers import parse_number
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual.routes import Route, RouteError
-from ual.types import PathHeading
+from ual.types import AltitudeReference, PathHeading
+
+_WORDS = {word: float(word) for word in ("inf", "-inf", "nan")}
+"""Numbers that a command hands on as they are: the daemon says whether it takes them."""
 
 
 class Number(click.FloatRange):
@@ -29,10 +33,11 @@ class Number(click.FloatRange):
         return converted
 
 
-def number(text: str) -> float:
+def number(value: str | float) -> float:
     """Parses a number without a unit. The daemon says which ones it takes."""
+    text = str(value)
     try:
-        return float(text)
+        return _WORDS[text] if text in _WORDS else parse_number(text)
     except ValueError:
         raise click.BadParameter(f"{text!r} is not a number{_how_to_write(text)}.") from None
 
@@ -47,7 +52,7 @@ def _how_to_write(word: str) -> str:
 def angle(text: str) -> float:
     """Parses ``90deg``, ``1.57rad`` or ``1.57``; returns radians. Refuses ``90``, which is more than a full turn."""
     try:
-        return routes.parse_angle(text)
+        return _WORDS[text] if text in _WORDS else routes.parse_angle(text)
     except routes.BareAngleError as error:
         raise click.BadParameter(str(error)) from None
     except ValueError:
@@ -73,7 +78,7 @@ def waypoint(text: str) -> Pose:
 def vector(text: str) -> Vector3:
     """Parses ``X,Y,Z``."""
     try:
-        x, y, z = map(float, text.split(","))
+        x, y, z = map(parse_number, text.split(","))
     except ValueError:
         raise click.BadParameter(f"{text!r} is not a vector: write X,Y,Z") from None
     return Vector3(x, y, z)
@@ -82,7 +87,7 @@ def vector(text: str) -> Vector3:
 def numbers(text: str) -> list[float]:
     """Parses ``A,B,...``; the text may be empty."""
     try:
-        return [float(each) for each in text.split(",")] if text else []
+        return [parse_number(each) for each in text.split(",")] if text else []
     except ValueError:
         raise click.BadParameter(f"{text!r} is not a list of numbers: write A,B,...") from None
 
@@ -98,13 +103,28 @@ def path_heading(text: str) -> PathHeading | Vector3:
         raise click.BadParameter(f"{text!r} is neither {', '.join(known)} nor X,Y,Z") from None
 
 
-def read_route(file: Path, frame_id: str = "", altitude_m: float | None = None) -> Route:
-    """Reads the route of a file (``-``: one waypoint a line on standard input); see `ual.routes.read`."""
+def altitude_reference(text: str) -> AltitudeReference:
+    """Parses ``home``, ``amsl`` or ``ellipsoid``."""
     try:
-        if str(file) == "-":
-            return routes.parse_list(sys.stdin.read(), "standard input", frame_id)
-        return routes.read(file, frame_id=frame_id, altitude_m=altitude_m)
-    except UnicodeDecodeError:
-        raise InvalidArgumentError("standard input is not text", {"field": "file"}) from None
+        return AltitudeReference[text.upper()]
+    except KeyError:
+        known = ", ".join(reference.name.lower() for reference in AltitudeReference)
+        raise click.BadParameter(f"{text!r} is none of {known}") from None
+
+
+def read_route(
+    file: Path,
+    frame_id: str = "",
+    altitude_m: float | None = None,
+    reference: AltitudeReference | None = None,
+) -> Route:
+    """Reads the route of a file (``-``: standard input); see `ual.routes.read`."""
+    try:
+        if str(file) != "-":
+            return routes.read(file, frame_id=frame_id, altitude_m=altitude_m, altitude_reference=reference)
+        data = sys.stdin.buffer.read(routes.MOST_BYTES + 1)
+        return routes.parse(
+            data, "standard input", frame_id=frame_id, altitude_m=altitude_m, altitude_reference=reference
+        )
     except RouteError as error:
         raise InvalidArgumentError(str(error), {"field": "file"}) from None

@@ -14,6 +14,7 @@ from ual._cli.output import pose_json, pose_text
 from ual._cli.path import PathOptions, fly_path
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, PoseStamped
+from ual.types import AltitudeReference
 
 
 @click.group(
@@ -58,6 +59,7 @@ def save(session: Session, file: Path, frame_id: str) -> None:
 @options.corner_radius
 @options.max_speed
 @options.altitude
+@options.altitude_reference
 @options.dry_run
 @options.plot
 @pass_session
@@ -67,15 +69,16 @@ def fly(
     corner_radius_m: float,
     max_speed_m_s: float | None,
     altitude_m: float | None,
+    altitude_reference: AltitudeReference | None,
     dry_run: bool,
     plot: Path | None,
 ) -> None:
     """Fly through the waypoints of FILE.
 
-    FILE is as saved, a .plan of QGroundControl, or a .kml. Ctrl-C cancels: the UAV holds its position.
+    FILE is as saved, or a .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Ctrl-C cancels: the UAV holds its position.
     """
     how = PathOptions(corner_radius_m, max_speed_m_s, dry_run=dry_run, plot=plot)
-    fly_path(session, values.read_route(file, altitude_m=altitude_m), how)
+    fly_path(session, values.read_route(file, "", altitude_m, altitude_reference), how)
 
 
 COMMANDS = (waypoints,)

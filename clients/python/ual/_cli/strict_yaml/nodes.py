@@ -7,7 +7,6 @@ the file can make anything.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import stat
@@ -23,6 +22,7 @@ import yaml
 from ual._cli.help import close, did_you_mean
 from ual._cli.strict_yaml.loading import YamlFileError
 from ual._cli.strict_yaml.placeholders import PlaceholderError, fill, is_one
+from ual._numbers import parse_number
 
 E = TypeVar("E", bound=Enum)
 
@@ -111,10 +111,10 @@ class Node:
             YamlFileError: It is not a number, or is below `at_least`.
         """
         try:
-            value = float(self.text())
+            value = parse_number(self.text())
         except ValueError:
             raise self.error(f"expected a number, got {self.text()!r}") from None
-        if not math.isfinite(value) or value < at_least:
+        if value < at_least:
             raise self.error(f"expected a number of at least {at_least:g}")
         return value
 

@@ -1,0 +1,124 @@
+"""Reads routes from files: UAL's own waypoint files, QGroundControl's ``.plan``, Mission Planner's ``.waypoints``, KML
+and KMZ (Google Earth, QGIS, ...), GPX and GeoJSON.
+
+`Uav.follow_path` takes the waypoints of a route, with their speeds and holds. Whatever else a file contains (a
+take-off, camera commands) is not flown; `Route.left_out` lists it. What changes the flight and cannot be flown is
+refused, with its number in the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ual.routes import _geojson, _gpx, _json, _kml, _plan, _wpl, _xml
+from ual.routes._kml import parse_kml
+from ual.routes._lines import BareAngleError, parse_angle, parse_lines, parse_list, parse_waypoint
+from ual.routes._places import Heights
+from ual.routes._plan import parse_plan
+from ual.routes._route import FaultError, Route, RouteError, naming
+from ual.routes._text import decoded
+from ual.types import AltitudeReference
+
+__all__ = [
+    "BareAngleError",
+    "Route",
+    "RouteError",
+    "parse",
+    "parse_angle",
+    "parse_kml",
+    "parse_lines",
+    "parse_list",
+    "parse_plan",
+    "parse_waypoint",
+    "read",
+]
+
+MOST_BYTES = 20_000_000
+"""A file may have so many bytes, and so may the KML in a KMZ."""
+_ZIP = (b"PK\x03\x04", b"PK\x05\x06")
+"""How zip files begin; the second one has nothing in it."""
+_PLANS = (".plan", ".mission")
+_GEOJSON = (".geojson", ".json")
+
+
+def read(
+    file: Path | str,
+    *,
+    frame_id: str = "",
+    altitude_m: float | None = None,
+    altitude_reference: AltitudeReference | None = None,
+) -> Route:
+    """Reads a route from a file, whose content says its format.
+
+    `frame_id` is the frame of waypoints (one a line) that name none. `altitude_m` (above home) replaces the altitudes
+    of KML, KMZ, GPX and GeoJSON; a file without altitudes needs it. `altitude_reference` says what the altitudes of GPX
+    and GeoJSON count from, which those formats do not say well enough to fly by.
+
+    Raises:
+        RouteError: The file cannot be read or contains no valid route.
+    """
+    file = Path(file)
+    try:
+        with file.open("rb") as opened:
+            data = opened.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise RouteError(f"cannot read {file}: {error.strerror}") from None
+    return parse(data, str(file), frame_id=frame_id, altitude_m=altitude_m, altitude_reference=altitude_reference)
+
+
+def parse(
+    data: bytes,
+    name: str,
+    *,
+    frame_id: str = "",
+    altitude_m: float | None = None,
+    altitude_reference: AltitudeReference | None = None,
+) -> Route:
+    """Reads a route from the content of a file, as `read`; `name` stands in messages.
+
+    Raises:
+        RouteError: It contains no valid route.
+    """
+    heights = Heights(altitude_m, altitude_reference)
+    with naming(name):
+        if len(data) > MOST_BYTES:
+            raise FaultError(f"is too large for a route (more than {MOST_BYTES} bytes)")
+        text = _kml.unpacked(data, MOST_BYTES) if data.startswith(_ZIP) else decoded(data)
+        found = _line_of_places(text, Path(name).suffix.lower(), heights)
+        if found is not None:
+            return found
+        if heights != Heights():
+            raise FaultError("has altitudes of its own: leave out --altitude and --reference")
+        found = _mission(text, Path(name).suffix.lower()) or parse_list(text, name, frame_id)
+        if not found.waypoints:
+            raise FaultError("has no waypoints to fly to")
+    return found
+
+
+def _line_of_places(text: str, ending: str, heights: Heights) -> Route | None:
+    """Returns the route of a format that only draws lines; None if the text has another one."""
+    if text.lstrip().startswith("<") or ending in (".kml", ".gpx"):
+        root = _xml.parsed(text)
+        return _gpx.read(root, heights) if root.name == "gpx" else _kml.read(root, heights)
+    document = _document(text)
+    if _geojson.is_geojson(document) or (ending in _GEOJSON and document is None):
+        return _geojson.read(document, heights)
+    return None
+
+
+def _mission(text: str, ending: str) -> Route | None:
+    """Returns the route of a mission; None if the text is no mission."""
+    if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
+        return _wpl.read(text.lstrip())
+    document = _document(text)
+    return _plan.read(document) if _plan.is_plan(document) or ending in _PLANS else None
+
+
+def _document(text: str) -> object:
+    """Returns the JSON object that the whole text is; None if it is none."""
+    if not text.lstrip().startswith("{"):
+        return None
+    try:
+        return _json.parsed(text)
+    except ValueError:
+        return None

@@ -1,0 +1,87 @@
+"""GeoJSON (RFC 7946; web maps, QGIS, ...), whose order is longitude, latitude, altitude."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from ual._numbers import shown
+from ual.routes import _json
+from ual.routes._places import Heights, Place, counted, route, the_one
+from ual.routes._route import FaultError, Route
+
+_SHAPES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
+_TYPES = (*_SHAPES, "Feature", "FeatureCollection")
+_MOST_DEPTH = 20
+_DEGREES = ("CRS84", "4326", "4979")
+"""How the names of coordinate systems end that are latitudes and longitudes of WGS 84 (GeoJSON before RFC 7946)."""
+
+
+def is_geojson(document: object) -> bool:
+    """Whether a document is GeoJSON."""
+    return isinstance(document, Mapping) and document.get("type") in _TYPES
+
+
+def read(document: object, heights: Heights) -> Route:
+    """Reads the one line of a document. Raises `FaultError`."""
+    if not is_geojson(document):
+        raise FaultError("is not GeoJSON (no FeatureCollection, Feature or LineString)")
+    finder = _Finder()
+    finder.find(document, "", 0)
+    others = counted([(count, name) for name, count in finder.others.items()])
+    line = the_one(finder.lines, "lines (LineString)", others)
+    if not isinstance(line, Sequence) or not line:
+        raise FaultError("has a line without coordinates")
+    places = [_place(position, f"position {index}") for index, position in enumerate(line, start=1)]
+    return route(places, None, heights, [others] if others else [])
+
+
+class _Finder:
+    """Finds the lines of a document, with the names of their features."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, object]] = []
+        self.others: Counter[str] = Counter()
+
+    def find(self, shape: object, name: str, depth: int) -> None:
+        if not isinstance(shape, Mapping) or depth > _MOST_DEPTH:
+            return
+        _require_degrees(shape)
+        kind = shape.get("type")
+        if kind == "Feature":
+            self.find(shape.get("geometry"), _name(shape.get("properties")), depth + 1)
+        elif kind in ("FeatureCollection", "GeometryCollection"):
+            for each in _list(shape.get("features" if kind == "FeatureCollection" else "geometries")):
+                self.find(each, name, depth + 1)
+        elif kind == "LineString":
+            self.lines.append((name, shape.get("coordinates")))
+        elif kind == "MultiLineString":
+            self.lines += [(name, each) for each in _list(shape.get("coordinates"))]
+        elif kind in _SHAPES:
+            self.others[str(kind).lower().removeprefix("multi")] += 1
+
+
+def _list(value: object) -> list[object]:
+    return value if isinstance(value, list) else []
+
+
+def _name(properties: object) -> str:
+    return str(properties.get("name") or "") if isinstance(properties, Mapping) else ""
+
+
+def _require_degrees(shape: Mapping[str, object]) -> None:
+    system = shape.get("crs")
+    if system is None:
+        return
+    properties = system.get("properties") if isinstance(system, Mapping) else None
+    name = _name(properties)
+    if not name.endswith(_DEGREES):
+        raise FaultError(f"is in the coordinate system {shown(name)}: export it in WGS 84 (EPSG:4326)")
+
+
+def _place(position: object, where: str) -> Place:
+    if not isinstance(position, list) or len(position) < 2:
+        raise FaultError(f"{shown(position)} is not [LONGITUDE, LATITUDE, ALTITUDE]", where)
+    longitude_deg, latitude_deg = (_json.number(each, "a coordinate", where) for each in position[:2])
+    altitude_m = _json.number(position[2], "its altitude", where) if len(position) > 2 else None
+    return Place(where, latitude_deg, longitude_deg, altitude_m)

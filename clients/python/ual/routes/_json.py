@@ -1,0 +1,50 @@
+"""JSON as the files of others have it: strict about numbers, which are all floats."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from ual._numbers import shown
+from ual.routes._route import FaultError
+
+
+class NotJson(str):
+    """``NaN``, ``Infinity`` or ``-Infinity``, which some programs write and JSON does not have."""
+
+    __slots__ = ()
+
+
+def parsed(text: str) -> Any:  # noqa: ANN401  whatever the file has
+    """Parses a whole document. Raises `ValueError`."""
+    try:
+        return json.loads(text, parse_int=float, parse_constant=NotJson)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def number(value: object, what: str, where: str) -> float:
+    """Accepts a finite number of JSON. Raises `FaultError`."""
+    if isinstance(value, NotJson):
+        raise FaultError(
+            f"{what} is {value}, which JSON does not have: give a number, or null where that is allowed", where
+        )
+    if value is None:
+        raise FaultError(f"{what} is not given (null)", where)
+    if not isinstance(value, float) or not math.isfinite(value):
+        raise FaultError(f"{what} is {shown(value)}, not a number", where)
+    return value
+
+
+def optional(value: object, what: str, where: str) -> float | None:
+    """As `number`, but None for null."""
+    return None if value is None else number(value, what, where)
+
+
+def whole(value: object, what: str, where: str) -> int:
+    """Accepts a whole number of JSON. Raises `FaultError`."""
+    found = number(value, what, where)
+    if not found.is_integer():
+        raise FaultError(f"{what} is {found:g}, not a whole number", where)
+    return int(found)

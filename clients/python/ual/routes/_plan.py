@@ -1,0 +1,138 @@
+"""QGroundControl's plans (``.plan``), and the missions of its older versions, which have the same items.
+
+Source: QGroundControl's plan file format
+(https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html); MissionItem.cc for older versions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from ual._numbers import shown
+from ual.routes import _json
+from ual.routes._mission import Firmware, Item, fly
+from ual.routes._route import FaultError, Route, naming
+
+_KEYS = {"fileType", "mission", "firmwareType", "MAV_AUTOPILOT"}
+_FIRMWARES = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
+_NOT_IN_THE_AIR = {10: "a rover", 11: "a boat", 12: "a submarine"}
+_CALCULATED_ABOVE_TERRAIN, _ABOVE_TERRAIN = 3, 4
+_TERRAIN_FRAME = 10
+_MOST_DEPTH = 10
+_NO_FORMAT = "is not in QGroundControl's format"
+
+
+def parse_plan(text: str, name: str) -> Route:
+    """Parses the mission of a ``.plan`` file; surveys and corridors by the items that QGroundControl made of them.
+    Raises `RouteError`.
+    """
+    with naming(name):
+        try:
+            return read(_json.parsed(text))
+        except ValueError:
+            return read(None)
+
+
+def is_plan(document: object) -> bool:
+    """Whether a document is of QGroundControl."""
+    return isinstance(document, Mapping) and bool(_KEYS & document.keys())
+
+
+def read(document: object) -> Route:
+    """Reads a plan. Raises `FaultError`."""
+    mission = _mission(document)
+    items = mission.get("items")
+    if not isinstance(document, Mapping) or not isinstance(items, list):
+        raise FaultError("is not a plan of QGroundControl (no mission with items)")
+    if mission.get("complexItems"):
+        raise FaultError("has a survey of an old QGroundControl: open the file in a current one, and save it")
+    if (vehicle := _type(mission.get("vehicleType"))) in _NOT_IN_THE_AIR:
+        raise FaultError(f"is a plan for {_NOT_IN_THE_AIR[vehicle]}")
+    firmware = _FIRMWARES.get(_type(mission.get("firmwareType", mission.get("MAV_AUTOPILOT"))), Firmware.OTHER)
+    route = fly(list(_items(items, "")), firmware)
+    if not route.waypoints:
+        raise FaultError("has no waypoints to fly to")
+    fence, rally = document.get("geoFence"), document.get("rallyPoints")
+    if any(_holds(part, key) for part, key in ((fence, "polygons"), (fence, "circles"), (rally, "points"))):
+        about = "the geofence and rally points (the daemon has a geofence of its own)"
+        route = replace(route, left_out=[*route.left_out, about])
+    return route
+
+
+def _mission(document: object) -> Mapping[str, object]:
+    """Returns the part that has the items. In files before plans (``.mission``) that is the whole document."""
+    if not isinstance(document, Mapping):
+        return {}
+    if document.get("fileType") == "Plan":
+        found = document.get("mission")
+        return found if isinstance(found, Mapping) else {}
+    return document if document.keys() & {"MAV_AUTOPILOT", "firmwareType"} else {}
+
+
+def _type(value: object) -> int:
+    """Returns a number of MAV_AUTOPILOT or MAV_TYPE; 0 (generic) where there is none."""
+    return int(value) if isinstance(value, float) and value.is_integer() else 0
+
+
+def _holds(part: object, key: str) -> bool:
+    return isinstance(part, Mapping) and bool(part.get(key))
+
+
+def _items(items: Sequence[object], prefix: str, depth: int = 0) -> Iterator[Item]:
+    """Yields the items in their order, those of surveys too: ``3.2`` is the second of item 3."""
+    if depth > _MOST_DEPTH:
+        raise FaultError(_NO_FORMAT, f"item {prefix}")
+    for index, item in enumerate(items, start=1):
+        number = f"{prefix}{index}"
+        if not isinstance(item, Mapping):
+            raise FaultError(_NO_FORMAT, f"item {number}")
+        if item.get("type") == "ComplexItem":
+            yield from _items(_parts(item, number), f"{number}.", depth + 1)
+        else:
+            yield _simple(item, number)
+
+
+def _parts(item: Mapping[str, object], number: str) -> Sequence[object]:
+    """Returns the items that QGroundControl made of a survey or corridor."""
+    transects = item.get("TransectStyleComplexItem")
+    inner = transects.get("Items") if isinstance(transects, Mapping) else None
+    if not isinstance(inner, list) or not inner:
+        raise FaultError(f"UAL cannot fly a {shown(item.get('complexItemType'))} item", f"item {number}")
+    return inner
+
+
+def _simple(item: Mapping[str, object], number: str) -> Item:
+    where = f"item {number}"
+    command, frame = (_json.whole(item.get(key), key, where) for key in ("command", "frame"))
+    jump_id = item.get("doJumpId", item.get("id"))
+    return Item(
+        number,
+        command,
+        _frame(item, frame, where),
+        _params(item, where),
+        int(jump_id) if isinstance(jump_id, float) and jump_id.is_integer() else -1,
+        waits=item.get("autoContinue") is False,
+    )
+
+
+def _frame(item: Mapping[str, object], frame: int, where: str) -> int:
+    """Returns the frame of an item; that above the terrain where only the mode of its altitude says so."""
+    mode = item.get("AltitudeMode")
+    if mode == _CALCULATED_ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
+        raise FaultError("its altitude above the terrain was never turned into one above mean sea level", where)
+    return _TERRAIN_FRAME if mode == _ABOVE_TERRAIN else frame
+
+
+def _params(item: Mapping[str, object], where: str) -> Sequence[object]:
+    """Returns the seven parameters. Older versions have the position, and before that all of them, separately."""
+    params = item.get("params")
+    if params is None:
+        params = [item.get(f"param{number}") for number in (1, 2, 3, 4)]
+    coordinate = item.get("coordinate", [])
+    if not isinstance(params, list) or not isinstance(coordinate, list):
+        raise FaultError(_NO_FORMAT, where)
+    params = [*params[:4], *coordinate] if coordinate else params
+    if len(params) != 7:
+        raise FaultError(_NO_FORMAT, where)
+    return params

@@ -1,0 +1,68 @@
+"""Text of a file's bytes, as Windows, Mission Planner and old programs write it, too."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from collections.abc import Iterable
+
+from ual.routes._route import FaultError
+
+_MARKS = (
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+"""The longer marks first: that of UTF-32 begins with that of UTF-16."""
+_DECLARED = re.compile(rb"""<\?xml[^>]{0,100}encoding=["']([A-Za-z0-9._-]{1,40})["']""")
+_ONE_BYTE = re.compile(r"(iso-?8859|windows-?125|cp125|latin|koi8)[-_]?[0-9a-z]{0,4}", re.IGNORECASE)
+_NOT_IN_TEXT = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
+"""Control characters that no text has; \\x1a ends text files of DOS."""
+
+
+def decoded(data: bytes) -> str:
+    """Returns the text: by its byte-order mark, as UTF-8 or UTF-16, as its XML declaration says, else as Latin-1.
+
+    Numbers are ASCII in each of them: where the encoding is guessed, only names and comments can differ. Raises
+    `FaultError`.
+    """
+    try:
+        text = data.decode(_encoding(data))
+    except UnicodeDecodeError:
+        raise FaultError("is not a text file") from None
+    if _NOT_IN_TEXT.search(text):
+        raise FaultError("is not a text file")
+    return text.removesuffix("\x1a")
+
+
+def _encoding(data: bytes) -> str:
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            return encoding
+    if data[1:2] == b"\0":
+        return "utf-16-le"
+    if data[:1] == b"\0":
+        return "utf-16-be"
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return _declared(data)
+    return "utf-8"
+
+
+def _declared(data: bytes) -> str:
+    """Returns the encoding that an XML declaration names, if each byte is a character in it; else Latin-1."""
+    found = _DECLARED.match(data.lstrip()[:200])
+    name = "" if found is None else found[1].decode()
+    try:
+        return codecs.lookup(name).name if _ONE_BYTE.fullmatch(name) else "latin-1"
+    except LookupError:
+        return "latin-1"
+
+
+def lines_of(text: str) -> Iterable[str]:
+    """Yields the lines, whatever system wrote them. (`str.splitlines` also splits at characters of other encodings.)"""
+    return io.StringIO(text, newline=None)

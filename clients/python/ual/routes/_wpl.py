@@ -1,0 +1,62 @@
+"""Waypoint files of Mission Planner, MAVProxy and APM Planner (``QGC WPL 110``), and of old QGroundControls (120).
+
+Source: MAVLink's file formats (https://mavlink.io/en/file_formats/#mission_plain_text_file).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+from ual._numbers import parse_number, shown
+from ual.routes import _commands as commands
+from ual.routes._mission import Firmware, Item, fly
+from ual.routes._route import FaultError, Route
+from ual.routes._text import lines_of
+
+HEADER = "QGC WPL"
+_FIRMWARES = {"110": Firmware.ARDUPILOT, "120": Firmware.OTHER}
+_COLUMNS = 12
+
+
+def read(text: str) -> Route:
+    """Reads a file of waypoints. Raises `FaultError`."""
+    header, *lines = map(str.strip, lines_of(text or "\n"))
+    version = header.removeprefix(HEADER).strip()
+    if not header.startswith(HEADER) or version not in _FIRMWARES:
+        raise FaultError(f"begins with {shown(header)}, not with 'QGC WPL 110'")
+    firmware = _FIRMWARES[version]
+    items = list(_items(lines))
+    for before, item in itertools.pairwise(items):
+        if item.jump_id <= before.jump_id:
+            raise FaultError(f"its number comes after {before.jump_id}", item.where)
+    # ArduPilot keeps home as item 0.
+    home = [item for item in items[:1] if item.jump_id == 0 and firmware is Firmware.ARDUPILOT]
+    if home and home[0].command != commands.WAYPOINT:
+        raise FaultError(
+            "item 0 of ArduPilot is its home, but this is a command: number the items from 1", home[0].where
+        )
+    route = fly(items[len(home) :], firmware)
+    return replace(route, left_out=["item 0: home", *route.left_out]) if home else route
+
+
+def _items(lines: list[str]) -> Iterator[Item]:
+    for number, line in enumerate(lines, start=2):
+        if line and not line.startswith("#"):
+            yield _item(line, f"line {number}")
+
+
+def _item(line: str, where: str) -> Item:
+    fields = line.split("\t") if "\t" in line else line.split()
+    if len(fields) != _COLUMNS:
+        raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS}", where)
+    if "," in line and "." not in line:  # the decimal comma of the computer's language
+        fields = [field.replace(",", ".", 1) for field in fields]
+    try:
+        index, _, frame, command, *params, goes_on = map(parse_number, fields)
+    except ValueError as error:
+        raise FaultError(str(error), where) from None
+    if not (index.is_integer() and frame.is_integer() and command.is_integer()):
+        raise FaultError(f"{shown(line)} has fractions in its number, frame or command", where)
+    return Item(str(int(index)), int(command), int(frame), params, int(index), waits=not goes_on, line=f"{where}, ")
