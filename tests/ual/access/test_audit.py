@@ -104,3 +104,35 @@ def test_the_command_says_whether_it_is_whole(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["audit", "verify", str(file)])
     assert result.exit_code == 1
     assert "line 1 was changed" in result.output
+
+
+LINES = chained(ENTRIES)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "it has no whole line of an audit"),
+        (b"my-computer\n", "it has no whole line of an audit"),
+        (b'{"event":"opened","ti', "it has no whole line of an audit"),
+        (LINES[0] + b"\nmy-computer", "line 2 is no line of an audit"),
+        (LINES[0] + b"\n" + LINES[1][:30] + b"\n", "line 2 is no line of an audit"),
+        (LINES[0] + b"\n" + LINES[1].replace(b"ended", b"ENDED") + b"\n", "line 2 was changed"),
+        (LINES[0] + b'\ntorn\n{"event":"opened",,"hash":"' + b"0" * 64 + b'"}\n', "line 2 is no line of an audit"),
+        (LINES[0] + b"\n\n", "line 2 is no line of an audit"),
+    ],
+)
+def test_what_is_no_audit_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(content)
+    result = CliRunner().invoke(cli, ["audit", "verify", str(file)])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert f"{file}: {message}" in result.stderr
+
+
+def test_a_last_line_that_a_killed_daemon_has_left_is_counted(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(LINES[0] + b"\n" + LINES[1][:30])
+    result = CliRunner().invoke(cli, ["audit", "verify", str(file)])
+    assert result.exit_code == 0
+    assert result.output.startswith("whole: 2 lines, 1 of them incomplete (the daemon was killed); the last hash is")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -133,3 +134,70 @@ def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
     ):
         result = CliRunner().invoke(cli, [str(word) for word in words])
         assert (result.exit_code, why in result.output) == (status, True), result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "missing", "extra"),
+    [
+        (("record",), "mcap", "record"),
+        (("record", "info", "FILE"), "mcap", "record"),
+        (("record", "export", "--csv", "FILE"), "mcap", "record"),
+        (("plot", "FILE"), "mcap", "plot"),
+        (("plot", "FILE"), "matplotlib", "plot"),
+    ],
+)
+def test_a_missing_package_is_named_with_its_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], missing: str, extra: str
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == missing]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
+    file = empty_recording(tmp_path)
+    result = CliRunner().invoke(cli, [str(file) if word == "FILE" else word for word in words])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith("ual: NOT_SUPPORTED: ")
+    assert f"needs {missing}" in result.stderr
+    assert f"pip install 'ual-client[{extra}]'" in result.stderr
+
+
+def empty_recording(directory: Path) -> Path:
+    """A file that has the marks of an MCAP file and nothing else."""
+    file = directory / "empty.mcap"
+    mark = b"\x89MCAP0\r\n"
+    header, data_end, footer = (code + len(body).to_bytes(8, "little") + body for code, body in RECORDS)
+    file.write_bytes(mark + header + data_end + footer + mark)
+    return file
+
+
+RECORDS = ((b"\x01", bytes(8)), (b"\x0f", bytes(4)), (b"\x02", bytes(20)))
+
+
+def test_a_recording_without_messages_is_said_to_have_none(tmp_path: Path) -> None:
+    file = empty_recording(tmp_path)
+    assert run("record", "info", file).startswith(f"{file}: no messages, 0.0 MB\n")
+    found = json.loads(run("--json", "record", "info", file))
+    assert (found["began_s"], found["ended_s"], found["is_whole"]) == (None, None, True)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[:8])
+    assert run("record", "info", cut).startswith(f"{cut}: no messages, 0.0 MB, without its end")
+
+
+@pytest.mark.parametrize("words", [("record", "info"), ("record", "export", "--csv", "--kml"), ("plot",)])
+@pytest.mark.parametrize(
+    ("content", "why"), [(b"", "it is empty"), (b"my-pc\n", "it is no MCAP file"), (b"\x89MCAP", "it is no MCAP file")]
+)
+def test_what_is_no_recording_is_refused(tmp_path: Path, words: tuple[str, ...], content: bytes, why: str) -> None:
+    file = tmp_path / "flight.mcap"
+    file.write_bytes(content)
+    result = CliRunner().invoke(cli, [*words, str(file)])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == f"ual: INVALID_ARGUMENT: cannot read {file}: {why}\n"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize("words", [("record", "export", "--csv", "--kml"), ("plot",)])
+def test_a_recording_without_telemetry_makes_no_files(tmp_path: Path, words: tuple[str, ...]) -> None:
+    file = empty_recording(tmp_path)
+    result = CliRunner().invoke(cli, [*words, str(file)])
+    assert (result.exit_code, result.stderr) == (1, f"ual: INVALID_ARGUMENT: {file} has no telemetry\n")
+    assert list(tmp_path.iterdir()) == [file]

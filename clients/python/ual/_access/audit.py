@@ -20,6 +20,7 @@ OPENED = "opened"
 """The event of the line with which a daemon begins to write."""
 TORN = "torn_sha256"
 """The field of such a line that has the hash of the incomplete line before it, which a killed daemon has left."""
+_BEGIN = b'{"'
 _LINE = re.compile(rb'(\{.*),"hash":"([0-9a-f]{64})"\}')
 
 
@@ -50,16 +51,17 @@ def hash_of(text: bytes) -> str | None:
 
 
 def verify(lines: Iterable[bytes]) -> Verified:
-    """Checks the lines of an audit.
+    """Checks the lines of an audit, with their ends.
 
     Raises:
-        BrokenChainError: One of them was changed, or others were before it.
+        BrokenChainError: One of them was changed, or others were before it; or there is none.
 
     """
     previous, count, torn_count = START, 0, 0
     torn: bytes | None = None
-    for number, text in enumerate((each.rstrip(b"\n") for each in lines), start=1):
-        count = number
+    ends = False
+    for number, line_text in enumerate(lines, start=1):
+        count, ends, text = number, line_text.endswith(b"\n"), line_text.rstrip(b"\n")
         found = _LINE.fullmatch(text)
         if found is None:
             if torn is not None:
@@ -72,11 +74,18 @@ def verify(lines: Iterable[bytes]) -> Verified:
         if digest != _digest(body, previous):
             raise BrokenChainError(f"line {number} was changed, or lines before it were removed, added or swapped")
         previous, torn = digest, None
+    if previous == START:
+        raise BrokenChainError("it has no whole line of an audit")
+    if torn is not None and (ends or not torn.startswith(_BEGIN)):  # a killed daemon ends amid a line
+        raise BrokenChainError(f"line {count} is no line of an audit")
     return Verified(count, torn_count, previous)
 
 
 def _torn_hash(body: bytes) -> str | None:
-    entry = json.loads(body)
+    try:
+        entry = json.loads(body)
+    except (ValueError, RecursionError):  # no daemon wrote it
+        return None
     found = entry.get(TORN) if entry.get("event") == OPENED else None
     return found if isinstance(found, str) else None
 

@@ -123,10 +123,8 @@ def info(session: Session, file: Path) -> None:
 
 
 def _print_summary(summary: Summary) -> None:
-    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(summary.began_s))
     end = "" if summary.is_whole else ", without its end (killed, or still recording)"
-    duration_s = summary.ended_s - summary.began_s
-    click.echo(f"{summary.file}: from {began} UTC, {duration_s:.1f} s, {summary.size_bytes / 1e6:.1f} MB{end}")
+    click.echo(f"{summary.file}: {_times(summary)}, {summary.size_bytes / 1e6:.1f} MB{end}")
     for ns, uav in sorted(summary.uavs.items()):
         click.echo(f"{ns}: {' '.join(uav.states) or 'no state'}")
         calls = ", ".join(f"{what} {count}" for what, count in sorted(uav.calls.items()))
@@ -137,6 +135,13 @@ def _print_summary(summary: Summary) -> None:
         for each in sorted(summary.topics.values(), key=lambda topic: topic.topic)
     ]
     print_table(("topic", "schema", "messages", "Hz"), rows)
+
+
+def _times(summary: Summary) -> str:
+    if summary.began_s is None or summary.ended_s is None:
+        return "no messages"
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(summary.began_s))
+    return f"from {began} UTC, {summary.ended_s - summary.began_s:.1f} s"
 
 
 @record.command("export", cls=UalCommand, examples=("ual record export flight.mcap --csv --kml",))
@@ -177,7 +182,10 @@ def _exported(
 
     recording = reader.Recording(file)
     done = []
-    for ns in recording.uavs():
+    uavs = recording.uavs()
+    if not uavs:
+        raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
+    for ns in uavs:
         for is_wanted, ending, write in (
             (as_csv, "csv", tables.write_csv),
             (as_parquet, "parquet", tables.write_parquet),
@@ -220,6 +228,7 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
         raise click.BadParameter(f"{target} ends in none of {', '.join(_DRAWINGS)}", param_hint="--output")
     with _extras.needs("ual plot", "plot"):
         import matplotlib as mpl  # noqa: F401
+    requirements.require_reading("ual plot", "plot")
     drawn = page.flights(Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls"))))
     if not drawn:
         raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})

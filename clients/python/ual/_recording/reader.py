@@ -86,6 +86,7 @@ class Recording:
         return sorted({message.ns for message in self.messages(lambda topic: topic.endswith(is_wanted))})
 
     def _in_order_of_file(self, is_wanted: Callable[[str], bool]) -> Iterator[Message]:
+        requirements.require_reading()
         from mcap.records import Channel, Footer, Metadata, Schema
         from mcap.records import Message as Record
 
@@ -109,21 +110,18 @@ class Recording:
                 self.is_whole = True
 
     def _records(self) -> Iterator[object]:
-        requirements.require()
-        from mcap.exceptions import InvalidMagic
         from mcap.stream_reader import StreamReader
 
         try:
             with self.path.open("rb") as file:
+                if file.read(len(_MAGIC)) != _MAGIC:
+                    raise _unreadable(self.path, "it is no MCAP file" if file.tell() else "it is empty")
+                file.seek(0)
                 records = iter(StreamReader(file).records)
                 while True:
                     try:
                         record = next(records)
                     except StopIteration:
-                        return
-                    except InvalidMagic as error:
-                        if file.tell() <= _MAGIC_BYTES:
-                            raise _unreadable(self.path, "it is no MCAP file") from error
                         return
                     except OSError:
                         raise
@@ -134,7 +132,8 @@ class Recording:
             raise _unreadable(self.path, error.strerror or str(error)) from None
 
 
-_MAGIC_BYTES = 8
+_MAGIC = b"\x89MCAP0\r\n"
+"""How each MCAP file begins. It is written before anything else, and a killed daemon leaves it, too."""
 
 
 def _unreadable(path: Path, why: str) -> InvalidArgumentError:

@@ -1,4 +1,4 @@
-"""The packages of the extra ``record``."""
+"""The packages of the extra ``record``: to write recordings, and to read them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from importlib import import_module
 
 from ual import _extras
 
+_READING = "mcap.stream_reader"
 _MODULES = ("mcap.writer", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
 
 
 def require(distribution: str = "ual-client") -> None:
-    """Checks that the packages are installed that recordings need; `distribution` is what has the extra.
+    """Checks that the packages are installed that a new recording needs; `distribution` is what has the extra.
 
     Raises:
         NotSupportedError: One is not; names the extra to install.
@@ -19,3 +20,14 @@ def require(distribution: str = "ual-client") -> None:
     with _extras.needs("a recording", "record", distribution):
         for module in _MODULES:
             import_module(module)
+
+
+def require_reading(what: str = "a recording", extra: str = "record") -> None:
+    """Checks that the package is installed that reads recordings; `extra` is what to install for `what`.
+
+    Raises:
+        NotSupportedError: It is not; names the extra.
+
+    """
+    with _extras.needs(what, extra):
+        import_module(_READING)

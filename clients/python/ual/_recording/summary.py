@@ -55,12 +55,12 @@ class UavSummary:
 
 @dataclass(slots=True)
 class Summary:
-    """What is in a recording; times are UTC since 1970, in seconds."""
+    """What is in a recording; times are UTC since 1970, in seconds, and None where it has no message."""
 
     file: str
     is_whole: bool = False
-    began_s: float = 0.0
-    ended_s: float = 0.0
+    began_s: float | None = None
+    ended_s: float | None = None
     size_bytes: int = 0
     topics: dict[str, TopicSummary] = field(default_factory=dict)
     uavs: dict[str, UavSummary] = field(default_factory=dict)
@@ -71,7 +71,8 @@ def summarize(recording: Recording) -> Summary:
     """Reads all of a recording. Raises as `Recording.messages` does."""
     summary = Summary(str(recording.path))
     for message in recording.messages():
-        summary.began_s = summary.began_s or message.log_ns * 1e-9
+        if summary.began_s is None:
+            summary.began_s = message.log_ns * 1e-9
         summary.ended_s = message.log_ns * 1e-9
         kind = message.schema or message.encoding
         summary.topics.setdefault(message.topic, TopicSummary(message.topic, kind)).add(message)
