@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shlex
@@ -218,6 +219,19 @@ def test_help_needs_no_grpc() -> None:
         ["watch", "--rate", "nan"],
         ["watch", "--all", "--rate", "inf"],
         ["goto-geo", "1", "2", "3", "--reference", "moon"],
+        ["goto", "1_000", "2", "3"],
+        ["goto", "infinity", "2", "3"],
+        ["goto", "１", "2", "3"],
+        ["goto", "0x10", "2", "3"],
+        ["goto", "1", "2", "3", "--yaw", "9_0deg"],
+        ["path", "1_0,2,3"],
+        ["path", "1,2,3", "--speeds", "1_0"],
+        ["path", "1,2,3", "--heading", "nan,0,0"],
+        ["path", "1,2,3", "--altitude", "20"],
+        ["path", "1,2,3", "--reference", "amsl"],
+        ["path", "--file", "r.gpx", "--reference", "sea"],
+        ["land", "--at", "+1_0"],
+        ["token", "new", "me", "--days", "1_0"],
         ["check", "--only", "no_such_check"],
         ["sim", "fault", "begin", "estimator-jumps", "--offset", "1"],
         ["state", "--tls-ca", "/no/such/file"],
@@ -731,6 +745,51 @@ def test_a_plan_of_qgroundcontrol_is_flown_and_drawn(flying: DaemonProcess, tmp_
     assert "<svg" in picture.read_text()
 
 
+def north_of(latitude_deg: float, metres: float) -> float:
+    return latitude_deg + math.degrees(metres / 6.37e6)
+
+
+def test_a_plan_with_a_jump_and_a_delay_is_flown_as_it_says(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    (sample,) = done_json("watch", "--once")
+    latitude_deg, longitude_deg = sample["position_geo"]["latitude_deg"], sample["position_geo"]["longitude_deg"]
+    ends = (latitude_deg, north_of(latitude_deg, 2.0))
+    out, back = ({"command": 16, "frame": 3, "params": [0, 0, 0, None, at, longitude_deg, 3.0]} for at in ends)
+    delay = {"command": 93, "frame": 2, "params": [1.5, -1, -1, -1, 0, 0, 0]}
+    jump = {"command": 177, "frame": 2, "params": [1, 1, 0, 0, 0, 0, 0]}
+    items = [{"type": "SimpleItem", "doJumpId": n, **each} for n, each in enumerate((out, back, delay, jump), 1)]
+    file = tmp_path / "mission.plan"
+    file.write_text(json.dumps({"fileType": "Plan", "mission": {"firmwareType": 12, "items": items}}))
+    (planned,) = done_json("path", "--file", file, "--dry-run")
+    assert planned["length_m"] == pytest.approx(3 * 2.0, abs=0.3)  # there, back and there
+    (flown,) = done_json("path", "--file", file)
+    assert min(planned["duration_s"], flown["elapsed_s"]) > 2 * 1.5
+    with ual.Uav() as uav:
+        assert uav.pose().pose.position.y == pytest.approx(2.0, abs=0.3)
+
+
+def test_a_gpx_is_flown_once_it_is_said_what_its_altitudes_count_from(flying: DaemonProcess, tmp_path: Path) -> None:
+    del flying
+    (sample,) = done_json("watch", "--once")
+    here = sample["position_geo"]
+    point = f'<rtept lat="{north_of(here["latitude_deg"], 3.0)}" lon="{here["longitude_deg"]}"><ele>4</ele></rtept>'
+    text = f"<gpx><rte>{point}</rte></gpx>"
+    refused = run("path", "--file", "-", stdin=text)
+    assert (refused.exit_code, refused.stdout) == (1, "")
+    assert "standard input does not say what its altitudes count from" in refused.stderr
+    assert done("path", "--file", "-", "--reference", "home", stdin=text).startswith("FOLLOW_PATH SUCCEEDED")
+    with ual.Uav() as uav:
+        position = uav.pose().pose.position
+    assert (position.y, position.z) == (pytest.approx(3.0, abs=0.3), pytest.approx(4.0, abs=0.3))
+    file = tmp_path / "route.gpx"
+    file.write_text(text)
+    result = run("waypoints", "fly", file, "--altitude", "2")
+    assert result.exit_code == 0
+    assert "ual: not flown: the altitudes of the file: all is flown 2 m above home" in result.stderr
+    with ual.Uav() as uav:
+        assert uav.pose().pose.position.z == pytest.approx(2.0, abs=0.3)
+
+
 def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
     for picture, why in ((tmp_path / "flown.doc", ".png"), (tmp_path / "nowhere" / "flown.png", "cannot be written")):
@@ -910,7 +969,18 @@ def test_poses_of_a_file_are_given_as_poses_from_outside(daemon: DaemonProcess, 
     assert done("extpose", "--file", "-", "--std-dev", "0.01", stdin="1,2,0,0\n") == "1 poses given\n"
 
 
-@pytest.mark.parametrize("line", ["1,2,0", "1,2,0,0,1", "1,2,x,0"])
+def test_poses_are_read_as_windows_writes_them(daemon: DaemonProcess, tmp_path: Path) -> None:
+    del daemon
+    file = tmp_path / "poses.csv"
+    for data in ("\ufeff1,2,0,90deg\r\n".encode(), "1,2,0,90deg\r\n".encode("utf-16"), b"# \xdc\r1,2,0,0\r"):
+        file.write_bytes(data)
+        assert done("extpose", "--file", str(file), "--rate", "1000") == "1 poses given\n"
+    assert done("extpose", "--file", "-", stdin="\ufeff1,2,0,0\n") == "1 poses given\n"
+    file.write_bytes(b"\0\1\2\3")
+    assert f"{file} is not a text file" in run("extpose", "--file", str(file)).stderr
+
+
+@pytest.mark.parametrize("line", ["1,2,0", "1,2,0,0,1", "1,2,x,0", "1_0,2,0,0", "1,2,0,0,0,0,1_0", "1,2,nan,0"])
 def test_a_pose_that_cannot_be_read_is_named(daemon: DaemonProcess, line: str) -> None:
     del daemon
     refused = run("extpose", "--file", "-", stdin=f"{line}\n")

@@ -14,6 +14,8 @@ from ual import routes
 from ual._cli import complete, values
 from ual._cli.app import Session, command, pass_session
 from ual._cli.help import Section
+from ual._numbers import parse_number
+from ual._text import decoded, lines_of
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Pose, PoseStamped, Quaternion, Vector3
 
@@ -54,12 +56,15 @@ def extpose(session: Session, file: Path, rate_hz: float, frame_id: str, std_dev
 
 def _poses(file: Path, *, repeat: bool) -> Iterator[Pose]:
     if str(file) == "-":
-        yield from _parsed(sys.stdin, "standard input")
+        yield from _parsed((line.removeprefix("\ufeff") for line in sys.stdin), "standard input")
         return
     try:
-        poses = list(_parsed(file.read_text(encoding="utf-8").splitlines(), str(file)))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidArgumentError(f"{file}: {error}", {"field": "file"}) from None
+        text = decoded(file.read_bytes())
+    except OSError as error:
+        raise InvalidArgumentError(f"cannot read {file}: {error.strerror}", {"field": "file"}) from None
+    except ValueError as error:
+        raise InvalidArgumentError(f"{file} {error}", {"field": "file"}) from None
+    poses = list(_parsed(lines_of(text), str(file)))
     yield from poses
     while repeat and poses:
         yield from poses
@@ -82,7 +87,7 @@ def parse_pose(text: str) -> Pose:
     """Parses ``X,Y,Z,YAW`` or ``X,Y,Z,QX,QY,QZ,QW``. Raises `ValueError`."""
     parts = text.split(",")
     if len(parts) == _ORIENTED:
-        x, y, z, *rotation = map(float, parts)
+        x, y, z, *rotation = map(parse_number, parts)
         return Pose(Vector3(x, y, z), Quaternion(*rotation))
     pose = routes.parse_waypoint(text)
     if pose.orientation == KEEP_HEADING:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ual._text import decoded
 from ual.routes import _geojson, _gpx, _json, _kml, _plan, _wpl, _xml
 from ual.routes._kml import parse_kml
 from ual.routes._lines import BareAngleError, parse_angle, parse_lines, parse_list, parse_waypoint
 from ual.routes._places import Heights
 from ual.routes._plan import parse_plan
 from ual.routes._route import FaultError, Route, RouteError, naming
-from ual.routes._text import decoded
 from ual.types import AltitudeReference
 
 __all__ = [
@@ -83,7 +83,7 @@ def parse(
     with naming(name):
         if len(data) > MOST_BYTES:
             raise FaultError(f"is too large for a route (more than {MOST_BYTES} bytes)")
-        text = _kml.unpacked(data, MOST_BYTES) if data.startswith(_ZIP) else decoded(data)
+        text = _text(_kml.unpacked(data, MOST_BYTES) if data.startswith(_ZIP) else data)
         found = _line_of_places(text, Path(name).suffix.lower(), heights)
         if found is not None:
             return found
@@ -93,6 +93,13 @@ def parse(
         if not found.waypoints:
             raise FaultError("has no waypoints to fly to")
     return found
+
+
+def _text(data: bytes) -> str:
+    try:
+        return decoded(data)
+    except ValueError as error:
+        raise FaultError(str(error)) from None
 
 
 def _line_of_places(text: str, ending: str, heights: Heights) -> Route | None:

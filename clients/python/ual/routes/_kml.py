@@ -15,7 +15,6 @@ from ual._numbers import shown
 from ual.routes import _xml
 from ual.routes._places import HOW, Heights, Place, counted, number, route, the_one
 from ual.routes._route import FaultError, Route, naming
-from ual.routes._text import decoded
 from ual.types import AltitudeReference
 
 _AMSL, _HOME = AltitudeReference.AMSL, AltitudeReference.HOME
@@ -93,7 +92,7 @@ def _tuples(text: str) -> list[list[str]]:
 # --- KMZ --------------------------------------------------------------------------------------------------------------
 
 
-def unpacked(data: bytes, most_bytes: int) -> str:
+def unpacked(data: bytes, most_bytes: int) -> bytes:
     """Returns the KML of a KMZ (a zip file): ``doc.kml``, or the only one. Raises `FaultError`."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -104,7 +103,7 @@ def unpacked(data: bytes, most_bytes: int) -> str:
         raise FaultError(f"is not a KMZ that can be unpacked: {error}") from None
     if len(found) > most_bytes:
         raise FaultError(f"is too large for a route (more than {most_bytes} bytes when unpacked)")
-    return decoded(found)
+    return found
 
 
 def _main(names: Sequence[str]) -> str:

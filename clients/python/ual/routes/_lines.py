@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from ual._numbers import parse_number, shown
+from ual._text import lines_of
 from ual.geometry import Pose, PoseStamped
 from ual.routes import _json
 from ual.routes._route import FaultError, Route, naming
-from ual.routes._text import lines_of
 
 _COLUMNS = (("x", "y", "z"), ("x", "y", "z", "yaw"))
 _KEYS = ("x", "y", "z", "yaw_rad", "frame_id", "hold_s")

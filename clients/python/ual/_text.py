@@ -7,8 +7,6 @@ import io
 import re
 from collections.abc import Iterable
 
-from ual.routes._route import FaultError
-
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -19,6 +17,7 @@ _MARKS = (
 """The longer marks first: that of UTF-32 begins with that of UTF-16."""
 _DECLARED = re.compile(rb"""<\?xml[^>]{0,100}encoding=["']([A-Za-z0-9._-]{1,40})["']""")
 _ONE_BYTE = re.compile(r"(iso-?8859|windows-?125|cp125|latin|koi8)[-_]?[0-9a-z]{0,4}", re.IGNORECASE)
+_NO_TEXT = "is not a text file"
 _NOT_IN_TEXT = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
 """Control characters that no text has; \\x1a ends text files of DOS."""
 
@@ -27,14 +26,14 @@ def decoded(data: bytes) -> str:
     """Returns the text: by its byte-order mark, as UTF-8 or UTF-16, as its XML declaration says, else as Latin-1.
 
     Numbers are ASCII in each of them: where the encoding is guessed, only names and comments can differ. Raises
-    `FaultError`.
+    `ValueError`.
     """
     try:
         text = data.decode(_encoding(data))
     except UnicodeDecodeError:
-        raise FaultError("is not a text file") from None
+        raise ValueError(_NO_TEXT) from None
     if _NOT_IN_TEXT.search(text):
-        raise FaultError("is not a text file")
+        raise ValueError(_NO_TEXT)
     return text.removesuffix("\x1a")
 
 
