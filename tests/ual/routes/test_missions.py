@@ -103,7 +103,7 @@ def test_the_radius_within_which_an_autopilot_passes_is_told() -> None:
         (waypoint(0, 0, frame=0), "item 2: latitude 0, longitude 0"),
         (waypoint(alt=None), "item 2: its altitude is not given"),
         (waypoint(91, 8), r"item 2: latitude 91, longitude 8 is not on Earth .* swapped"),
-        (waypoint(8, 181), "item 2: latitude 8, longitude 181"),
+        (waypoint(8, 180.00005), "item 2: latitude 8, longitude 180.00005"),
         (waypoint(8.5e6, 1e6), "item 2: .* another coordinate system"),
         (waypoint(frame=10), r"item 2: .* MAV_FRAME 10 \(above the terrain\)"),
         (waypoint(frame=11), "item 2: .* MAV_FRAME 11"),
@@ -271,6 +271,11 @@ def test_a_turn_is_flown_at_the_waypoint_before() -> None:
 
 def test_a_hold_after_a_turn_is_held_after_the_turn() -> None:
     assert flown(waypoint(hold=1.0), do(115, 90), do(93, 4), B).holds_s == [1.0, 4.0, 0.0]
+
+
+def test_a_turn_without_a_heading_is_refused() -> None:
+    with pytest.raises(RouteError, match=r"item 2: the heading .* is not given"):
+        flown(A, do(115, None), B)
 
 
 def test_a_turn_by_an_angle_is_refused() -> None:

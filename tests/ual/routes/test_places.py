@@ -97,9 +97,15 @@ def test_one_line_among_other_things_is_flown_and_they_are_told() -> None:
     [
         ("<kml>", "is not valid XML"),
         ("<osm/>", "has 0 lines"),
-        (kml("<Point/>"), r"has 0 lines \(LineString\); a route needs exactly one; it has 1 point"),
-        (kml("<Polygon/>"), "has 0 lines .* it has 1 polygon"),
-        (kml("<name>a</name>" + line(), "<name>b</name>" + line()), r"has 2 lines \(LineString\) \('a', 'b'\)"),
+        (
+            kml("<Point/>"),
+            r"has 0 lines \(LineString\) \(it has 1 point\); a route needs exactly one: draw the way as one line",
+        ),
+        (kml("<Polygon/>"), r"has 0 lines .* \(it has 1 polygon\)"),
+        (
+            kml("<name>a</name>" + line(), "<name>b</name>" + line()),
+            r"has 2 lines \(LineString\) \('a', 'b'\); .* keep one",
+        ),
         (kml(line() + line()), "has 2 lines"),
         (kml("<LineString><altitudeMode>absolute</altitudeMode></LineString>"), "has a line without coordinates"),
         (kml(line("8,47")), "place 1: it has no altitude"),
@@ -242,6 +248,11 @@ def test_the_route_or_track_of_a_gpx_is_read(text: str, left_out: list[str], ver
     assert flat.left_out[-1] == "the altitudes of the file: all is flown 20 m above home"
 
 
+def test_an_empty_part_of_a_gpx_is_no_line() -> None:
+    text = gpx(f"<rte/><trk><trkseg/><trkseg>{points('trkpt')}</trkseg></trk>")
+    assert read(text, "gpx", altitude_reference=AMSL).waypoints == [A, B]
+
+
 def test_a_track_that_stands_still_has_no_waypoint_for_each_second() -> None:
     still = "".join('<trkpt lat="47.4" lon="8.5"><ele>30</ele></trkpt>' for _ in range(100))
     text = gpx(f"<trk><trkseg>{still}{points('trkpt')}</trkseg></trk>")
@@ -254,11 +265,11 @@ def test_a_track_that_stands_still_has_no_waypoint_for_each_second() -> None:
         (gpx(f"<rte>{points()}</rte>"), r"does not say what its altitudes count from.*--reference \(home, amsl or"),
         (gpx(f"<rte>{points(elevation='')}</rte>"), r"line 2: it has no altitude: give an altitude .*--altitude"),
         (gpx(), r"has 0 routes \(rte\) and segments of tracks \(trkseg\)"),
-        (gpx('<wpt lat="1" lon="2"/>'), "has 0 routes.*; it has 1 waypoint, which have no order: join them"),
+        (gpx('<wpt lat="1" lon="2"/>'), r"has 0 routes.* \(it has 1 waypoint, which have no order\); .*: draw the way"),
         (gpx(f"<rte><name>a</name>{points()}</rte>" * 2), r"has 2 routes.* \('a', 'a'\)"),
         (gpx(f"<rte>{points()}</rte><trk><trkseg>{points('trkpt')}</trkseg></trk>"), "has 2 routes"),
-        (gpx(f"<trk>{'<trkseg/>' * 2}</trk>"), "has 2 routes"),
-        (gpx("<rte/>"), "has a route without points"),
+        (gpx("<trk>", f"<trkseg>{points('trkpt')}</trkseg>" * 2, "</trk>"), "has 2 routes"),
+        (gpx("<rte/><trk><trkseg/></trk>"), "has 0 routes"),
         (gpx('<rte>\n<rtept lat="47"/></rte>'), r"line 2: it has no longitude \(lon\)"),
         (gpx('<rte><rtept lat="1_0" lon="8"/></rte>'), r"line 1: its latitude \(lat\) '1_0' is not a decimal number"),
         (gpx('<rte><rtept lat="nan" lon="8"/></rte>'), "'nan' is not a decimal number"),
@@ -334,8 +345,11 @@ def geo_line(*coordinates: object) -> dict[str, Any]:
         (geo_line([8, None, 3]), "position 1: a coordinate is not given"),
         (geo_line(), "has a line without coordinates"),
         ({"type": "LineString"}, "has a line without coordinates"),
-        (POINT, r"has 0 lines \(LineString\); a route needs exactly one; it has 1 point"),
-        (collection(feature(LINE, "a"), feature(LINE, "b")), r"has 2 lines \(LineString\) \('a', 'b'\)"),
+        (POINT, r"has 0 lines \(LineString\) \(it has 1 point\); a route needs exactly one: draw the way as one line"),
+        (
+            collection(feature(LINE, "a"), feature(LINE, "b")),
+            r"has 2 lines \(LineString\) \('a', 'b'\); .* keep one",
+        ),
         ({"type": "MultiLineString", "coordinates": [[], []]}, "has 2 lines"),
         (collection(), "has 0 lines"),
         (collection(crs={"properties": {"name": "EPSG:25830"}}), "is in the coordinate system 'EPSG:25830'"),

@@ -52,9 +52,13 @@ def write_kml(path: Path, found: Mapping[str, Sequence[Point]], title: str) -> N
         line = ET.SubElement(placemark, "LineString")
         ET.SubElement(line, "altitudeMode").text = "absolute"
         ET.SubElement(line, "coordinates").text = " ".join(
-            f"{p.longitude_deg:.8f},{p.latitude_deg:.8f},{p.altitude_amsl_m or 0.0:.3f}" for p in track
+            f"{p.longitude_deg:.8f},{p.latitude_deg:.8f}{_altitude(p)}" for p in track
         )
     _write(path, root)
+
+
+def _altitude(point: Point) -> str:
+    return "" if point.altitude_amsl_m is None else f",{point.altitude_amsl_m:.3f}"
 
 
 def write_gpx(path: Path, found: Mapping[str, Sequence[Point]], title: str) -> None:

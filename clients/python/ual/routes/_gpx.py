@@ -7,20 +7,18 @@ from __future__ import annotations
 
 from ual.routes import _xml
 from ual.routes._places import Heights, Place, counted, number, route, the_one
-from ual.routes._route import FaultError, Route
+from ual.routes._route import Route
 
 
 def read(root: _xml.Element, heights: Heights) -> Route:
     """Reads the one route or track of a document. Raises `FaultError`."""
-    routes, tracks = root.own("rte"), root.own("trk")
-    segments = [(track.value("name"), segment) for track in tracks for segment in track.own("trkseg")]
-    lines = [(each.value("name"), each) for each in routes] + segments
+    parts = [(way.value("name"), way) for way in root.own("rte")]
+    parts += [(track.value("name"), segment) for track in root.own("trk") for segment in track.own("trkseg")]
+    lines = [(name, line) for name, line in parts if line.own("rtept") or line.own("trkpt")]
     waypoints = counted([(len(root.own("wpt")), "waypoint")])
-    has = f"{waypoints}, which have no order: join them to a route" if waypoints else ""
+    has = f"{waypoints}, which have no order" if waypoints else ""
     line = the_one(lines, "routes (rte) and segments of tracks (trkseg)", has)
     places = [_place(point) for point in (*line.own("rtept"), *line.own("trkpt"))]
-    if not places:
-        raise FaultError("has a route without points")
     left_out = [waypoints] if waypoints else []
     if line.name == "trkseg":
         left_out.append("the times of the track")

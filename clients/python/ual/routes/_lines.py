@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ual._numbers import parse_number, shown
 from ual._text import lines_of
-from ual.geometry import Pose, PoseStamped
+from ual.geometry import Pose, PoseStamped, wrap_angle
 from ual.routes import _json
 from ual.routes._route import FaultError, Route, naming
 
@@ -104,7 +104,8 @@ def _waypoint(fields: Sequence[str]) -> Pose:
     x, y, z, *yaw = fields
     if len(yaw) > 1:
         raise ValueError("more than four numbers")
-    return Pose.at(parse_number(x), parse_number(y), parse_number(z), parse_angle(yaw[0]) if yaw else None)
+    yaw_rad = wrap_angle(parse_angle(yaw[0])) if yaw else None
+    return Pose.at(parse_number(x), parse_number(y), parse_number(z), yaw_rad)
 
 
 def parse_angle(text: str) -> float:

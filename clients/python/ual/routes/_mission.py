@@ -228,7 +228,7 @@ class _Flight:
             raise FaultError(
                 "it turns by an angle relative to a heading that is not known: give the heading", item.where
             )
-        yaw_rad = _from_north(item.amount(1))
+        yaw_rad = _from_north(_json.number(item.params[0], "the heading (parameter 1)", item.where))
         if self._waypoints:
             self._add(replace(self._waypoints[-1], yaw_rad=yaw_rad), 0.0, item)
         else:

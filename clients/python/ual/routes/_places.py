@@ -50,8 +50,9 @@ def the_one(lines: Sequence[tuple[str, T]], what: str, has: str) -> T:
         return lines[0][1]
     names = [shown(name) for name, _ in lines[:_MOST_NAMED] if name]
     named = f" ({', '.join(names)}{', ...' if len(lines) > _MOST_NAMED else ''})" if names else ""
-    instead = f"; it has {has}" if has and not lines else ""
-    raise FaultError(f"has {len(lines)} {what}{named}; a route needs exactly one{instead}")
+    instead = f" (it has {has})" if has and not lines else ""
+    then = "keep one in a file of its own" if lines else "draw the way as one line"
+    raise FaultError(f"has {len(lines)} {what}{named or instead}; a route needs exactly one: {then}")
 
 
 def counted(counts: Sequence[tuple[int, str]]) -> str:

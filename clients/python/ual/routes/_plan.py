@@ -98,7 +98,7 @@ def _parts(item: Mapping[str, object], number: str) -> Sequence[object]:
     transects = item.get("TransectStyleComplexItem")
     inner = transects.get("Items") if isinstance(transects, Mapping) else None
     if not isinstance(inner, list) or not inner:
-        raise FaultError(f"UAL cannot fly a {shown(item.get('complexItemType'))} item", f"item {number}")
+        raise FaultError(f"UAL cannot fly a {shown(item.get('complexItemType'))} item: delete it", f"item {number}")
     return inner
 
 

@@ -65,11 +65,11 @@ def geo_waypoint(
 ) -> GeoWaypoint:
     """Returns a waypoint on Earth. Raises `FaultError` for a place that does not exist, or that was never set."""
     if not all(map(math.isfinite, (latitude_deg, longitude_deg, altitude_m))):
-        raise FaultError(f"({latitude_deg:g}, {longitude_deg:g}, {altitude_m:g}) is no position", where)
+        raise FaultError(f"({latitude_deg}, {longitude_deg}, {altitude_m}) is no position", where)
     if abs(latitude_deg) > _MOST_LATITUDE_DEG or abs(longitude_deg) > _MOST_LONGITUDE_DEG:
         raise FaultError(
-            f"latitude {latitude_deg:g}, longitude {longitude_deg:g} is not on Earth (at most 90 and 180 degrees): "
-            "are the two swapped, or in another coordinate system?",
+            f"latitude {latitude_deg:.12g}, longitude {longitude_deg:.12g} is not on Earth (at most 90 and 180 "
+            "degrees): are the two swapped, or in another coordinate system?",
             where,
         )
     if abs(latitude_deg) < _NOWHERE_DEG and abs(longitude_deg) < _NOWHERE_DEG:
