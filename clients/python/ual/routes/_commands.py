@@ -41,7 +41,6 @@ HARMLESS = _each(
     ("servos, relays and payload", (181, 182, 183, 184, 187, 211, 216, 42600)),
     ("the autopilot's fence", (207,)),
     ("the autopilot's marks (a landing, a return path, a tag, a rally landing)", (188, 189, 190, 600)),
-    ("what its camera or payload waits for", (CONDITION_DELAY, CONDITION_DISTANCE)),
     ("the end of a region of interest", (ROI_NONE,)),
 )
 """Commands whose absence changes nothing of where, when and how the UAV flies."""

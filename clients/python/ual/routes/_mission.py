@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -28,6 +28,7 @@ _ABOVE = {
 _FRAMES = {10: "above the terrain", 11: "above the terrain", 1: "local", 2: "no frame of a position", 4: "local"}
 _SPEEDS_ALONG = (0, 1)
 """Kinds of DO_CHANGE_SPEED (SPEED_TYPE) along the path: airspeed and ground speed. The others are climb and descent."""
+_ENDS = {commands.RETURN_TO_LAUNCH: "return to launch", commands.LAND: "landing"}
 _NO_CHANGE = -1.0
 _MOST_STEPS = 100_000
 """A loop of jumps that meets no waypoint ends at this number of items."""
@@ -87,6 +88,19 @@ class _Flight:
         self._speeds_m_s: list[float] = []
         self._holds_s: list[float] = []
         self._left_out: dict[str, dict[str, None]] = {}
+        self._actions: Mapping[int, Callable[[Item], None]] = {
+            commands.WAYPOINT: self._waypoint,
+            commands.LOITER_TIME: self._waypoint,
+            commands.LOITER_UNLIMITED: self._waypoint,
+            commands.RETURN_TO_LAUNCH: self._end,
+            commands.LAND: self._end,
+            commands.TAKEOFF: self._take_off,
+            commands.DELAY: self._delay,
+            commands.CHANGE_SPEED: self._change_speed,
+            commands.CONDITION_YAW: self._turn,
+            commands.CONDITION_DELAY: self._delay_others,
+            commands.CONDITION_DISTANCE: self._delay_others,
+        }
 
     def route(self) -> Route:
         index = steps = 0
@@ -95,50 +109,44 @@ class _Flight:
             steps += 1
             if steps > _MOST_STEPS or len(self._waypoints) > MOST_WAYPOINTS:
                 raise FaultError(f"the plan flies more than {MOST_WAYPOINTS} waypoints: jump fewer times", item.where)
-            index = self._jump(item, index) if item.command == commands.JUMP else self._next(item, index)
+            if item.command == commands.JUMP:
+                index = self._jump(item, index)
+            else:
+                self._carry_out(item, index)
+                index += 1
         left_out = [f"{listed(list(numbers))}: {what}" for what, numbers in self._left_out.items()]
         speeds = self._speeds_m_s if any(self._speeds_m_s) else []
         return Route(self._waypoints, speeds, left_out, self._holds_s if any(self._holds_s) else ())
 
-    def _next(self, item: Item, index: int) -> int:
-        self._carry_out(item, index)
-        if item.waits and self._firmware is not Firmware.ARDUPILOT:
-            self._require_last(item, index, "the plan waits there for an operator (autoContinue is false)")
-        return index + 1
-
     def _carry_out(self, item: Item, index: int) -> None:
-        command = item.command
-        if command in (commands.WAYPOINT, commands.LOITER_TIME, commands.LOITER_UNLIMITED):
-            self._waypoint(item, index)
-        elif command in (commands.RETURN_TO_LAUNCH, commands.LAND):
-            self._end(item, index)
-        elif command == commands.TAKEOFF:
-            self._take_off(item)
-        elif command == commands.DELAY:
-            self._delay(item)
-        elif command == commands.CHANGE_SPEED:
-            self._change_speed(item)
-        elif command == commands.CONDITION_YAW:
-            self._turn(item)
-        elif command in commands.HARMLESS or _ends_interest(item):
-            if command in (commands.CONDITION_DELAY, commands.CONDITION_DISTANCE):
-                self._condition = item
-            self._leave_out(item, commands.HARMLESS.get(command, commands.HARMLESS[commands.ROI_NONE]))
+        action = self._actions.get(item.command)
+        if action is not None:
+            action(item)
+        elif item.command in commands.HARMLESS or _ends_interest(item):
+            self._leave_out(item, commands.HARMLESS.get(item.command, commands.HARMLESS[commands.ROI_NONE]))
         else:
             raise _not_flown(item)
+        if (end := self._end_of(item)) is not None:
+            self._require_last(item, index, end)
 
-    def _waypoint(self, item: Item, index: int) -> None:
+    def _end_of(self, item: Item) -> str | None:
+        """Returns why nothing can be flown after an item; None where the mission goes on."""
+        if item.command in _ENDS:
+            return f"it is a {_ENDS[item.command]}, which ends a path"
+        if item.command == commands.LOITER_UNLIMITED:
+            return "the plan stays there without an end"
+        if item.waits and self._firmware is not Firmware.ARDUPILOT:
+            return "the plan waits there for an operator (autoContinue is false)"
+        return None
+
+    def _waypoint(self, item: Item) -> None:
         self._condition = None
         waypoint = self._position(item)
-        yaw_rad = waypoint.yaw_rad
-        if not self._waypoints and yaw_rad is None:
-            yaw_rad = self._first_yaw_rad
-        hold_s = 0.0 if item.command == commands.LOITER_UNLIMITED else max(0.0, item.amount(1))
-        self._add(replace(waypoint, yaw_rad=yaw_rad), hold_s, item)
+        if not self._waypoints and waypoint.yaw_rad is None:
+            waypoint = replace(waypoint, yaw_rad=self._first_yaw_rad)
+        self._add(waypoint, 0.0 if item.command == commands.LOITER_UNLIMITED else max(0.0, item.amount(1)), item)
         if item.command == commands.WAYPOINT and (item.amount(2) or item.amount(3)):
             self._leave_out(item, "the radius within which it is passed (the corner radius says how corners are flown)")
-        if item.command == commands.LOITER_UNLIMITED:
-            self._require_last(item, index, "the plan stays there without an end")
 
     def _position(self, item: Item) -> GeoWaypoint:
         reference = _ABOVE.get(item.frame)
@@ -182,10 +190,8 @@ class _Flight:
         if self._holds_s[-1] > MOST_HOLD_S:
             raise FaultError(f"it holds for {self._holds_s[-1]:g} s; a path may hold for {MOST_HOLD_S:g} s", item.where)
 
-    def _end(self, item: Item, index: int) -> None:
-        what = "return to launch" if item.command == commands.RETURN_TO_LAUNCH else "landing"
-        self._require_last(item, index, f"it is a {what}, which ends a path")
-        self._leave_out(item, what)
+    def _end(self, item: Item) -> None:
+        self._leave_out(item, _ENDS[item.command])
 
     def _require_last(self, item: Item, index: int, why: str) -> None:
         for later in self._items[index + 1 :]:
@@ -208,6 +214,10 @@ class _Flight:
             self._hold(seconds, item)
         else:
             self._leave_out(item, f"a delay of {seconds:g} s before the first waypoint")
+
+    def _delay_others(self, item: Item) -> None:
+        self._condition = item
+        self._leave_out(item, "what its camera or payload waits for")
 
     def _change_speed(self, item: Item) -> None:
         self._require_no_condition(item)
