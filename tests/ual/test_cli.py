@@ -975,7 +975,9 @@ def test_poses_are_read_as_windows_writes_them(daemon: DaemonProcess, tmp_path: 
     for data in ("\ufeff1,2,0,90deg\r\n".encode(), "1,2,0,90deg\r\n".encode("utf-16"), b"# \xdc\r1,2,0,0\r"):
         file.write_bytes(data)
         assert done("extpose", "--file", str(file), "--rate", "1000") == "1 poses given\n"
-    assert done("extpose", "--file", "-", stdin="\ufeff1,2,0,0\n") == "1 poses given\n"
+    for typed in ("\ufeff1,2,0,0\n".encode(), b"1,2,0,0 # \xdc\r\n"):
+        result = CliRunner().invoke(cli, ["extpose", "--file", "-"], input=typed)
+        assert (result.exit_code, result.output) == (0, "1 poses given\n")
     file.write_bytes(b"\0\1\2\3")
     assert f"{file} is not a text file" in run("extpose", "--file", str(file)).stderr
 

@@ -56,18 +56,23 @@ def extpose(session: Session, file: Path, rate_hz: float, frame_id: str, std_dev
 
 def _poses(file: Path, *, repeat: bool) -> Iterator[Pose]:
     if str(file) == "-":
-        yield from _parsed((line.removeprefix("\ufeff") for line in sys.stdin), "standard input")
+        yield from _parsed((_text(line, "standard input") for line in sys.stdin.buffer), "standard input")
         return
     try:
-        text = decoded(file.read_bytes())
+        data = file.read_bytes()
     except OSError as error:
         raise InvalidArgumentError(f"cannot read {file}: {error.strerror}", {"field": "file"}) from None
-    except ValueError as error:
-        raise InvalidArgumentError(f"{file} {error}", {"field": "file"}) from None
-    poses = list(_parsed(lines_of(text), str(file)))
+    poses = list(_parsed(lines_of(_text(data, str(file))), str(file)))
     yield from poses
     while repeat and poses:
         yield from poses
+
+
+def _text(data: bytes, name: str) -> str:
+    try:
+        return decoded(data)
+    except ValueError as error:
+        raise InvalidArgumentError(f"{name} {error}", {"field": "file"}) from None
 
 
 def _parsed(lines: Iterable[str], name: str) -> Iterator[Pose]:
