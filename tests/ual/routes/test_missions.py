@@ -126,6 +126,12 @@ def test_a_waypoint_that_is_none_is_refused_with_its_number(bad: dict[str, Any],
         flown(A, bad, C)
 
 
+def test_an_altitude_of_0_is_none_for_ardupilot() -> None:
+    with pytest.raises(RouteError, match="item 2: altitude 0 is for ArduPilot that of the waypoint before"):
+        flown(A, waypoint(47.2, alt=0), firmware=ARDUPILOT)
+    assert flown(waypoint(alt=0)).waypoints == [GeoWaypoint(47.1, 8.1, 0.0)]  # the daemon's floor refuses it
+
+
 def test_an_altitude_that_was_calculated_above_the_terrain_is_flown_above_mean_sea_level() -> None:
     route = flown(waypoint(alt=512.5, frame=0, AltitudeMode=3, Altitude=20, AMSLAltAboveTerrain=512.5))
     assert route.waypoints == [GeoWaypoint(47.1, 8.1, 512.5, AMSL)]

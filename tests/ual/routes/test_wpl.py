@@ -43,7 +43,13 @@ def test_the_header_says_what_it_is_whatever_its_ending() -> None:
     for name in ("m.txt", "m.waypoints", "m.mission", "m"):
         assert len(read(text, name).waypoints) == 1
     assert len(read("\ufeff" + text).waypoints) == 1
-    assert len(read(text.replace("\t", " ").replace("\r", "") + "\n\n").waypoints) == 1
+    assert len(read(text.replace("\t", "  ").replace("\r", "") + "\n\n").waypoints) == 1
+    assert len(read(text.replace("\t", " \t", 5)).waypoints) == 1
+
+
+def test_a_command_in_the_place_of_home_is_carried_out() -> None:
+    route = read(wpl((3, 22, 0, 0, 0, 0, 0, 0, 8), A))
+    assert (len(route.waypoints), route.left_out) == (1, ["item 0: take-off"])
 
 
 def test_a_jump_goes_to_a_number_of_the_file() -> None:
@@ -77,7 +83,8 @@ def test_an_old_file_of_qgroundcontrol_has_no_home_and_has_headings() -> None:
         (wpl(HOME, A, (3, 16, 0, 0, 0, 0, 0, 0, 8)), "line 4, item 2: latitude 0, longitude 0 .* not set"),
         (wpl(HOME, A, (10, 16, 0, 0, 0, 0, 37.4, -6.0, 8)), "line 4, item 2: .*above the terrain"),
         (wpl(HOME, A, (3, 20, 0, 0, 0, 0, 0, 0, 0), B), "line 4, item 2: it is a return to launch.*item 3 flies on"),
-        (wpl((3, 22, 0, 0, 0, 0, 0, 0, 8), A), "line 2, item 0: item 0 of ArduPilot is its home"),
+        (wpl((3, 5001, 3, 0, 0, 0, 47, 8, 0)), "line 2, item 0: UAL cannot fly a point of a fence"),
+        (wpl(HOME, (3, 16, 0, 0, 0, 0, 47, 8, 0)), "line 3, item 1: altitude 0 is for ArduPilot that of the waypoint"),
         (wpl(HOME, A).replace("\n1\t", "\n0\t"), "line 3, item 0: its number comes after 0"),
     ],
 )

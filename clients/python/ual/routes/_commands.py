@@ -51,7 +51,7 @@ NOT_FLOWN = _each(
     ("following another vehicle", (25, 32)),
     ("a change of altitude at a place (loiter to altitude)", (30, 31)),
     ("a region of interest, which turns the nose", (NAV_ROI, 195, 196, SET_ROI)),
-    ("a spline: make it a plain waypoint", (82,)),
+    ("a spline", (82,)),
     ("a VTOL's take-off, landing or transition", (84, 85, 3000)),
     ("the control by another computer", (92, 222)),
     ("the placement of a payload", (94,)),

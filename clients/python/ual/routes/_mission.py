@@ -161,6 +161,8 @@ class _Flight:
             raise FaultError("it has no position (null): give it one, or delete it", item.where)
         latitude_deg, longitude_deg = (_json.number(item.params[i], f"parameter {i + 1}", item.where) for i in (4, 5))
         altitude_m = _json.number(item.params[6], "its altitude", item.where)
+        if altitude_m == 0.0 and self._firmware is Firmware.ARDUPILOT:
+            raise FaultError("altitude 0 is for ArduPilot that of the waypoint before: give the altitude", item.where)
         return geo_waypoint(latitude_deg, longitude_deg, altitude_m, reference, item.where, self._yaw_rad(item))
 
     def _yaw_rad(self, item: Item) -> float | None:
@@ -289,7 +291,7 @@ def _not_flown(item: Item) -> FaultError:
         return FaultError(
             f"MAVLink command {item.command} is not known to UAL, so it may change the flight: delete it", item.where
         )
-    return FaultError(f"UAL cannot fly {what} (MAVLink command {item.command}) in a path: delete it", item.where)
+    return FaultError(f"UAL cannot fly {what} (MAVLink command {item.command}) in a path: replace or delete it", item.where)
 
 
 def _from_north(yaw_deg: float) -> float:

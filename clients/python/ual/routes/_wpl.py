@@ -31,14 +31,15 @@ def read(text: str) -> Route:
     for before, item in itertools.pairwise(items):
         if item.jump_id <= before.jump_id:
             raise FaultError(f"its number comes after {before.jump_id}", item.where)
-    # ArduPilot keeps home as item 0.
-    home = [item for item in items[:1] if item.jump_id == 0 and firmware is Firmware.ARDUPILOT]
-    if home and home[0].command != commands.WAYPOINT:
-        raise FaultError(
-            "item 0 of ArduPilot is its home, but this is a command: number the items from 1", home[0].where
-        )
-    route = fly(items[len(home) :], firmware)
-    return replace(route, left_out=["item 0: home", *route.left_out]) if home else route
+    if not items or not _is_home(items[0], firmware):
+        return fly(items, firmware)
+    route = fly(items[1:], firmware)
+    return replace(route, left_out=["item 0: home", *route.left_out])
+
+
+def _is_home(item: Item, firmware: Firmware) -> bool:
+    """Whether it is the item 0 in which ArduPilot keeps its home."""
+    return firmware is Firmware.ARDUPILOT and item.jump_id == 0 and item.command == commands.WAYPOINT
 
 
 def _items(lines: list[str]) -> Iterator[Item]:
@@ -48,7 +49,7 @@ def _items(lines: list[str]) -> Iterator[Item]:
 
 
 def _item(line: str, where: str) -> Item:
-    fields = line.split("\t") if "\t" in line else line.split()
+    fields = line.split()
     if len(fields) != _COLUMNS:
         raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS}", where)
     if "," in line and "." not in line:  # the decimal comma of the computer's language
