@@ -73,10 +73,12 @@ def _from_fields(line: str, where: str) -> Pose:
 
 
 def _fields(line: str) -> list[str]:
-    """Splits a line at its commas, or at its semicolons: then a comma may be the decimal one."""
-    if ";" not in line:
-        return line.split(",")
-    return [field if "." in field else field.replace(",", ".", 1) for field in line.split(";")]
+    """Splits a line at its commas, or at its semicolons or tabs: then a comma may be the decimal one."""
+    separator = next((each for each in (";", "\t") if each in line), ",")
+    fields = line.split(separator)
+    if separator == ",":
+        return fields
+    return [field if "." in field else field.replace(",", ".", 1) for field in fields]
 
 
 def _from_json(line: str, frame_id: str, where: str) -> tuple[PoseStamped, float]:

@@ -291,7 +291,8 @@ def _not_flown(item: Item) -> FaultError:
         return FaultError(
             f"MAVLink command {item.command} is not known to UAL, so it may change the flight: delete it", item.where
         )
-    return FaultError(f"UAL cannot fly {what} (MAVLink command {item.command}) in a path: replace or delete it", item.where)
+    where = item.where
+    return FaultError(f"UAL cannot fly {what} (MAVLink command {item.command}) in a path: replace or delete it", where)
 
 
 def _from_north(yaw_deg: float) -> float:
