@@ -17,9 +17,8 @@ def rings() -> list[ual.PoseStamped]:
     for height_m in HEIGHTS_M:
         for i in range(STEPS + 1):
             angle = math.pi + i * math.tau / STEPS
-            pose = ual.Pose.at(
-                RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), height_m, yaw_rad=angle + math.pi
-            )
+            yaw_rad = ual.geometry.wrap_angle(angle + math.pi)
+            pose = ual.Pose.at(RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), height_m, yaw_rad)
             poses.append(ual.PoseStamped(pose, "tower"))
     return poses
 

@@ -692,7 +692,7 @@ def test_a_goal_below_the_ground_is_refused_in_words(flying: DaemonProcess) -> N
         result = run(*words)
         assert result.exit_code == 1
         assert result.stderr.startswith("ual: GEOFENCE: ")
-        assert "below the floor (floor_m: 0 in the configuration; z is up)" in result.stderr
+        assert "below the floor (floor_m: 0, clearance_m: 0.5 in the configuration; z is up)" in result.stderr
 
 
 def test_a_velocity_that_is_scaled_down_says_so(flying: DaemonProcess) -> None:

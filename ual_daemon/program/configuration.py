@@ -19,8 +19,16 @@ from msgspec import Meta
 from typing_extensions import override
 
 from ual import _discovery
-from ual_daemon.setting_words import did_you_mean, keys
-from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, NotNegative, Settings, VehicleSettings, convert
+from ual_daemon.settings import (
+    NAMESPACE_PATTERN,
+    ConfigError,
+    NotNegative,
+    Settings,
+    VehicleSettings,
+    convert,
+    did_you_mean,
+    keys,
+)
 
 
 class DaemonSettings(Settings, frozen=True, kw_only=True):

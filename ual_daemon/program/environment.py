@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ual_daemon.program.configuration import ConfigurationError
-from ual_daemon.setting_words import did_you_mean
+from ual_daemon.settings import did_you_mean
 
 _PREFIX = "UAL_"
 _OF_CLIENTS = ("UAL_ADDRESS", "UAL_RUNTIME_DIR", "UAL_TLS_CA", "UAL_TOKEN", "UAL_TOKEN_FILE")

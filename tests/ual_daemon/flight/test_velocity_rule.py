@@ -93,7 +93,7 @@ def flights(draw: st.DrawFn) -> list[Moment]:
     return flight
 
 
-def geofence(settings: GeofenceSettings | None, clearance_m: float) -> Geofence:
+def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geofence:
     resolver = FrameResolver("uav_1", VehicleSettings(geofence=settings))
     found = Geofence(settings, resolver, FLOOR_M, CEILING_M, clearance_m)
     ground = Moment(Vector3(), Vector3(), Vector3()).snapshot(None)._replace(landed=Sample(LandedState.ON_GROUND, 0.0))
