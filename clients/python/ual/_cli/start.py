@@ -18,6 +18,7 @@ from ual._cli.streams import Line
 from ual.errors import DaemonUnreachableError
 
 if TYPE_CHECKING:
+    from ual._cli.condition import Condition
     from ual._client import Uav
 
 _LONGEST_S = 86_400.0
@@ -162,6 +163,8 @@ class Member:
         self.interrupted = threading.Event()
         self.lines: SimpleQueue[tuple[str, Line]] = SimpleQueue()
         """What its command has printed: lines, each with what it tells."""
+        self.condition: Condition | None = None
+        """How the UAV is, where its command asked that."""
         self._gate = gate
         self._uav: Uav | None = None
 
