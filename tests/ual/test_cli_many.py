@@ -17,9 +17,12 @@ from click.testing import CliRunner, Result
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from ual._cli import cli, start
+from tests.ual.recording.waiting import wait_until
+from ual._cli import cli, condition, start
 from ual._cli.app import Session
+from ual._cli.condition import Level
 from ual._cli.start import Time, parsed
+from ual.simulation import BatteryLow
 from ual.types import State
 
 TEAM = ("uav_1", "uav_2", "uav_3")
@@ -77,6 +80,26 @@ def test_each_result_is_an_object_with_the_name(fleet: DaemonProcess) -> None:
     assert [(each["ns"], each["error"]["reason"]) for each in found] == [(name, "WRONG_STATE") for name in TEAM]
     found = [json.loads(line) for line in run("--json", "--all", "rtl").stdout.splitlines()]
     assert [(each["ns"], each["done"], each["state"]) for each in found] == [(n, "rtl", "LANDED_ARMED") for n in TEAM]
+
+
+def test_the_worst_comes_first_in_each_list_with_its_battery(fleet: DaemonProcess) -> None:
+    del fleet
+    with ual.Uav("uav_3") as uav:
+        uav.simulation.begin_fault(BatteryLow(9.0))
+        wait_until(lambda: condition.of_telemetry(uav.telemetry()).level is Level.ALARM)
+    rows = [line.split("\t") for line in run("list").stdout.splitlines()]
+    assert [row[0] for row in rows] == ["uav_3", "uav_1", "uav_2"]
+    assert rows[0][5].endswith(" % CRITICAL")
+    assert rows[1][5].endswith(" %")
+    found = [json.loads(line) for line in run("--json", "list").stdout.splitlines()]
+    assert [(each["ns"], each["level"]) for each in found] == [("uav_3", "ALARM"), ("uav_1", "FINE"), ("uav_2", "FINE")]
+    assert 0.0 <= found[0]["battery_percent"] <= 9.0
+    assert found[0]["wrong"].startswith("battery ")
+    lines = run("--all", "state").stdout.splitlines()
+    assert lines == [f"{ns}: LANDED_ARMED" for ns in ("uav_3", "uav_1", "uav_2")]
+    watched = run("--all", "watch", "--once").stdout
+    assert watched.count(" % CRITICAL") == 1
+    assert watched.count(" in map") == 3
 
 
 def test_where_one_cannot_be_reached_nothing_is_sent(fleet: DaemonProcess) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -17,8 +18,8 @@ from ual._cli.watch import default_rate_hz
 from ual._cli.watch_board import Board, Seen
 from ual._cli.watch_roster import Roster
 from ual.errors import DaemonUnreachableError
-from ual.geometry import Pose, Twist, Vector3
-from ual.types import Battery, State, TaskInfo, TaskKind, TaskStatus, Telemetry
+from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
+from ual.types import Battery, Health, State, TaskInfo, TaskKind, TaskStatus, Telemetry
 
 NOW_S = 100.0
 SIZES = [(80, 24), (40, 24), (40, 10), (57, 24), (100, 40), (200, 50), (20, 5), (3, 3)]
@@ -27,6 +28,7 @@ FLYING = Telemetry(
     State.FLYING_AUTO,
     state_reason="in the air, the autopilot takes our references (mode GUIDED)",
     pose=Pose(Vector3(-1234.56, 2345.67, 119.9)),
+    transform=Transform(Vector3(-1000.04, 2000.04, 121.9), Quaternion()),
     velocity=Twist(Vector3(3.0, 4.0, 0.0)),
     battery=Battery(87.4, 15.2),
     flight_mode="GUIDED",
@@ -55,7 +57,7 @@ def test_the_table_fits_any_terminal(width: int, height: int, count: int) -> Non
         assert len(lines) <= height
         assert max(map(len, lines)) <= width
         if height > 2:
-            assert len(lines) == min(len(found) + 2, height)
+            assert len(lines) == min(len(found) + (2 if height < 8 else 3), height)
 
 
 def test_twelve_uavs_fit_an_ordinary_terminal() -> None:
@@ -67,24 +69,52 @@ def test_twelve_uavs_fit_an_ordinary_terminal() -> None:
 
 
 def test_a_line_shows_what_there_is_room_for() -> None:
-    narrow, ordinary, wide = (table(seen(1), width)[2] for width in (40, 80, 160))
-    assert narrow == "uav_1  FLYING_AUTO      goes to 4 2 3, …"
-    assert ordinary == "uav_1  FLYING_AUTO      -1234.6 2345.7  119.9   5.0  87 %     GUIDED"
-    assert wide == f"{ordinary}        armed  goes to 4 2 3, 12.3 m left"
-    assert "battery" in table(seen(1), 100)[1]
+    narrow, ordinary, wide, widest = (table(seen(1), width)[3] for width in (40, 80, 120, 160))
+    assert narrow == "uav_1  FLYING_AUTO      87 %"
+    assert ordinary == "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  goes to 4 2…"
+    assert wide == "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  goes to 4 2 3, 12.3 m left"
+    assert widest == (
+        "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  GUIDED        armed  "
+        "goes to 4 2 3, 12.3 m left"
+    )
+    assert "x y z (m) in map" in table(seen(1), 100)[2]
+
+
+def test_where_it_is_in_map_is_not_known_is_not_told_in_another_frame() -> None:
+    assert "-1234.6" not in table(seen(1, replace(FLYING, transform=None)))[3]
 
 
 def test_200_uavs_are_reached_by_scrolling() -> None:
     found = seen(200)
-    assert "1-22 of 200 UAVs" in table(found)[0]
+    assert "1-21 of 200 UAVs" in table(found)[0]
+    assert table(found)[1] == "200 FLYING_AUTO"
     top = 0
     shown: set[str] = set()
     for _ in range(20):
         lines = table(found, top=top)
-        shown |= {line.split()[0] for line in lines[2:]}
+        shown |= {line.split()[0] for line in lines[3:]}
         top = watch_table.scrolled(top, [Key.PAGE_DOWN], 200, 24)
     assert shown == set(found)
     assert lines[-1].startswith("uav_200 ")
+
+
+def test_the_worst_of_200_are_on_the_first_page_in_words_and_colour() -> None:
+    found = seen(200)
+    found["uav_150"] = Seen(NOW_S - 7.0, FLYING)
+    found["uav_170"] = Seen(NOW_S, replace(FLYING, battery=Battery(23.0, 14.2)))
+    found["uav_80"] = Seen(NOW_S, replace(FLYING, battery=Battery(9.0, 13.9)))
+    found["uav_9"] = Seen(NOW_S, replace(FLYING, health=Health(failsafe="rc failsafe")))
+    lines = watch_table.table(found, width=80, height=24, top=0, now_s=NOW_S, lost_after_s=2.0)
+    assert lines[1].text == "3 alarms, 1 warning; 199 FLYING_AUTO, 1 LOST"
+    assert [line.text for line in lines[3:8]] == [
+        "uav_9    FLYING_AUTO      87 %           failsafe: rc failsafe",
+        "uav_80   FLYING_AUTO      9 % CRITICAL   -1000.0 2000.0  121.9   5.0",
+        "uav_150  no telemetry for 7 s, it was FLYING_AUTO",
+        "uav_170  FLYING_AUTO      23 % LOW       -1000.0 2000.0  121.9   5.0",
+        "uav_1    FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0",
+    ]
+    assert [line.style for line in lines[3:8]] == ["bold red"] * 3 + ["bold yellow", "green"]
+    assert lines[1].style == "bold red"
 
 
 @pytest.mark.parametrize(
@@ -93,11 +123,11 @@ def test_200_uavs_are_reached_by_scrolling() -> None:
         ([], 0),
         ([Key.UP], 0),
         ([Key.DOWN, Key.DOWN, Key.UP], 1),
-        ([Key.PAGE_DOWN], 22),
+        ([Key.PAGE_DOWN], 21),
         ([Key.PAGE_DOWN, Key.PAGE_UP], 0),
-        ([Key.END], 78),
-        ([Key.END, Key.DOWN], 78),
-        ([Key.END, Key.UP], 77),
+        ([Key.END], 79),
+        ([Key.END, Key.DOWN], 79),
+        ([Key.END, Key.UP], 78),
         ([Key.END, Key.HOME], 0),
         ([Key.QUIT], 0),
     ],
@@ -107,21 +137,21 @@ def test_keys_scroll(pressed: Sequence[Key], top: int) -> None:
 
 
 def test_a_screen_that_grows_or_uavs_that_go_leave_no_gap() -> None:
-    assert watch_table.scrolled(78, [], 100, 52) == 50
+    assert watch_table.scrolled(78, [], 100, 52) == 51
     assert watch_table.scrolled(78, [], 10, 24) == 0
     assert watch_table.scrolled(0, [Key.END], 0, 24) == 0
 
 
 def test_what_is_not_the_present_is_never_shown_as_it() -> None:
     old = {"uav_1": Seen(NOW_S - 5.0, FLYING)}
-    assert table(old)[2] == "uav_1  no telemetry for 5 s, it was FLYING_AUTO"
-    assert table(old, 40)[2] == "uav_1  no telemetry for 5 s, it was FLY…"
+    assert table(old)[3] == "uav_1  no telemetry for 5 s, it was FLYING_AUTO"
+    assert table(old, 40)[3] == "uav_1  no telemetry for 5 s, it was FLY…"
     refused = {"uav_1": Seen(NOW_S, None, "DAEMON_UNREACHABLE: no UAL daemon answers")}
-    assert "DAEMON_UNREACHABLE" in table(refused)[2]
+    assert "DAEMON_UNREACHABLE" in table(refused)[3]
     ended = {"uav_1": Seen(NOW_S, FLYING, gone_s=NOW_S)}
-    assert table(ended)[2] == "uav_1  its daemon has ended, it was FLYING_AUTO"
+    assert table(ended)[3] == "uav_1  its daemon has ended, it was FLYING_AUTO"
     lines = watch_table.table(ended, width=80, height=24, top=0, now_s=NOW_S, lost_after_s=2.0)
-    assert lines[2].style == "red"
+    assert lines[3].style == "bold red"
 
 
 # --- Drawn by rich ----------------------------------------------------------------------------------------------------

@@ -112,6 +112,21 @@ def test_the_drawing_has_states_tasks_and_refusals(flown: Path) -> None:
     assert max(flight.heights) == pytest.approx(2.0, abs=0.2)
 
 
+def test_several_uavs_are_drawn_where_they_are_in_map(start_daemon: StartDaemon, tmp_path: Path) -> None:
+    from ual._recording import page
+
+    for number, home in ((1, "[0, 0, 0]"), (2, "[30, -40, 2]")):
+        start_daemon("--set", f"home_pose={home}", ns=f"uav_{number}").wait_for("state", new="LANDED_DISARMED")
+    run("--all", "record", "--directory", tmp_path, "--duration", "0.5")
+    [path] = tmp_path.glob("*.mcap")
+    one, two = page.flights(Recording(path).messages(), is_in_map=True)
+    assert (one.frame_id, two.frame_id) == ("map", "map")
+    assert (one.xs[-1], one.ys[-1]) == pytest.approx((0.0, 0.0), abs=0.5)
+    assert (two.xs[-1], two.ys[-1], two.heights[-1]) == pytest.approx((30.0, -40.0, 2.0), abs=0.5)
+    run("plot", path, "--output", tmp_path / "flight.svg")
+    assert "x (m), in map" in (tmp_path / "flight.svg").read_text()
+
+
 def test_a_client_records_the_telemetry_of_each_uav(start_daemon: StartDaemon, tmp_path: Path) -> None:
     for number in (1, 2):
         start_daemon(ns=f"uav_{number}").wait_for("listening")

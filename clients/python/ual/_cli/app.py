@@ -37,6 +37,7 @@ class Many(Enum):
     REFUSED = "it is for one UAV"
     EACH = "each of them gets it, and none where one cannot be reached"
     REACHABLE = "each that can be reached gets it: it ends a flight, or only asks"
+    LOOKING = "each that can be reached is asked: the worst comes first"
     ITSELF = "it looks at the choice itself"
 
 
@@ -321,7 +322,13 @@ class UalCommand(_SharedOptions):
             return super().invoke(ctx)
         if self._many is Many.REFUSED:
             raise click.UsageError(f"ual {self.name} is for one UAV at a time: name it by --ns", ctx)
-        return many.invoke(ctx, names, super().invoke, needs_all=self._many is Many.EACH)
+        return many.invoke(
+            ctx,
+            names,
+            super().invoke,
+            needs_all=self._many is Many.EACH,
+            is_looking=self._many is Many.LOOKING,
+        )
 
     @override
     def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:

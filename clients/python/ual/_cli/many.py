@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ual._cli.start import Gate, Member
-from ual._cli.streams import OutputLostError, give_up_output, write
+from ual._cli.streams import Line, OutputLostError, give_up_output, write
 from ual._discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
 
 if TYPE_CHECKING:
     from ual._cli.app import Session
+    from ual._cli.condition import Condition
 
 _REFUSED, _INTERRUPTED = 1, 130
 _LOOK_S = 0.2
@@ -45,9 +47,17 @@ def names(session: Session) -> list[str] | None:
 
 
 def invoke(
-    context: click.Context, uavs: Sequence[str], command: Callable[[click.Context], Any], *, needs_all: bool
+    context: click.Context,
+    uavs: Sequence[str],
+    command: Callable[[click.Context], Any],
+    *,
+    needs_all: bool,
+    is_looking: bool = False,
 ) -> None:
     """Runs a command for each UAV: for none, if it `needs_all` and one of them cannot be reached.
+
+    One that `is_looking` has its results printed once all are there: the worst UAV first, and at the end how many there
+    are of each state.
 
     Ends the program with 1 where one refused or failed, with 130 after Ctrl-C.
     """
@@ -60,6 +70,8 @@ def invoke(
     for run in runs:
         run.thread.start()
     try:
+        if is_looking:
+            _print_worst_first(runs, session)
         for run in runs:
             _print_until_done(run)
     except KeyboardInterrupt:
@@ -80,6 +92,18 @@ def _print_until_done(run: _Run) -> None:
         run.thread.join(_LOOK_S)
         run.print_lines()
     run.print_lines()
+
+
+def _print_worst_first(runs: Sequence[_Run], session: Session) -> None:
+    from ual._cli import condition
+
+    for run in runs:
+        while run.thread.is_alive():
+            run.thread.join(_LOOK_S)
+    for run in condition.worst_first(runs, lambda each: each.condition, lambda each: each.name):
+        run.print_lines()
+    if sys.stdout.isatty() and not session.as_json:
+        write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", Line.RESULT)
 
 
 def _stop(runs: Sequence[_Run]) -> None:
@@ -111,6 +135,18 @@ class _Run:
         self._context = _context(context, session)
         self._command = command
         self.thread = threading.Thread(target=self._run, name=f"ual for {name}", daemon=True)
+
+    @property
+    def name(self) -> str:
+        """Which UAV it is for."""
+        return self._member.name
+
+    @property
+    def condition(self) -> Condition:
+        """How the UAV is, by what its command found out."""
+        from ual._cli.condition import Condition, Level
+
+        return self._member.condition or Condition(Level.ALARM, "not known")
 
     def print_lines(self) -> None:
         """Prints what its command has printed since."""

@@ -218,7 +218,8 @@ def _exported(
 def plot(session: Session, file: Path, output: Path | None) -> None:
     """Draw a recorded flight on one page.
 
-    It has the ground track, height, speed, states, tasks and refusals.
+    It has the ground track, height, speed, states, tasks and refusals. Where the recording has several UAVs, they are
+    drawn in map, the frame that they share.
     """
     from ual._recording import page
     from ual._recording.reader import Recording
@@ -229,7 +230,9 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
     with _extras.needs("ual plot", "plot"):
         import matplotlib as mpl  # noqa: F401
     requirements.require_reading("ual plot", "plot")
-    drawn = page.flights(Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls"))))
+    is_in_map = len(Recording(file).uavs()) > 1
+    messages = Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls")))
+    drawn = page.flights(messages, is_in_map=is_in_map)
     if not drawn:
         raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
     try:

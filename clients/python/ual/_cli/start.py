@@ -19,6 +19,7 @@ from ual._numbers import parse_number
 from ual.errors import DaemonUnreachableError
 
 if TYPE_CHECKING:
+    from ual._cli.condition import Condition
     from ual._client import Uav
 
 _LONGEST_S = 86_400.0
@@ -163,6 +164,8 @@ class Member:
         self.interrupted = threading.Event()
         self.lines: SimpleQueue[tuple[str, Line]] = SimpleQueue()
         """What its command has printed: lines, each with what it tells."""
+        self.condition: Condition | None = None
+        """How the UAV is, where its command asked that."""
         self._gate = gate
         self._uav: Uav | None = None
 

@@ -8,8 +8,11 @@ from collections.abc import Sequence
 import click
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Prints rows under a header. Into a pipe it prints columns separated by tabs, without the header."""
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], styles: Sequence[str] = ()) -> None:
+    """Prints rows under a header, each in its style (of rich), if one is given for each.
+
+    Into a pipe it prints columns separated by tabs, without the header.
+    """
     if not sys.stdout.isatty():
         for row in rows:
             click.echo("\t".join(row))
@@ -22,6 +25,6 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     table = Table(box=SIMPLE_HEAD, header_style="bold")
     for column in header:
         table.add_column(column)
-    for row in rows:
-        table.add_row(*map(Text, row))
+    for row, style in zip(rows, styles or [""] * len(rows), strict=True):
+        table.add_row(*map(Text, row), style=style)
     Console().print(table)

@@ -9,10 +9,12 @@ from functools import partial
 
 import click
 
+from ual import _places
+from ual._cli import condition
 from ual._cli.app import REFUSED, Many, Session, command, note, pass_session
 from ual._cli.everyone import ask_all, several
 from ual._cli.help import Section
-from ual._cli.output import error_text, pose_text
+from ual._cli.output import error_text, pose_text, vector_text
 from ual._cli.values import Number
 from ual._cli.watch_board import Board
 from ual._cli.watch_roster import all_subscribed
@@ -38,9 +40,9 @@ _TOTAL_RATE_HZ = 200.0
 def watch(session: Session, once: bool, rate_hz: float | None) -> None:
     """Show the UAV's telemetry until q or Ctrl-C.
 
-    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these. The
-    arrow keys, PgUp, PgDn, Home and End scroll it. UAVs appear when their daemons start, and vanish when they end. In
-    a pipe, or with --json, each sample is one line.
+    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these: the
+    worst first, in red where it is urgent, with positions in map. The arrow keys, PgUp, PgDn, Home and End scroll it.
+    UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample is one line.
     """
     if rate_hz is not None and math.isinf(rate_hz):
         raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
@@ -56,7 +58,7 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
         return
     with session.connect() as uav:
         if once:
-            _print(session, uav.ns, uav.telemetry())
+            _print(session, uav.ns, uav.telemetry(), is_one=True)
             return
         rate_hz = default_rate_hz(1) if rate_hz is None else rate_hz
         board = Board([uav.ns], rate_hz)
@@ -74,7 +76,7 @@ def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
     has_failed = False
     for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
         if isinstance(found, Telemetry):
-            _print(session, daemon.ns, found)
+            _print(session, daemon.ns, found, is_one=False)
             continue
         has_failed = True
         session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
@@ -93,19 +95,20 @@ def _follow(session: Session, board: Board, *, everyone: bool) -> None:
 
         watch_screen.show(board, watch_screen.Table() if everyone else watch_screen.Detail())
     else:
-        _print_lines(session, board)
+        _print_lines(session, board, is_one=not everyone)
 
 
-def _print_lines(session: Session, board: Board) -> None:
+def _print_lines(session: Session, board: Board, *, is_one: bool) -> None:
     while True:
         board.changed.wait()
         board.changed.clear()
         for ns, telemetry in board.take().items():
-            _print(session, ns, telemetry)
+            _print(session, ns, telemetry, is_one=is_one)
         sys.stdout.flush()
 
 
-def _print(session: Session, ns: str, telemetry: Telemetry) -> None:
+def _print(session: Session, ns: str, telemetry: Telemetry, *, is_one: bool) -> None:
+    """Prints a sample as one line: of several UAVs with its place in `map`, which they share."""
     if session.as_json:
         from ual._cli.output import to_json
 
@@ -113,9 +116,17 @@ def _print(session: Session, ns: str, telemetry: Telemetry) -> None:
         assert isinstance(sample, dict)
         session.emit({"ns": ns, **sample})
         return
-    parts = [ns, telemetry.state.name]
-    if telemetry.pose is not None:
-        parts.append(pose_text(telemetry.pose))
-    if telemetry.velocity is not None:
-        parts.append(f"{telemetry.velocity.linear.norm():.2f} m/s")
-    click.echo("\t".join(parts))
+    how = condition.of_telemetry(telemetry)
+    speed = "" if telemetry.velocity is None else f"{telemetry.velocity.linear.norm():.2f} m/s"
+    where = _pose(telemetry) if is_one else _place(telemetry)
+    parts = [ns, telemetry.state.name, where, speed, condition.battery_text(telemetry.battery), how.note]
+    click.echo("\t".join(parts).rstrip("\t"))
+
+
+def _pose(telemetry: Telemetry) -> str:
+    return "" if telemetry.pose is None else pose_text(telemetry.pose)
+
+
+def _place(telemetry: Telemetry) -> str:
+    place = _places.position(telemetry)
+    return "" if place is None else f"{vector_text(place)} in map"

@@ -6,7 +6,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from ual._cli import watch_table
+from ual import _places
+from ual._cli import condition, watch_table
+from ual._cli.condition import STYLES
 from ual._cli.keys import Key, keyboard
 from ual._cli.output import pose_text, running_text, vector_text
 from ual._cli.watch_board import Board, Seen
@@ -125,18 +127,19 @@ def _aged_rows(seen: Seen, age_s: float, lost_after_s: float) -> list[tuple[str,
 def rows(t: Telemetry) -> list[tuple[str, str, str]]:
     """Returns name, text and style of each line about one UAV."""
     geo, battery, gps, task = t.position_geo, t.battery, t.gps, t.task
-    percent = None if battery is None else battery.remaining_percent
-    voltage = None if battery is None else battery.voltage_v
+    level = condition.battery_level(battery)
+    voltage = None if battery is None or battery.remaining_percent is None else battery.voltage_v
     return [
         ("state", t.state.name, watch_table.STATE_STYLES.get(t.state, "")),
         ("because", t.state_reason, "dim"),
         ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
+        ("in map", "" if (place := _places.position(t)) is None else vector_text(place), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else running_text(task), ""),
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
-        ("battery", " ".join(filter(None, (_known(percent, "{:.0f} %"), _known(voltage, "{:.1f} V")))), ""),
+        ("battery", " ".join((condition.battery_text(battery), _known(voltage, "{:.1f} V"))).strip(), STYLES[level]),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
         ("satellites", "" if gps is None else f"{gps.satellites_count} ({gps.fix.name})", ""),
         ("autopilot says", t.status_text, "dim"),

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ual import _places
 from ual._recording.reader import Message
-from ual.types import State
+from ual.geometry import Vector3
+from ual.types import State, Telemetry
 
 _LEAST_NS = 40_000_000
 """So many points a second are drawn at most: 25."""
@@ -37,9 +39,13 @@ class Band:
 
 @dataclass(slots=True)
 class Flight:
-    """What is drawn of one UAV; times in s since the beginning of the recording, metres, m/s."""
+    """What is drawn of one UAV; times in s since the beginning of the recording, metres, m/s.
+
+    Its places are in the frame of its telemetry, or in `map` if it is one of several: their own frames differ.
+    """
 
     ns: str
+    is_in_map: bool = False
     times_s: list[float] = field(default_factory=list)
     xs: list[float] = field(default_factory=list)
     ys: list[float] = field(default_factory=list)
@@ -66,16 +72,31 @@ class Flight:
         if sample.task is not None:
             _extend(self.tasks, sample.task.kind.name, time_s)
         is_due = not self.times_s or time_s - self.times_s[-1] >= _LEAST_NS * 1e-9
-        if sample.pose is None or not is_due:
+        places = _in_map(sample) if self.is_in_map else _in_its_frame(sample)
+        if places is None or not is_due:
             return
-        self.frame_id = self.frame_id or sample.frame_id
-        position, reference = sample.pose.position, sample.reference_pose
+        self.frame_id = self.frame_id or ("map" if self.is_in_map else sample.frame_id)
+        position, reference_z = places
         self.times_s.append(time_s)
         self.xs.append(position.x)
         self.ys.append(position.y)
         self.heights.append(position.z)
-        self.wanted_heights.append(None if reference is None else reference.position.z)
+        self.wanted_heights.append(reference_z)
         self.speeds.append(0.0 if sample.velocity is None else sample.velocity.linear.norm())
+
+
+def _in_its_frame(sample: Telemetry) -> tuple[Vector3, float | None] | None:
+    """Returns where the UAV is, and at which height its reference; None where that is not known."""
+    if sample.pose is None:
+        return None
+    reference = sample.reference_pose
+    return sample.pose.position, None if reference is None else reference.position.z
+
+
+def _in_map(sample: Telemetry) -> tuple[Vector3, float | None] | None:
+    """Returns the same in `map`."""
+    place, reference = _places.position(sample), _places.reference(sample)
+    return None if place is None else (place, None if reference is None else reference.position.z)
 
 
 def _extend(bands: list[Band], label: str, time_s: float, state: State | None = None) -> None:
@@ -88,15 +109,15 @@ def _extend(bands: list[Band], label: str, time_s: float, state: State | None = 
     bands.append(Band(label, time_s, time_s, state))
 
 
-def flights(messages: Iterable[Message]) -> list[Flight]:
-    """Returns what is to be drawn of each UAV."""
+def flights(messages: Iterable[Message], *, is_in_map: bool = False) -> list[Flight]:
+    """Returns what is to be drawn of each UAV, in `map` if that is wanted."""
     found: dict[str, Flight] = {}
     begin_ns: int | None = None
     for message in messages:
         if message.name not in ("telemetry", "calls") or not message.ns:
             continue
         begin_ns = message.log_ns if begin_ns is None else begin_ns
-        found.setdefault(message.ns, Flight(message.ns)).add(message, (message.log_ns - begin_ns) * 1e-9)
+        found.setdefault(message.ns, Flight(message.ns, is_in_map)).add(message, (message.log_ns - begin_ns) * 1e-9)
     return [found[ns] for ns in sorted(found)]
 
 
@@ -126,7 +147,7 @@ def draw(drawn: list[Flight], file: Path, title: str) -> None:
         wanted = [float("nan") if height is None else height for height in flight.wanted_heights]
         axes["height"].plot(flight.times_s, wanted, "--", color=line.get_color(), linewidth=0.8, alpha=0.7)
         axes["speed"].plot(flight.times_s, flight.speeds, color=line.get_color())
-    frame = drawn[0].frame_id if len(drawn) == 1 else "the frame of each"
+    frame = drawn[0].frame_id
     axes["track"].set(xlabel=f"x (m), in {frame}", ylabel="y (m)", title="ground track")
     axes["track"].set_aspect("equal", adjustable="datalim")
     axes["track"].legend()

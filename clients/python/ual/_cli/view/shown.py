@@ -5,13 +5,13 @@ Everything is in `map`. A value that is not known, or that is too old to be the 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from datetime import datetime, timezone
 
+from ual import _places
+from ual._cli.condition import problem
 from ual._cli.output import running_text
 from ual._cli.watch_board import Seen
-from ual._cli.watch_table import problem
 from ual.geometry import Pose, Transform
 from ual.types import State, Telemetry
 
@@ -74,7 +74,7 @@ def shown(
     lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY)
-    body, odom = _body(telemetry), _odom(telemetry)
+    body, odom = _places.body(telemetry), _places.odom(telemetry)
     if lost:
         return Shown(ns, f"{ns}: {lost}", GREY, age_s=age_s, body=body, odom=odom)
     return Shown(
@@ -86,7 +86,7 @@ def shown(
         age_s=age_s,
         is_armed=telemetry.armed,
         body=body,
-        reference=_reference(telemetry),
+        reference=_places.reference(telemetry),
         odom=odom,
         height_m=None if telemetry.odometry is None else telemetry.odometry.pose.position.z,
         speed_m_s=None if telemetry.velocity is None else telemetry.velocity.linear.norm(),
@@ -116,33 +116,7 @@ def _label(ns: str, t: Telemetry) -> str:
     return f"{ns} {t.state.name}"
 
 
-def _body(t: Telemetry) -> Pose | None:
-    return None if t.transform is None else _finite(Pose(t.transform.translation, t.transform.rotation))
-
-
-def _odom(t: Telemetry) -> Transform | None:
-    """Returns the transform from ``<ns>/odom`` to `map`, from the two poses of the body that one sample has."""
-    if t.transform is None or t.odometry is None:
-        return None
-    return _between(t.transform, t.odometry.pose)
-
-
-def _reference(t: Telemetry) -> Pose | None:
-    """Returns the reference in `map`: the sample has it, and the pose of the body, in the same frame."""
-    if t.transform is None or t.pose is None or t.reference_pose is None:
-        return None
-    return _finite(_between(t.transform, t.pose).apply_pose(t.reference_pose))
-
-
-def _between(body_in_map: Transform, body: Pose) -> Transform:
-    return body_in_map.compose(Transform(body.position, body.orientation).inverse())
-
-
 def _off_reference_m(t: Telemetry) -> float | None:
     if t.pose is None or t.reference_pose is None:
         return None
     return (t.pose.position - t.reference_pose.position).norm()
-
-
-def _finite(pose: Pose) -> Pose | None:
-    return pose if all(map(math.isfinite, (*pose.position, *pose.orientation))) else None
