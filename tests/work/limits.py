@@ -1,0 +1,65 @@
+"""How much work a setpoint and a sample of telemetry may be, in the worst case: the one table of such limits.
+
+`tests/work/test_work.py` holds them. They are counted, not timed: see `tests/work/counting.py`. Each is what was
+counted, and a margin: a twentieth for `calls`, a tenth for samples, as not all take the same messages. Where one is
+exceeded, something that each setpoint or sample passes has become longer: make it shorter, or say in the commit what it
+is worth.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Most(NamedTuple):
+    """The limits of a setpoint.
+
+    Attributes:
+        calls: Functions of UAL that are called, and functions of C that they call; the median of a flight.
+        first_calls: The most: where nothing is known yet of the fence here, by the rule itself, with polygons. It
+            depends on what is near.
+        blocks: Blocks of memory that are taken; the least of a flight, as other threads take some, too.
+
+    """
+
+    calls: int
+    first_calls: int
+    blocks: int
+
+
+SETPOINTS = {
+    "light": Most(106, 380, 18),
+    "mavlink-px4": Most(116, 400, 20),
+    "mavlink-ardupilot": Most(116, 400, 20),
+    "mavros": Most(147, 430, 28),
+    "crazyflie": Most(116, 400, 20),
+    "airsim": Most(107, 380, 20),
+    "dji": Most(171, 450, 50),
+}
+"""`UAL.set_velocity` 0.8 m above the ground, beside a corner or between holes of a fence, with each backend."""
+
+SAMPLES = {
+    "light": 470,
+    "mavlink-px4": 1070,
+    "mavlink-ardupilot": 825,
+    "mavros": 1210,
+    "crazyflie": 560,
+    "airsim": 790,
+    "dji": 960,
+}
+"""Calls of functions from one sample to the next in the same flights: what was received is decoded, the velocity is
+flown on, and the sample is made for one subscriber.
+"""
+
+SERVED_SETPOINTS = {
+    "stream": Most(146, 400, 24),
+    "stream with everything": Most(155, 520, 60),
+    "call": Most(187, 440, 32),
+    "call with everything": Most(327, 600, 200),
+}
+"""A velocity from a received message to the backend of a light UAV, in a stream or as a call of its own. *Everything*:
+by a token and under a lease, while the flight is recorded and audited, and an extension and a second program subscribe.
+"""
+
+SERVED_SAMPLES = {"one reader": 570, "everything": 612}
+"""Calls of functions for one step of that UAV, its update, and its sample to the programs that read it."""

@@ -1,0 +1,131 @@
+"""A light UAV behind the daemon's server, on one thread, whose time a test steps."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import ExitStack
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import grpc
+
+from tests.ual_daemon.stepped import STEP_S, Stepped, stepped
+from tests.work.flights import CORNER
+from tests.work.memory_calls import MemoryCall, MemoryTransport
+from ual._access.roles import Role
+from ual._access.tokens import Token, hashed
+from ual._recording.recorder import Turnover
+from ual.geometry import Vector3
+from ual.v1 import ual_pb2 as pb
+from ual_daemon import UAL
+from ual_daemon.program.recording.audit import Audit
+from ual_daemon.program.recording.recording import Recording
+from ual_daemon.server.access.policy import Access
+from ual_daemon.server.call_log import Observer
+from ual_daemon.server.server import Server
+from ual_daemon.server.transport.base import Metadata
+from ual_daemon.vehicle.vehicle import Vehicle
+
+T = TypeVar("T")
+
+_SECRET, _NAME = "secret", "pilot"
+
+
+class _Tokens(NamedTuple):
+    value: tuple[Token, ...]
+
+
+class Served:
+    """The UAV in the air, and the calls of a program that flies it."""
+
+    def __init__(self, uav: Stepped, transport: MemoryTransport, metadata: Metadata, lease_id: str) -> None:
+        self._uav, self._transport, self._metadata, self._lease_id = uav, transport, metadata, lease_id
+
+    def step(self) -> None:
+        """Lets the time of one update pass."""
+        self._uav.run(STEP_S)
+
+    def keep_lease(self) -> None:
+        """Keeps the lease, if there is one: a busy computer may be slow."""
+        if self._lease_id:
+            self._uav.vehicle.keep_lease(self._lease_id)
+
+    def read(self) -> MemoryCall:
+        """Begins to read the telemetry."""
+        call = self._transport.call("StreamTelemetry", self._metadata)
+        call.deliver(pb.StreamTelemetryRequest().SerializeToString())
+        return call
+
+    def stream(self) -> Callable[[Vector3], Callable[[], None]]:
+        """Begins a stream of setpoints. Returns the function that makes what sends one."""
+        call = self._transport.call("StreamSetpoints", self._metadata)
+
+        def ready(velocity: Vector3) -> Callable[[], None]:
+            message = pb.StreamSetpointsRequest(velocity=_request(velocity).velocity).SerializeToString()
+            return lambda: call.deliver(message)
+
+        return ready
+
+    def call(self, velocity: Vector3) -> Callable[[], None]:
+        """Returns the function that sends a setpoint as a call of its own."""
+        message = _request(velocity).SerializeToString()
+
+        def send() -> None:
+            call = self._transport.call("SetVelocity", self._metadata)
+            call.deliver(message)
+            assert call.code is grpc.StatusCode.OK, call.details
+
+        return send
+
+
+def _request(velocity: Vector3) -> pb.SetVelocityRequest:
+    linear = pb.Vector3(x=velocity.x, y=velocity.y, z=velocity.z)
+    return pb.SetVelocityRequest(velocity=pb.TwistStamped(twist=pb.Twist(linear=linear)))
+
+
+def served(fly: Callable[[Served], T], directory: Path, *, has_all: bool) -> T:
+    """Flies a UAV beside the corner of a fence, and returns what `fly` returns. One program reads its telemetry.
+
+    With `has_all` it is flown by a token and under a lease, recorded and audited, and an extension and a second program
+    have its telemetry, too.
+    """
+    return asyncio.run(_serve(fly, directory, has_all=has_all))
+
+
+async def _serve(fly: Callable[[Served], T], directory: Path, *, has_all: bool) -> T:
+    with ExitStack() as stack:
+        uav = stack.enter_context(stepped(CORNER.settings))
+        observers = _observers(uav.vehicle, directory, stack) if has_all else []
+        transport, access = MemoryTransport(), _access() if has_all else None
+        server = Server(uav.vehicle, transport, observers=observers, access=access)
+        stack.callback(server.begin_shutdown)
+        uav.fly(CORNER.height_m)
+        uav.unsubscribe()
+        lease_id = uav.vehicle.acquire_lease("a program", _NAME) if has_all else ""
+        given = (("authorization", f"Bearer {_SECRET}"), ("ual-lease", lease_id)) if has_all else ()
+        flown = Served(uav, transport, given, lease_id)
+        readers = [flown.read() for _ in range(2 if has_all else 1)]
+        result = fly(flown)
+        assert all(len(reader.sent) > 1 for reader in readers)
+        return result
+
+
+def _access() -> Access:
+    now = datetime.now(timezone.utc)
+    return Access(known_tokens=_Tokens((Token(_NAME, Role.PILOT, hashed(_SECRET), now),)))
+
+
+def _observers(vehicle: Vehicle, directory: Path, stack: ExitStack) -> list[Observer]:
+    """Begins a recording, an audit, and what an extension does: it has the class interface, and subscribes."""
+    recording = Recording(directory, [vehicle], logging.LogRecord.getMessage, Turnover(), is_raw=True)
+    recording.start()
+    stack.callback(recording.close)
+    audit = Audit(directory / "audit")
+    stack.callback(audit.close)
+    of_extension = UAL.over(vehicle, {})
+    stack.callback(of_extension.release)
+    stack.enter_context(of_extension.subscribe(lambda _: None))
+    return [recording.observer(vehicle.ns), audit.observer(vehicle)]

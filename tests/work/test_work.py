@@ -1,0 +1,87 @@
+"""A setpoint and a sample of telemetry are no more work than `tests/work/limits.py` says, where they are most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.patient_checks import grouped
+from tests.work import limits
+from tests.work.counting import Work, calls_of_samples, counted, least, usual
+from tests.work.flights import BACKENDS, flying, narrow, until
+from tests.work.served import Served, served
+from ual.geometry import Twist, Vector3
+from ual_daemon import UAL
+
+COUNT = 30
+SLOW = Vector3(0.3, 0.3, 0.0)
+
+
+@pytest.fixture(scope="module", params=[grouped(name, name, f"work_{name}") for name in BACKENDS])
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def flight(name: str) -> Iterator[UAL]:
+    with flying(name, narrow(name)) as uav:
+        yield uav
+
+
+def setpoints(uav: UAL) -> list[Work]:
+    """A stream to and fro, each setpoint after a new position."""
+    works: list[Work] = []
+    for number in range(COUNT):
+        last = uav.vehicle.backend.snapshot().pose
+        until(lambda last=last: uav.vehicle.backend.snapshot().pose is not last, "a position")  # type: ignore[misc]
+        twist = Twist(SLOW if number % 2 else -SLOW)
+        works.append(counted(lambda twist=twist: uav.set_velocity(twist)))  # type: ignore[misc]
+    return works
+
+
+def assert_within(works: list[Work], most: limits.Most) -> None:
+    found = limits.Most(int(usual(works).calls), int(max(works).calls), int(least(works).blocks))
+    assert all(each <= limit for each, limit in zip(found, most, strict=True)), f"{found}, and the limits are {most}"
+
+
+def test_a_setpoint_is_no_more_work(flight: UAL, name: str) -> None:
+    assert_within(setpoints(flight), limits.SETPOINTS[name])
+
+
+def test_a_sample_is_no_more_work(flight: UAL, name: str) -> None:
+    found = calls_of_samples(flight, COUNT, lambda: flight.set_velocity(Twist(SLOW)))
+    assert found <= limits.SAMPLES[name], f"{found:.0f} calls, and the limit is {limits.SAMPLES[name]}"
+
+
+# --- Behind the server ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", limits.SERVED_SETPOINTS)
+def test_a_served_setpoint_is_no_more_work(case: str, tmp_path: Path) -> None:
+    def fly(uav: Served) -> list[Work]:
+        ready = uav.call if case.startswith("call") else uav.stream()
+        works = []
+        for number in range(COUNT):
+            uav.step()
+            uav.keep_lease()
+            works.append(counted(ready(SLOW if number % 2 else -SLOW)))
+        return works
+
+    assert_within(served(fly, tmp_path, has_all=case.endswith("everything")), limits.SERVED_SETPOINTS[case])
+
+
+@pytest.mark.parametrize("case", limits.SERVED_SAMPLES)
+def test_a_served_sample_is_no_more_work(case: str, tmp_path: Path) -> None:
+    def fly(uav: Served) -> list[Work]:
+        ready = uav.stream()
+        works = []
+        for _ in range(COUNT):
+            uav.keep_lease()
+            ready(SLOW)()
+            works.append(counted(uav.step))
+        return works
+
+    found = usual(served(fly, tmp_path, has_all=case == "everything")).calls
+    assert found <= limits.SERVED_SAMPLES[case], f"{found:.0f} calls, and the limit is {limits.SERVED_SAMPLES[case]}"
