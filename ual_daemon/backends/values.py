@@ -332,7 +332,8 @@ class VehicleInfo:
     not used for another (`Backend.outlived`); it is empty while that is not known. `cruise_speed_m_s` is the horizontal
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
-    `limitation` says for people why it has fewer capabilities than others.
+    `limitation` says for people why it has fewer capabilities than others, and `assumption` what is assumed of it,
+    because it does not say; both end the reason of the state.
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
     feed-forward. `has_safety_pilot` says whether a person can take over from UAL at any time (a transmitter, a
@@ -352,6 +353,7 @@ class VehicleInfo:
     has_safety_pilot: bool = True
     identity: str = ""
     limitation: str = ""
+    assumption: str = ""
     cruise_speed_m_s: float = math.inf
     acceleration_share: float = 1.0
 
