@@ -211,7 +211,8 @@ class Snapshot(NamedTuple):
     `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
     `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says for people why
     it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
-    last looked for data (always, if it does not say): what came later is not in the values. `own_pause` says for people
+    last looked for data, which every backend says: what came later is not in the values, and while that is long ago no
+    setpoint is sent. `own_pause` says for people
     that it had no time for that lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
