@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -55,6 +55,18 @@ _FRAMES = {
 _POSITION, _VELOCITY, _ACCELERATION, _YAW, _YAW_RATE = 0b111, 0b111 << 3, 0b111 << 6, 1 << 10, 1 << 11
 
 
+RENAMED = {
+    "WPNAV_SPEED": ("WP_SPD", 100.0),
+    "WPNAV_SPEED_UP": ("WP_SPD_UP", 100.0),
+    "WPNAV_SPEED_DN": ("WP_SPD_DN", 100.0),
+    "WPNAV_ACCEL": ("WP_ACC", 100.0),
+    "WPNAV_ACCEL_Z": ("WP_ACC_Z", 100.0),
+    "ATC_SLEW_YAW": ("ATC_RATE_WPY_MAX", 100.0),
+    "PSC_JERK_XY": ("PSC_NE_JERK", 1.0),
+    "PSC_JERK_Z": ("PSC_D_JERK", 1.0),
+}
+"""The parameters of 4.6 that 4.7.1 has under another name, in another unit: as many of the old one make a new one."""
+RENAMED_IN_4_7_0 = RENAMED | {"PSC_JERK_XY": ("PSC_JERK_NE", 1.0), "PSC_JERK_Z": ("PSC_JERK_D", 1.0)}
 RANGEFINDER_MAX_M = 40.0
 _SWITCH_US = {LOITER: 1700, GUIDED: 1500, RTL: 1300}
 """The pulse of the transmitter's switch (channel 5) in the positions that the pilot uses."""
@@ -148,6 +160,22 @@ class ArduPilot(Autopilot):
             "FLTMODE5": LOITER,
             "FLTMODE6": STABILIZE,
         }
+
+    def become_4_7(self, renamed: Mapping[str, tuple[str, float]] = RENAMED) -> None:
+        """Makes it an ArduCopter 4.7, whose parameters have other names and units."""
+        with self.lock:
+            self.flight_sw_version = 0x040701FF
+            for old, (new, per_unit) in renamed.items():
+                self.parameters[new] = self.parameters.pop(old) / per_unit
+
+    def setting(self, name: str) -> float:
+        """Returns a parameter of `RENAMED`, by its old name, in SI units and degrees."""
+        _, per_unit = RENAMED[name]
+        if name in self.parameters:
+            return self.parameters[name] / per_unit
+        return next(
+            self.parameters[new[name][0]] for new in (RENAMED, RENAMED_IN_4_7_0) if new[name][0] in self.parameters
+        )
 
     def _boot(self, boot_s: float) -> None:
         super()._boot(boot_s)
@@ -258,7 +286,7 @@ class ArduPilot(Autopilot):
 
     def _stop(self) -> None:
         """Brakes, and holds the position where it comes to rest."""
-        limit = self.parameters["WPNAV_ACCEL"] / 100.0
+        limit = self.setting("WPNAV_ACCEL")
         x, y, z = (p + v * abs(v) / (2.0 * limit) for p, v in zip(self.position, self.velocity, strict=True))
         self._target = Target((x, y, z), yaw_rad=self.body.yaw_rad)
         self._takeoff = None
@@ -509,7 +537,7 @@ class ArduPilot(Autopilot):
 
     def _by_sticks(self) -> Target:
         sticks = self.sticks if self.has_sticks else Sticks()
-        velocity = self._stick_velocity(5.0, self.parameters["WPNAV_SPEED_UP"] / 100.0)
+        velocity = self._stick_velocity(5.0, self.setting("WPNAV_SPEED_UP"))
         is_held = math.hypot(sticks.forward, sticks.right) < 0.05 and self.mode in (LOITER, POSHOLD)
         if sticks != Sticks():
             self._stop()
@@ -525,21 +553,21 @@ class ArduPilot(Autopilot):
         return self.home is None or math.dist(self.position[:2], self.home[:2]) < 1.0
 
     def _agility(self) -> Agility:
-        p = self.parameters
+        p = self.setting
         return Agility(
             position_gain=1.0,
             height_gain=_TAKEOFF_GAIN if self.is_taking_off else 1.0,
             # the real one shapes its velocity like this: with a lag of the acceleration limit divided by the jerk limit
-            velocity_gain=p["PSC_JERK_XY"] / (p["WPNAV_ACCEL"] / 100.0),
+            velocity_gain=p("PSC_JERK_XY") / p("WPNAV_ACCEL"),
             vertical_gain=4.0,
-            speed_m_s=p["WPNAV_SPEED"] / 100.0,
-            climb_m_s=min(_TAKEOFF_M_S if self.is_taking_off else math.inf, p["WPNAV_SPEED_UP"] / 100.0),
-            descent_m_s=p["WPNAV_SPEED_DN"] / 100.0,
-            acceleration_m_s2=p["WPNAV_ACCEL"] / 100.0,
+            speed_m_s=p("WPNAV_SPEED"),
+            climb_m_s=min(_TAKEOFF_M_S if self.is_taking_off else math.inf, p("WPNAV_SPEED_UP")),
+            descent_m_s=p("WPNAV_SPEED_DN"),
+            acceleration_m_s2=p("WPNAV_ACCEL"),
             vertical_acceleration_m_s2=_TAKEOFF_M_S2 if self.is_taking_off else 2.5,
             jerk_m_s3=20.0,
             yaw_gain=4.5,
-            yaw_rate_rad_s=math.radians(p["ATC_SLEW_YAW"] / 100.0),
+            yaw_rate_rad_s=math.radians(p("ATC_SLEW_YAW")),
         )
 
     # The pilot's transmitter

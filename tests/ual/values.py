@@ -79,7 +79,11 @@ healths = st.builds(
     held_by=texts,
 )
 gps_infos = st.builds(
-    types.GpsInfo, st.sampled_from(types.GpsFix), st.integers(0, 99), st.none() | numbers, st.none() | numbers
+    types.GpsInfo,
+    st.sampled_from(types.GpsFix),
+    st.none() | st.integers(1, 99),
+    st.none() | numbers,
+    st.none() | numbers,
 )
 odometries = st.builds(types.Odometry, poses, twists, frame_ids, frame_ids, stamps)
 telemetries = st.builds(

@@ -211,7 +211,8 @@ class Snapshot(NamedTuple):
     `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
     `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says for people why
     it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
-    last looked for data (always, if it does not say): what came later is not in the values. `own_pause` says for people
+    last looked for data, which every backend says: what came later is not in the values, and while that is long ago no
+    setpoint is sent. `own_pause` says for people
     that it had no time for that lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
@@ -335,7 +336,8 @@ class VehicleInfo:
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
     `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
-    `limitation` says for people why it has fewer capabilities than others.
+    `limitation` says for people why it has fewer capabilities than others, and `assumption` what is assumed of it,
+    because it does not say; both end the reason of the state.
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
     feed-forward. `has_safety_pilot` says whether a person can take over from UAL at any time (a transmitter, a
@@ -355,6 +357,7 @@ class VehicleInfo:
     has_safety_pilot: bool = True
     identity: str = ""
     limitation: str = ""
+    assumption: str = ""
     cruise_speed_m_s: float = math.inf
     acceleration_share: float = 1.0
     clearance_m: float = 0.5

@@ -76,6 +76,7 @@ class AutopilotCommand:
         if snapshot.time_s - self.sent_s <= COMMAND_PATIENCE_S:
             return None
         status = f"; it says: {snapshot.status_text}" if snapshot.status_text else ""
+        status += f"; {snapshot.link_trouble}" if snapshot.link_trouble else ""
         if self.is_answered:
             return RejectedByAutopilotError(
                 f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{status}"

@@ -125,8 +125,9 @@ class Flight:
 
     @property
     def limitation(self) -> str:
-        """Why the vehicle has fewer capabilities than others; empty if it has not."""
-        return self._backend.info().limitation
+        """Why the vehicle has fewer capabilities than others, and what is assumed of it; empty if there is nothing."""
+        info = self._backend.info()
+        return "; ".join(filter(None, (info.limitation, info.assumption)))
 
     @property
     def is_busy(self) -> bool:

@@ -646,7 +646,7 @@ def _battery_from_proto(message: pb.Battery) -> Battery:
 def _gps_to_proto(gps: GpsInfo) -> pb.GpsInfo:
     return pb.GpsInfo(
         fix=pb.GpsFix.ValueType(gps.fix.value),
-        satellites_count=gps.satellites_count,
+        satellites_count=gps.satellites_count or 0,
         horizontal_accuracy_m=gps.horizontal_accuracy_m,
         vertical_accuracy_m=gps.vertical_accuracy_m,
     )
@@ -657,7 +657,7 @@ def _gps_from_proto(message: pb.GpsInfo) -> GpsInfo:
     return GpsInfo(
         # Not said: taken as no fix. Better than any we know: taken as the best.
         GpsFix(min(max(message.fix, GpsFix.NONE), GpsFix.RTK_FIXED)),
-        message.satellites_count,
+        message.satellites_count or None,
         message.horizontal_accuracy_m if has("horizontal_accuracy_m") else None,
         message.vertical_accuracy_m if has("vertical_accuracy_m") else None,
     )

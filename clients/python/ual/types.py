@@ -212,10 +212,13 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class GpsInfo:
-    """The satellite receiver; accuracies are one standard deviation, None where not reported."""
+    """The satellite receiver; accuracies are one standard deviation, None where not reported.
+
+    `satellites_count` is None where it is not reported, or none is received.
+    """
 
     fix: GpsFix
-    satellites_count: int = 0
+    satellites_count: int | None = None
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
 

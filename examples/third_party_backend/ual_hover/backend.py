@@ -72,6 +72,7 @@ class HoverBackend(Backend):
         self._epoch_s = time.time()
         self._autopilot = Autopilot(settings.speed)
         self._newest: Sample[Packet] | None = None
+        self._looked_s = time.monotonic()
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -89,6 +90,7 @@ class HoverBackend(Backend):
     def _receive(self, on_update: UpdateCallback) -> None:
         while not self._is_closing.is_set():
             packet = self._autopilot.receive(self._packet_timeout_s)
+            self._looked_s = time.monotonic()
             if packet is not None:
                 self._newest = Sample(packet, self.clock.now_s())
             on_update(self.snapshot())  # also if nothing came: old data changes the state
@@ -100,13 +102,15 @@ class HoverBackend(Backend):
     @override
     def snapshot(self) -> Snapshot:
         newest, now_s = self._newest, self.clock.now_s()
+        updated_s = now_s - (time.monotonic() - self._looked_s)
         if newest is None:
-            return Snapshot(time_s=now_s)
+            return Snapshot(time_s=now_s, updated_s=updated_s)
         packet, received_s = newest.value, newest.time_s
         rotation = Vector3(0.0, 0.0, -math.radians(packet.yaw_rate_deg_s))
         return Snapshot(
             time_s=now_s,
             heard_s=received_s,
+            updated_s=updated_s,
             stamp_s=self._epoch_s + packet.time_s,
             armed=Sample(packet.is_armed, received_s),
             landed=Sample(LandedState.ON_GROUND if packet.is_on_ground else LandedState.IN_AIR, received_s),

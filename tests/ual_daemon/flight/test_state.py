@@ -216,6 +216,15 @@ def test_a_value_that_never_came_makes_the_state_uninitialized(value: str, why: 
     assert found == Estimate(State.UNINITIALIZED, why, is_link_up=value != "heard_s")
 
 
+def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_heard() -> None:
+    trouble = "/dev/ttyACM0 is gone (unplugged?); opening it anew"
+    silent = HEALTHY._replace(link_trouble=trouble, heard_s=None)
+    assert estimate(silent, FRESHNESS).why == f"nothing heard from the autopilot yet; {trouble}"
+    lost = HEALTHY._replace(link_trouble=trouble, heard_s=NOW_S - 60.0)
+    assert estimate(lost, FRESHNESS).why == f"nothing heard from the autopilot for 60.0 s; {trouble}"
+    assert trouble not in estimate(HEALTHY._replace(link_trouble=trouble), FRESHNESS).why
+
+
 def test_a_value_that_has_not_come_yet_makes_the_state_uninitialized() -> None:
     found = estimate(HEALTHY._replace(landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")

@@ -123,6 +123,7 @@ class AirsimBackend(Backend):
         self._on_update: UpdateCallback | None = None
         self._report: Report | None = None
         self._snapshot = Snapshot(0.0)
+        self._looked_s = 0.0
         self._landing: Landing | None = None
         """Begun and ended by any thread; the link's leads it."""
         self._landing_lock = threading.Lock()
@@ -167,11 +168,12 @@ class AirsimBackend(Backend):
 
     @override
     def snapshot(self) -> Snapshot:
-        conflict = self._link.why_not
-        if conflict:  # the simulator answers, but not for our vehicle
-            now_s = self.clock.now_s()
-            return self._snapshot._replace(time_s=now_s, heard_s=now_s, conflict=conflict)
-        return self._snapshot.at(self.clock.now_s())
+        now_s, link = self.clock.now_s(), self._link
+        looked_s = self._looked_s if link.is_up else now_s  # while it is down, nothing can come
+        snapshot = self._snapshot._replace(time_s=now_s, updated_s=looked_s, link_trouble=link.trouble)
+        if link.why_not:  # the simulator answers, but not for our vehicle
+            return snapshot._replace(heard_s=now_s, conflict=link.why_not)
+        return snapshot
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -339,6 +341,7 @@ class AirsimBackend(Backend):
                 self._landing = None
 
     def _update(self) -> None:
+        self._looked_s = self.clock.now_s()
         if self._on_update is not None:
             self._on_update(self.snapshot())
 

@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 import msgspec
 
@@ -16,6 +17,8 @@ from ual_daemon.backends.airsim.settings import Address
 from ual_daemon.backends.airsim.state import Location, Report, Rotors, State
 
 _log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 _UPDATE_S = 0.1
 """Updates come at least this often, with or without data."""
@@ -68,6 +71,8 @@ class SimulatorLink:
         self.is_up = False
         self.why_not = ""
         """Why no vehicle is flown although the simulator answers; empty if one is."""
+        self.trouble = ""
+        """Why the simulator does not answer; empty while it does."""
         self.starts_count = 0
         """How often the simulator was found to have been started anew."""
 
@@ -126,12 +131,16 @@ class SimulatorLink:
 
     def _poll(self, connection: Connection, vehicle: str) -> None:
         """Reads the state once: one request after another, as the simulator delays answers that follow each other."""
-        number = connection.request("getMultirotorState", vehicle)
-        self._wait(connection, number)
-        state = connection.answer(State, number, _CALL_S)
-        rotors = connection.call(Rotors, _CALL_S, "getRotorStates", vehicle)
-        has_api_control = connection.call(bool, _CALL_S, "isApiControlEnabled", vehicle)
+        state = self._ask(connection, State, "getMultirotorState", vehicle)
+        rotors = self._ask(connection, Rotors, "getRotorStates", vehicle)
+        has_api_control = self._ask(connection, bool, "isApiControlEnabled", vehicle)
         self._on_report(Report(state, rotors, has_api_control))
+
+    def _ask(self, connection: Connection, kind: type[T], method: str, vehicle: str) -> T:
+        """Calls a method, with updates while no answer comes."""
+        number = connection.request(method, vehicle)
+        self._wait(connection, number)
+        return connection.answer(kind, number, _CALL_S)
 
     def _wait(self, connection: Connection, number: int) -> None:
         """Waits for an answer, with updates meanwhile.
@@ -167,11 +176,12 @@ class SimulatorLink:
             self.starts_count += 1
         self._on_connect()
         self._was_connected, self._was_refused, self.is_up, self.why_not = True, False, True, ""
+        self.trouble = ""
         logs.event(_log, logging.INFO, "simulator_connected", url=str(self._address), vehicle=self.simulator.vehicle)
 
     def _lost(self, error: Exception) -> None:
         self._was_refused = self._was_refused or isinstance(error, ConnectionRefusedError)
-        why = str(error) or repr(error)
+        why = self.trouble = str(error) or repr(error)
         if isinstance(error, OSError):
             self.why_not = ""  # nobody answers: what was said of the vehicle is old
         elif isinstance(error, (RemoteError, WrongVehicleError)):

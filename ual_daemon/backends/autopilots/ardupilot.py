@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 from typing_extensions import override
 
@@ -17,7 +18,6 @@ from ual_daemon.backends.autopilots.autopilot import (
     HomeUnknownError,
     SimulationVerdict,
     fence_limit,
-    positive_parameter,
 )
 from ual_daemon.backends.autopilots.feed_forward import TILT_S
 from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
@@ -84,6 +84,11 @@ _SIMULATION_PARAMETER = "SIM_SPEEDUP"
 """A parameter that only simulators have, and an ArduPilot that simulates on its own board (which its version names)."""
 _FENCE_ALT_MAX, _FENCE_CIRCLE, _FENCE_POLYGON, _FENCE_ALT_MIN = 1, 2, 4, 8
 """The bits of FENCE_TYPE."""
+_FENCE_LIMITS = (
+    (_FENCE_CIRCLE, "FENCE_RADIUS"),
+    (_FENCE_ALT_MAX, "FENCE_ALT_MAX"),
+    (_FENCE_ALT_MIN, "FENCE_ALT_MIN"),
+)
 _FENCE_UNION = 2
 """The bit of FENCE_OPTIONS with which a place inside one inclusion is enough (AC_Fence.h, OPTIONS::INCLUSION_UNION);
 else it must be inside all (AC_PolyFence_loader::breached)."""
@@ -141,8 +146,47 @@ _SENSORS = (
 )
 
 
+class _Name(NamedTuple):
+    """A name of a parameter, and how many of its units make one of ours."""
+
+    name: str
+    per_unit: float = 1.0
+
+
+# From 4.7 on in m, s and degrees, before in cm and hundredths of degrees; the jerks always in m/s^3.
+_SPEED = (_Name("WP_SPD"), _Name("WPNAV_SPEED", 100.0))
+_CLIMB_SPEED = (_Name("WP_SPD_UP"), _Name("WPNAV_SPEED_UP", 100.0))
+_DESCENT_SPEED = (_Name("WP_SPD_DN"), _Name("WPNAV_SPEED_DN", 100.0))
+_ACCELERATION = (_Name("WP_ACC"), _Name("WPNAV_ACCEL", 100.0))
+_VERTICAL_ACCELERATION = (_Name("WP_ACC_Z"), _Name("WPNAV_ACCEL_Z", 100.0))
+_YAW_RATE_DEG_S = (_Name("ATC_RATE_WPY_MAX"), _Name("ATC_SLEW_YAW", 100.0))
+_JERK = (_Name("PSC_NE_JERK"), _Name("PSC_JERK_NE"), _Name("PSC_JERK_XY"))
+"""From 4.7.1 on; in 4.7.0; before."""
+_VERTICAL_JERK = (_Name("PSC_D_JERK"), _Name("PSC_JERK_D"), _Name("PSC_JERK_Z"))
+_RENAMED = (
+    _SPEED,
+    _CLIMB_SPEED,
+    _DESCENT_SPEED,
+    _ACCELERATION,
+    _VERTICAL_ACCELERATION,
+    _YAW_RATE_DEG_S,
+    _JERK,
+    _VERTICAL_JERK,
+)
+_CAREFUL = Limits(
+    horizontal_speed_m_s=1.6,
+    climb_speed_m_s=1.2,
+    descent_speed_m_s=1.2,
+    horizontal_acceleration_m_s2=1.0 * ACCELERATION_SHARE,
+    vertical_acceleration_m_s2=0.5 * ACCELERATION_SHARE,
+    yaw_rate_rad_s=math.radians(32.5),
+)
+"""No higher than what any version, or any frame in its Tools/Frame_params and hwdef, ships: WPNAV_SPEED 300,
+WPNAV_SPEED_UP 250, WPNAV_SPEED_DN 150, WPNAV_ACCEL 100, WPNAV_ACCEL_Z 50 (3DR Iris+), ATC_SLEW_YAW 3250 (SkyViper)."""
+
+
 class ArduCopter(Autopilot):
-    """ArduPilot multirotors, 4.6."""
+    """ArduPilot multirotors, 4.6 and 4.7."""
 
     name = "ArduPilot"
     capabilities = frozenset(Capability)
@@ -158,15 +202,9 @@ class ArduCopter(Autopilot):
     # Without the acceleration: when setpoints end (a killed daemon), ArduPilot continues with the last one, and would
     # gain speed for GUID_TIMEOUT; with the last velocity it only keeps its speed.
     takes_acceleration = False
+    parameter_names = tuple(tuple(each.name for each in names) for names in _RENAMED)
     parameters = (
-        "WPNAV_SPEED",
-        "WPNAV_SPEED_UP",
-        "WPNAV_SPEED_DN",
-        "WPNAV_ACCEL",
-        "WPNAV_ACCEL_Z",
-        "PSC_JERK_XY",
-        "PSC_JERK_Z",
-        "ATC_SLEW_YAW",
+        *(each.name for names in _RENAMED for each in names),
         _SIMULATION_PARAMETER,
         _PLANE_PARAMETER,
         "FENCE_ENABLE",
@@ -236,24 +274,21 @@ class ArduCopter(Autopilot):
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:
-        default = Limits()
-
-        def read(name: str, otherwise: float, share: float = 1.0) -> float:
-            """Its parameters are in cm and hundredths of degrees."""
-            return positive_parameter(parameters, name, otherwise, share=share, per_unit=100.0)
-
+        careful = _CAREFUL
         return Limits(
-            horizontal_speed_m_s=read("WPNAV_SPEED", default.horizontal_speed_m_s),
-            climb_speed_m_s=read("WPNAV_SPEED_UP", default.climb_speed_m_s),
-            descent_speed_m_s=read("WPNAV_SPEED_DN", default.descent_speed_m_s),
-            horizontal_acceleration_m_s2=read("WPNAV_ACCEL", default.horizontal_acceleration_m_s2, ACCELERATION_SHARE),
-            vertical_acceleration_m_s2=read("WPNAV_ACCEL_Z", default.vertical_acceleration_m_s2, ACCELERATION_SHARE),
-            yaw_rate_rad_s=math.radians(read("ATC_SLEW_YAW", math.degrees(default.yaw_rate_rad_s))),
+            horizontal_speed_m_s=_value(parameters, _SPEED) or careful.horizontal_speed_m_s,
+            climb_speed_m_s=_value(parameters, _CLIMB_SPEED) or careful.climb_speed_m_s,
+            descent_speed_m_s=_value(parameters, _DESCENT_SPEED) or careful.descent_speed_m_s,
+            horizontal_acceleration_m_s2=ACCELERATION_SHARE * _value(parameters, _ACCELERATION)
+            or careful.horizontal_acceleration_m_s2,
+            vertical_acceleration_m_s2=ACCELERATION_SHARE * _value(parameters, _VERTICAL_ACCELERATION)
+            or careful.vertical_acceleration_m_s2,
+            yaw_rate_rad_s=math.radians(_value(parameters, _YAW_RATE_DEG_S)) or careful.yaw_rate_rad_s,
         )
 
     @override
     def acceleration_share(self, parameters: Mapping[str, float]) -> float:
-        return ACCELERATION_SHARE if "WPNAV_ACCEL" in parameters else 1.0
+        return ACCELERATION_SHARE if _value(parameters, _ACCELERATION) else 1.0
 
     @override
     def own_fence(self, parameters: Mapping[str, float], *, is_enabled: bool, found: FoundZones = UNREAD) -> OwnFence:
@@ -262,11 +297,13 @@ class ArduCopter(Autopilot):
         kinds = int(parameters.get("FENCE_TYPE", 0.0))
         has_zones = bool(kinds & _FENCE_POLYGON)
         unread = _unread(int(parameters.get("FENCE_TOTAL", 0.0)), found) if has_zones else ""
+        not_sent = [] if "FENCE_TYPE" in parameters else ["FENCE_TYPE"]
+        not_sent += [name for kind, name in _FENCE_LIMITS if kinds & kind and name not in parameters]
         return OwnFence(
             fence_limit(parameters, "FENCE_RADIUS") if kinds & _FENCE_CIRCLE else None,
             fence_limit(parameters, "FENCE_ALT_MAX") if kinds & _FENCE_ALT_MAX else None,
             fence_limit(parameters, "FENCE_ALT_MIN", least=-math.inf) if kinds & _FENCE_ALT_MIN else None,
-            unread,
+            "; ".join(filter(None, [unread, f"{', '.join(not_sent)}, which it has not sent" if not_sent else ""])),
             is_cut_by_unread=bool(unread),
             zones=(found.zones or ()) if has_zones else (),
             unites_inclusions=bool(int(parameters.get("FENCE_OPTIONS", 0.0)) & _FENCE_UNION),
@@ -323,22 +360,23 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
     known.
     """
     v, a = setpoint.velocity, setpoint.acceleration
-    horizontal_s = _shaping_s(parameters, "WPNAV_ACCEL", "PSC_JERK_XY")
-    vertical_s = _shaping_s(parameters, "WPNAV_ACCEL_Z", "PSC_JERK_Z")
+    horizontal_s = _shaping_s(_value(parameters, _ACCELERATION), _value(parameters, _JERK))
+    vertical_s = _shaping_s(_value(parameters, _VERTICAL_ACCELERATION), _value(parameters, _VERTICAL_JERK))
     led = Vector3(v.x + a.x * horizontal_s, v.y + a.y * horizontal_s, v.z + a.z * vertical_s)
-    speed_m_s = max(v.horizontal_norm(), parameters.get("WPNAV_SPEED", 0.0) / 100.0)
+    speed_m_s = max(v.horizontal_norm(), _value(parameters, _SPEED))
     share = min(1.0, speed_m_s / max(led.horizontal_norm(), 1e-9))
-    up_m_s = max(v.z, parameters.get("WPNAV_SPEED_UP", 0.0) / 100.0)
-    down_m_s = min(v.z, -parameters.get("WPNAV_SPEED_DN", 0.0) / 100.0)
+    up_m_s = max(v.z, _value(parameters, _CLIMB_SPEED))
+    down_m_s = min(v.z, -_value(parameters, _DESCENT_SPEED))
     return Vector3(led.x * share, led.y * share, min(max(led.z, down_m_s), up_m_s))
 
 
-def _shaping_s(parameters: Mapping[str, float], acceleration: str, jerk: str) -> float:
-    """Returns its acceleration limit (cm/s^2) over its jerk limit (m/s^3) and the time to tilt, in seconds.
-
-    It is 0 where they are not known.
-    """
-    acceleration_m_s2, jerk_m_s3 = parameters.get(acceleration, 0.0) / 100.0, parameters.get(jerk, 0.0)
+def _shaping_s(acceleration_m_s2: float, jerk_m_s3: float) -> float:
+    """Returns its acceleration limit over its jerk limit and the time to tilt, in s; 0 where they are not known."""
     if acceleration_m_s2 <= 0.0 or jerk_m_s3 <= 0.0:
         return 0.0
     return min(acceleration_m_s2 / jerk_m_s3 + TILT_S, LONGEST_LEAD_S)
+
+
+def _value(parameters: Mapping[str, float], names: tuple[_Name, ...]) -> float:
+    """Returns the value of a parameter in our units, by whichever name it came; 0 where it did not, or sets none."""
+    return next((max(0.0, parameters[name]) / per_unit for name, per_unit in names if name in parameters), 0.0)

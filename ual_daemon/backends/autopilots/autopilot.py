@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
@@ -108,6 +108,8 @@ class Autopilot(ABC):
     """Parameters to read: those that `limits` and `own_fence` use."""
     optional_parameters: frozenset[str] = frozenset()
     """Those of `parameters` that it need not have."""
+    parameter_names: tuple[tuple[str, ...], ...] = ()
+    """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
     has_zones = False
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     zones_parameter = ""
@@ -157,9 +159,26 @@ class Autopilot(ABC):
         """
         return True
 
+    def absent_parameters(self, known: Container[str]) -> list[str]:
+        """Returns the names of those that are not known, under another name neither."""
+        return [name for name in self.parameters if not any(each in known for each in self.names_of(name))]
+
+    def missing_parameters(self, known: Container[str]) -> tuple[str, ...]:
+        """Returns for people the names of those that it should have, and that are not known."""
+        needed = [name for name in self.absent_parameters(known) if name not in self.optional_parameters]
+        return tuple(sorted({" or ".join(self.names_of(name)) for name in needed}))
+
+    def names_of(self, name: str) -> tuple[str, ...]:
+        """Returns all names of a parameter, the given one among them."""
+        return next((names for names in self.parameter_names if name in names), (name,))
+
     @abstractmethod
     def limits(self, parameters: Mapping[str, float]) -> Limits:
-        """Returns its limits, by the parameters read so far."""
+        """Returns its limits, by the parameters read so far.
+
+        One that is not known is the lowest that any version, or any frame that it supports, ships with: an assumption
+        must not exceed what the vehicle can do.
+        """
 
     def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
         """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
@@ -215,9 +234,23 @@ def version_text(number: int) -> str:
 def assumed_text(limits: Limits) -> str:
     """Returns for people what is assumed instead of parameters that the autopilot does not send."""
     return (
-        f"at most {limits.horizontal_speed_m_s:g} m/s, {limits.climb_speed_m_s:g} m/s up and "
-        f"{limits.descent_speed_m_s:g} m/s down; no fence of its own but what was read"
+        f"at most {limits.horizontal_speed_m_s:.3g} m/s, {limits.climb_speed_m_s:.3g} m/s up and "
+        f"{limits.descent_speed_m_s:.3g} m/s down, {limits.horizontal_acceleration_m_s2:.3g} m/s^2 and vertically "
+        f"{limits.vertical_acceleration_m_s2:.3g} m/s^2, {limits.yaw_rate_rad_s:.3g} rad/s; no fence of its own but "
+        "what was read"
     )
+
+
+_MOST_NAMED = 3
+
+
+def assumption_text(missing: Sequence[str], limits: Limits) -> str:
+    """Returns for people that parameters did not come, and what is assumed; empty where none is missing."""
+    if not missing:
+        return ""
+    more_count = len(missing) - _MOST_NAMED
+    names = ", ".join([*missing[:_MOST_NAMED], *([f"{more_count} more"] if more_count > 0 else [])])
+    return f"it has not sent {names}: assumed are {assumed_text(limits)}"
 
 
 def fence_limit(parameters: Mapping[str, float], name: str, *, least: float = 0.0) -> FenceLimit | None:

@@ -76,6 +76,18 @@ are higher by their system id."""
 ACCELERATION_SHARE = 0.6
 """The part of PX4's own acceleration limits that our references may use: with all of it PX4 overshoots by more than
 0.4 m, whatever the feed-forward (benchmarks/tracker.md)."""
+_CAREFUL = Limits(
+    horizontal_speed_m_s=1.6,
+    climb_speed_m_s=1.2,
+    descent_speed_m_s=1.0,
+    horizontal_acceleration_m_s2=3.0 * ACCELERATION_SHARE,
+    vertical_acceleration_m_s2=2.0 * ACCELERATION_SHARE,
+    yaw_rate_rad_s=math.radians(45.0),
+)
+"""No higher than what any version from 1.13 on, or any of its airframes, ships: MPC_XY_VEL_MAX 5, MPC_Z_VEL_MAX_UP 3,
+MPC_Z_VEL_MAX_DN 1, MPC_ACC_HOR 3, MPC_ACC_DOWN_MAX 2 (4061_atl_mantis_edu), MPC_YAWRAUTO_MAX 45."""
+_CAREFUL_CRUISE_M_S = 5.0
+"""The MPC_XY_CRUISE that all of them ship."""
 
 
 class Px4(Autopilot):
@@ -146,18 +158,20 @@ class Px4(Autopilot):
 
     @override
     def limits(self, parameters: Mapping[str, float]) -> Limits:
-        default, share = Limits(), ACCELERATION_SHARE
-        accelerations = [parameters[name] for name in ("MPC_ACC_UP_MAX", "MPC_ACC_DOWN_MAX") if name in parameters]
-        yaw_rate_deg_s = positive_parameter(parameters, "MPC_YAWRAUTO_MAX", math.degrees(default.yaw_rate_rad_s))
+        careful, share = _CAREFUL, ACCELERATION_SHARE
+        yaw_rate_deg_s = positive_parameter(parameters, "MPC_YAWRAUTO_MAX", math.degrees(careful.yaw_rate_rad_s))
+
+        def acceleration(name: str, otherwise: float) -> float:
+            return positive_parameter(parameters, name, otherwise, share=share)
+
         return Limits(
-            horizontal_speed_m_s=positive_parameter(parameters, "MPC_XY_VEL_MAX", default.horizontal_speed_m_s),
-            climb_speed_m_s=positive_parameter(parameters, "MPC_Z_VEL_MAX_UP", default.climb_speed_m_s),
-            descent_speed_m_s=positive_parameter(parameters, "MPC_Z_VEL_MAX_DN", default.descent_speed_m_s),
-            horizontal_acceleration_m_s2=positive_parameter(
-                parameters, "MPC_ACC_HOR", default.horizontal_acceleration_m_s2, share=share
-            ),
+            horizontal_speed_m_s=positive_parameter(parameters, "MPC_XY_VEL_MAX", careful.horizontal_speed_m_s),
+            climb_speed_m_s=positive_parameter(parameters, "MPC_Z_VEL_MAX_UP", careful.climb_speed_m_s),
+            descent_speed_m_s=positive_parameter(parameters, "MPC_Z_VEL_MAX_DN", careful.descent_speed_m_s),
+            horizontal_acceleration_m_s2=acceleration("MPC_ACC_HOR", careful.horizontal_acceleration_m_s2),
             vertical_acceleration_m_s2=min(
-                (value * share for value in accelerations if value > 0.0), default=default.vertical_acceleration_m_s2
+                acceleration(name, careful.vertical_acceleration_m_s2)
+                for name in ("MPC_ACC_UP_MAX", "MPC_ACC_DOWN_MAX")
             ),
             yaw_rate_rad_s=math.radians(yaw_rate_deg_s),
         )
@@ -168,7 +182,7 @@ class Px4(Autopilot):
 
     @override
     def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
-        return positive_parameter(parameters, "MPC_XY_CRUISE", math.inf)
+        return positive_parameter(parameters, "MPC_XY_CRUISE", _CAREFUL_CRUISE_M_S)
 
     @override
     def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:

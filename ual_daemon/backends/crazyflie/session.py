@@ -71,7 +71,7 @@ class Session:
         make_steps = partial(connecting.steps, settings, cache, is_watch_only=is_watch_only)
         self._supervision = Supervision(link, self._requests, make_steps, self._use)
         self._describe("")
-        self._updated_s = clock.now_s()
+        self._updated_s = self._looked_s = clock.now_s()
         self._posted: deque[Callable[[float], None]] = deque()
         self._closing = threading.Event()
         self._failure = ""
@@ -205,13 +205,14 @@ class Session:
         before = self.telemetry.pose
         if self._supervision.state is LinkState.OPENING:
             self._closing.wait(TICK_S)
+            self._looked_s = self._clock.now_s()  # nothing can come yet
             return False
         try:
             received = self._link.receive(TICK_S)
         except LinkError as error:
             self._supervision.reopen(str(error), self._clock.now_s())
             return False
-        now_s = self._clock.now_s()
+        now_s = self._looked_s = self._clock.now_s()
         for packet in received:
             self.telemetry.heard_s = now_s
             try:
@@ -255,7 +256,8 @@ class Session:
     def _update(self, now_s: float) -> None:
         self._updated_s = now_s
         connecting_words = "" if self.is_connected else self._supervision.words
-        self.snapshot = self.telemetry.snapshot(now_s, self.commander.mode, connecting_words)
+        snapshot = self.telemetry.snapshot(now_s, self.commander.mode, connecting_words)
+        self.snapshot = snapshot._replace(updated_s=self._looked_s, link_trouble=connecting_words)
         self._on_update(self.snapshot)
 
 

@@ -116,6 +116,7 @@ class DjiBackend(Backend):
         self._landing_call: Future[None] | None = None
         """The newest call that goes on with a landing."""
         self._braked = ""
+        self._opened_s = 0.0
 
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self._url, self.clock, self._step)
@@ -125,6 +126,7 @@ class DjiBackend(Backend):
     @override
     def open(self, on_update: UpdateCallback) -> None:
         self._on_update = on_update
+        self._opened_s = self.clock.now_s()
         self._link.open()
 
     @override
@@ -161,10 +163,12 @@ class DjiBackend(Backend):
         now_s = self.clock.now_s()
         telemetry = self._telemetry
         if telemetry is None:
-            return Snapshot(now_s, status_text=self._why_no_vehicle())
+            why = self._why_no_vehicle()
+            return Snapshot(now_s, status_text=why, link_trouble=why, updated_s=max(self._opened_s, self._stepped_s))
         snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)), telemetry)
-        snapshot = snapshot._replace(updated_s=self._read_s, own_pause=self._own_pause.why(now_s))
-        return snapshot if self._link.is_up else snapshot._replace(status_text=self._link.why_not)
+        snapshot = snapshot._replace(updated_s=max(self._opened_s, self._read_s), own_pause=self._own_pause.why(now_s))
+        why = self._link.why_not
+        return snapshot if self._link.is_up else snapshot._replace(status_text=why, link_trouble=why)
 
     def _with_descent(self, snapshot: Snapshot, telemetry: Telemetry) -> Snapshot:
         """Returns the snapshot, with a landing by velocities told as a landing until the motors have stopped."""

@@ -367,7 +367,7 @@ class LightBackend(Backend):
         now_s = self.world.now_s()
         self._snapshot_step = self.world.steps
         if self._faults.is_link_lost:
-            self._snapshot = self._snapshot._replace(time_s=now_s, sequence=self._snapshot_step)
+            self._snapshot = self._snapshot._replace(time_s=now_s, updated_s=now_s, sequence=self._snapshot_step)
             return self._snapshot
         seen = self.world.fleet.report(self._index)
         position, velocity = Vector3(*seen.position), Vector3(*seen.velocity)
@@ -397,6 +397,7 @@ class LightBackend(Backend):
             gps=_FIX if seen.has_position else _NO_FIX,
             status_text=self._status_text,
             sequence=self.world.steps,
+            updated_s=now_s,
             health=_health(seen),
             failsafe=self._faults.failsafe,
             held_by=Cause.SAFETY_PILOT if seen.mode == FlightMode.MANUAL else self._holds_by,

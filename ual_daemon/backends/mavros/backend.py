@@ -189,7 +189,7 @@ class MavrosBackend(Backend):
             self._info = discovery.info
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
         snapshot = snapshot._replace(updated_s=now_s, own_pause=self._own_pause.why(now_s))
-        self._snapshot = snapshot = snapshot._replace(status_text=why) if why else snapshot
+        self._snapshot = snapshot = snapshot._replace(status_text=why, link_trouble=why) if why else snapshot
         try:
             self._on_update(snapshot)
         except Exception:  # noqa: BLE001 - a defect of the layers above must not end the exchange with the autopilot

@@ -89,7 +89,7 @@ def gps_info(fix: Message, raw: Message | None, satellites_count: int) -> GpsInf
     horizontal_m, vertical_m = _accuracies_m(fix)
     return GpsInfo(
         kind,
-        satellites_count=0 if satellites_count == _UNKNOWN_U8 else satellites_count,
+        satellites_count=None if satellites_count in (0, _UNKNOWN_U8) else satellites_count,
         horizontal_accuracy_m=horizontal_m,
         vertical_accuracy_m=vertical_m,
     )

@@ -31,8 +31,9 @@ class ParameterReader:
     def __init__(
         self, autopilot: Autopilot, parameters: dict[str, float], judge: Plausibility, on_read: Callable[[], None]
     ) -> None:
-        self._names = autopilot.parameters
-        self._optional = autopilot.optional_parameters
+        self._autopilot = autopilot
+        self._failed: set[str] = set()
+        """The names under which MAVROS had none in this round."""
         self._parameters = parameters
         self._judge = judge
         self._on_read = on_read
@@ -43,8 +44,8 @@ class ParameterReader:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The names of those that should be there, and have not come."""
-        return tuple(sorted(set(self._names) - self._optional - self._parameters.keys()))
+        """For people the names of those that should be there, and have not come."""
+        return self._autopilot.missing_parameters(self._parameters)
 
     def tick(self, now_s: float, ros: Ros, call: Call) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
@@ -61,12 +62,13 @@ class ParameterReader:
         return True
 
     def _begin_round(self, now_s: float) -> None:
-        absent = [name for name in self._names if name not in self._parameters]
+        self._failed.clear()
+        absent = self._autopilot.absent_parameters(self._parameters)
         if self.missing:
             self._queue = absent
             self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
         else:
-            self._queue = [name for name in self._names if name in self._parameters] + self._never_asked(absent)
+            self._queue = list(self._parameters) + self._never_asked(absent)
             self._next_s = now_s + AGAIN_S
 
     def _never_asked(self, absent: list[str]) -> list[str]:
@@ -83,7 +85,9 @@ class ParameterReader:
 
     def _take_one(self, name: str, answer: Message) -> None:
         if not answer["success"]:
-            if name not in self._optional:
+            self._failed.add(name)
+            is_optional = name in self._autopilot.optional_parameters
+            if not is_optional and self._failed.issuperset(self._autopilot.names_of(name)):
                 self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
             return
         value = answer["value"]

@@ -11,7 +11,13 @@ from dataclasses import replace
 from ual.types import Capability
 from ual_daemon import logs
 from ual_daemon.backends.autopilots import px4_events
-from ual_daemon.backends.autopilots.autopilot import Autopilot, SimulationVerdict, assumed_text, version_text
+from ual_daemon.backends.autopilots.autopilot import (
+    Autopilot,
+    SimulationVerdict,
+    assumed_text,
+    assumption_text,
+    version_text,
+)
 from ual_daemon.backends.autopilots.cause_watch import CauseWatch
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.autopilots.health_report import HealthReport
@@ -182,12 +188,14 @@ class Session:
         """Returns what is known of the vehicle so far."""
         autopilot, parameters, found = self.autopilot, self.telemetry.parameters, self.description
         is_multirotor = autopilot.is_multirotor(self.telemetry.vtol_state, parameters)
+        limits = autopilot.limits(parameters)
         return VehicleInfo(
             autopilot=autopilot.name,
             autopilot_version=version_text(found.software_version) if found.has_version else "",
             is_simulation=self.judge_simulation().is_simulated is True,
             capabilities=autopilot.capabilities - {Capability.EXTERNAL_POSE} if is_multirotor else frozenset(),
-            limits=autopilot.limits(parameters),
+            limits=limits,
+            assumption=assumption_text(self._parameters.missing if self._reported_missing else (), limits),
             flies_takeoff_on_setpoints=autopilot.flies_takeoff_on_setpoints,
             identity=f"{autopilot.name} {found.system_id} {found.uid:x}" if found.has_version else "",
             limitation="" if is_multirotor else "it calls itself a multirotor, but is a VTOL: UAL only watches it",

@@ -156,7 +156,7 @@ class Player:
 
     def _publish(self, snapshot: Snapshot) -> None:
         self._updated_s = snapshot.time_s
-        self.snapshot = snapshot
+        self.snapshot = snapshot = snapshot._replace(updated_s=snapshot.time_s)
         try:
             self._on_update(snapshot)
         except Exception:  # noqa: BLE001  a defect of the layers above must not end it

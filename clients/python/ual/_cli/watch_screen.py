@@ -141,7 +141,7 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("", "" if task is None or task.distance_left_m is None else f"{task.distance_left_m:.2f} m left", ""),
         ("battery", " ".join((condition.battery_text(battery), _known(voltage, "{:.1f} V"))).strip(), STYLES[level]),
         ("position", "" if geo is None else f"{geo.latitude_deg:.6f} {geo.longitude_deg:.6f}", ""),
-        ("satellites", "" if gps is None else f"{gps.satellites_count} ({gps.fix.name})", ""),
+        ("satellites", "" if gps is None else f"{gps.satellites_count or '?'} ({gps.fix.name})", ""),
         ("autopilot says", t.status_text, "dim"),
     ]
 

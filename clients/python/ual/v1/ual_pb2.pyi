@@ -631,6 +631,7 @@ class GpsInfo(google.protobuf.message.Message):
     VERTICAL_ACCURACY_M_FIELD_NUMBER: builtins.int
     fix: Global___GpsFix.ValueType
     satellites_count: builtins.int
+    """0 where it is not reported, or none is received."""
     horizontal_accuracy_m: builtins.float
     """One standard deviation."""
     vertical_accuracy_m: builtins.float

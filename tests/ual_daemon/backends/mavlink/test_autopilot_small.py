@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Iterator
 
 import pytest
 
 from tests.conftest import LIMIT_S
+from tests.simulators import ArduPilot
+from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
-from ual.types import State
+from ual.types import Limits, State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 POSITION = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
@@ -66,8 +69,12 @@ def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
         flight.let_pass(30.0)
     (record,) = [record for record in caplog.records if record.message == "parameters_missing"]
     fields = str(record.__dict__)
-    assert "MPC_XY_VEL_MAX" in fields or "WPNAV_SPEED" in fields
-    assert "at most" in fields
+    assert "MPC_XY_VEL_MAX" in fields or "WP_SPD or WPNAV_SPEED" in fields
+    assert "at most 1.6 m/s" in fields
+    assert "it has not sent " in flight.uav.telemetry().state_reason
+    with flight.autopilot.lock:
+        flight.autopilot.ignored.clear()
+    flight.wait_for(lambda: "it has not sent " not in flight.uav.telemetry().state_reason, "the parameters")
 
 
 def test_an_own_pause_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
@@ -103,3 +110,22 @@ def test_no_setpoint_leaves_while_the_thread_that_hears_the_autopilot_is_starved
         is_over.set()
     flight.wait_for(lambda: any(each > over_s for each in flight.autopilot.setpoints_s), "the velocity, late")
     flight.land()
+
+
+@pytest.mark.parametrize("renamed", [RENAMED, RENAMED_IN_4_7_0])
+def test_an_arducopter_4_7_flies_by_its_renamed_parameters(renamed: dict[str, tuple[str, float]]) -> None:
+    flight = Flight("ardupilot")
+    try:
+        autopilot = flight.autopilot
+        assert isinstance(autopilot, ArduPilot)
+        flight.kill()
+        autopilot.become_4_7(renamed)
+        flight.start()
+        flight.wait_for(lambda: flight.uav.info().limits.horizontal_speed_m_s == 10.0, "its speed")
+        assert flight.uav.info().autopilot_version.startswith("4.7.1")
+        assert flight.uav.info().limits == Limits(10.0, 2.5, 1.5, 1.5, 0.6, math.radians(60.0))
+        flight.take_off()
+        flight.uav.go_to_waypoint(flight.goal(20.0, 0.0))
+        flight.land()
+    finally:
+        flight.uav.close()

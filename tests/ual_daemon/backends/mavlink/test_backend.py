@@ -3,15 +3,18 @@
 import contextlib
 import itertools
 import logging
+import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
 
+from tests.conftest import open_terminal
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay
@@ -267,6 +270,39 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         autopilot.say(heartbeat())
         wait_for(lambda: backend.snapshot().armed is not None, "the autopilot")
         wait_for(lambda: not backend.snapshot().link_trouble, "the end of the trouble")
+
+
+def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path: Path) -> None:
+    device, theirs = open_terminal()
+    line = tmp_path / "ttyACM0"
+    line.symlink_to(os.ttyname(theirs))
+    os.close(theirs)
+    with opened(f"serial://{line}:57600") as backend:
+        pack = packer()
+
+        def why() -> str:
+            return estimate(backend.snapshot(), backend.freshness).why
+
+        def meets() -> bool:
+            os.write(device, pack(heartbeat()))
+            return backend.snapshot().armed is not None
+
+        wait_for(meets, "the autopilot")
+        os.close(device)
+        line.unlink()
+        wait_for(
+            lambda: why().endswith(f"cannot open {line}: there is no such device (is it plugged in?); trying again"),
+            "why",
+        )
+        assert why().startswith("nothing heard from the autopilot for ")
+
+
+def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """The broadcast address of a net, which no URL shows to be one."""
+    with opened("udpout://127.255.255.255:14999") as backend:
+        words = "cannot send to 127.255.255.255: it is a broadcast address"
+        wait_for(lambda: backend.snapshot().link_trouble == words, "the trouble")
+    assert caplog.messages.count(words) == 1
 
 
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(

@@ -36,7 +36,7 @@ class Unknown(Dialect):
 
     @override
     def mode(self, custom_mode: int) -> Mode:
-        return self.mode_named(f"mode {custom_mode}")
+        return self.mode_named(f"number {custom_mode}")  # told with "mode" before it
 
     @override
     def mode_named(self, name: str) -> Mode:

@@ -66,6 +66,8 @@ class Link(ABC):
     is_stream = True
     needs_traffic = False
     connections_count = 0
+    trouble = ""
+    """Why nothing can be sent now, for people, where that does not break the link; empty while it can."""
 
     @abstractmethod
     def open(self) -> None:

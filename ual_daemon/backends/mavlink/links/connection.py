@@ -24,13 +24,10 @@ autopilot sends a heartbeat each second."""
 
 
 class Connection(Transport):
-    """A link that is opened again by itself. `send` and `wake` are for any thread, the rest for the one that receives.
-
-    `trouble` says for people what is wrong with the link; empty while nothing is.
-    """
+    """A link that is opened again by itself. `send` and `wake` are for any thread, the rest for the receiving one."""
 
     def __init__(self, link: Link, url: str) -> None:
-        self.trouble = ""
+        self._trouble = ""
         self.on_sent: Callable[[bytes], None] | None = None
         """Called with the bytes of each frame that has left, by the thread that sent it; never blocks."""
         self._link = link
@@ -53,6 +50,11 @@ class Connection(Transport):
     @override
     def is_stream(self) -> bool:
         return self._link.is_stream
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the link, for people; empty while nothing is."""
+        return self._trouble or self._link.trouble
 
     @property
     def connections_count(self) -> int:
@@ -122,14 +124,14 @@ class Connection(Transport):
         if self._logged:
             self._logged.clear()
             _log.info("the link %s works again", self._url)
-        self.trouble = ""
+        self._trouble = ""
 
     def tick(self, now_s: float) -> None:
         """Opens the link when that is due, and detects a half-open one; to be called often."""
         if self._link.connections_count != self._connections_count:
             self._connections_count = self._link.connections_count
             self._alive_s = now_s
-            self.trouble = ""
+            self._trouble = ""
         if not self._is_open:
             if now_s >= self._next_open_s:
                 self._open(now_s)
@@ -159,7 +161,7 @@ class Connection(Transport):
         self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
         # An OSError that no link has explained: the system is short of something (descriptors, memory).
         trouble = f"{self._url}: {error.strerror}; trying again" if isinstance(error, OSError) else str(error)
-        self.trouble = trouble
+        self._trouble = trouble
         if trouble not in self._logged:  # each once until the link works again: two may alternate
             self._logged.add(trouble)
             _log.warning("%s", trouble)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from ual_daemon.backends.mavlink.settings import SECTION
@@ -19,8 +20,9 @@ EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL asks for it
 _LISTENING = {"udp": True, "udpin": True, "udpout": False, "tcp": False, "tcpout": False, "tcpin": True}
 _FOREIGN = {
     "tcp-l": "tcpin",
-    "udp-b": "udpout",
-    "udp-pb": "udpout",
+    "udp-b": "udpin",
+    "udp-pb": "udpin",
+    "udpbcast": "udpin",
     "serial-hwfc": "serial",
     "serial_flowcontrol": "serial",
 }
@@ -73,7 +75,7 @@ def parse_url(url: str) -> Endpoint:
         ConfigError: The URL cannot be used; the message says why, and how to spell it.
 
     """
-    if url.startswith("/dev/"):  # MAVROS's spelling
+    if url.startswith("/"):  # MAVROS's spelling
         return _serial(url, url)
     try:
         parts = urlsplit(url)
@@ -95,11 +97,25 @@ def parse_url(url: str) -> Endpoint:
         raise _refusal(
             url, "udp:// with a host is ambiguous", f"udpin://{where} to listen there or udpout://{where} to call"
         )
+    if _is_for_many(host):
+        raise _refusal(
+            url,
+            "it addresses several vehicles at once (broadcast, multicast)",
+            f"udpin://:{port} to listen for the one that comes, or udpout:// with the vehicle's own address",
+        )
     is_listening = _LISTENING[scheme]
     if not host and not is_listening:
         raise _refusal(url, f"{scheme}:// needs a host to call")
     kind = UdpEndpoint if scheme.startswith("udp") else TcpEndpoint
     return kind(host or EVERY_INTERFACE, port, is_listening)
+
+
+def _is_for_many(host: str) -> bool:
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return False
+    return address.is_multicast or host == "255.255.255.255"
 
 
 def _refuse_foreign(url: str, scheme: str) -> None:
@@ -120,7 +136,7 @@ def _of_mavros(netloc: str) -> str:
 
 
 def _serial(url: str, rest: str) -> SerialEndpoint:
-    """Returns the line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names."""
+    """Returns the line that ``///dev/DEVICE:BAUD`` or ``/dev/DEVICE:BAUD`` names; a device may be elsewhere (socat)."""
     path = "/" + rest.lstrip("/")
     query = re.fullmatch(r"(/[^?]+)\?baud(?:rate)?=(\d+)", path)
     comma = re.fullmatch(r"(/[^,]+),(\d+)", path)
@@ -131,7 +147,8 @@ def _serial(url: str, rest: str) -> SerialEndpoint:
         raise _refusal(
             url, "it needs a baud rate", f"serial://{path.rstrip(':')}:57600, or the rate that the autopilot has"
         )
-    if not device.startswith("/dev/") or not (rest.startswith(("///dev/", "/dev/")) and not rest.startswith("////")):
+    is_whole = rest.startswith("/") and not rest.startswith("////") and (not rest.startswith("//") or rest[2] == "/")
+    if not is_whole or "/" not in device[1:]:
         raise _refusal(url, "it needs the device's whole path", f"serial://{_device_path(device)}:{baud}")
     if int(baud) not in _BAUDS:
         raise _refusal(url, f"{baud} is no baud rate (usual are 57600, 115200, 921600)")
@@ -139,7 +156,7 @@ def _serial(url: str, rest: str) -> SerialEndpoint:
 
 
 def _device_path(device: str) -> str:
-    return device if device.startswith("/dev/") else f"/dev{device}"
+    return device if "/" in device[1:] else f"/dev{device}"
 
 
 def _host_and_port(host: str, port: int) -> str:

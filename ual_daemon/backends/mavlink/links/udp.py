@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import select
 import socket
@@ -34,7 +35,6 @@ class UdpLink(Link):
         self._descriptors: Mapping[int, int] = {}
         self._poll = select.poll()
         self._peer: Address | None = None
-        self._is_sending_well = True
 
     @override
     def open(self) -> None:
@@ -100,9 +100,11 @@ class UdpLink(Link):
         try:
             sock.sendto(data, peer)
         except OSError as error:
-            if self._is_sending_well:
-                self._is_sending_well = False
-                _log.warning("cannot send to %s: %s", peer[0], error.strerror)
+            why = "it is a broadcast address" if error.errno == errno.EACCES else error.strerror
+            trouble = f"cannot send to {peer[0]}: {why}"
+            if trouble != self.trouble:
+                self.trouble = trouble
+                _log.warning("%s", trouble)
             return False
-        self._is_sending_well = True
+        self.trouble = ""
         return True

@@ -56,7 +56,7 @@ def gps_info(message: Message) -> GpsInfo:
     satellites_count = message.satellites_visible
     return GpsInfo(
         _FIX.get(message.fix_type, GpsFix.NONE),
-        satellites_count=0 if satellites_count == _UNKNOWN_U8 else satellites_count,
+        satellites_count=None if satellites_count in (0, _UNKNOWN_U8) else satellites_count,
         horizontal_accuracy_m=milli(message.h_acc) or None,  # 0 where it is not known
         vertical_accuracy_m=milli(message.v_acc) or None,
     )

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.autopilot import SimulationVerdict, assumed_text
+from ual_daemon.backends.autopilots.autopilot import SimulationVerdict, assumed_text, assumption_text
 from ual_daemon.backends.autopilots.cause_watch import CauseWatch
 from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.autopilots.health_report import HealthReport
@@ -279,13 +279,14 @@ class Session:
     def info(self) -> VehicleInfo:
         """Returns what is known of the vehicle so far."""
         telemetry, dialect = self.telemetry, self.dialect
-        version = telemetry.version
+        version, limits = telemetry.version, dialect.limits(telemetry.parameters)
         return VehicleInfo(
             autopilot=dialect.name,
             autopilot_version="" if version is None else dialect.version(version),
             is_simulation=telemetry.is_hardware_in_the_loop or self.judge_simulation().is_simulated is True,
             capabilities=dialect.capabilities,
-            limits=dialect.limits(telemetry.parameters),
+            limits=limits,
+            assumption=assumption_text(self._setup.missing, limits),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
             identity=self._identity(),
             limitation=dialect.limitation,

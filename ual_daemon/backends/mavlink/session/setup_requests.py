@@ -61,6 +61,13 @@ class SetupRequests:
         self._parameter_rounds_count = 0
         self._next_parameters_s: float | None = None
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """For people the names of parameters that were requested several times and have not come."""
+        if self._parameter_rounds_count < FAST_PARAMETER_ROUNDS_COUNT:
+            return ()
+        return self._dialect.missing_parameters(self._telemetry.parameters)
+
     def tick(self, now_s: float) -> None:
         """Requests what is missing; to be called often."""
         if self._next_s is None or now_s >= self._next_s:
@@ -110,11 +117,10 @@ class SetupRequests:
         return rate_hz < DROPPED_SHARE * best_hz * (1.0 - self._loss(now_s))
 
     def _report_missing(self) -> None:
-        missing = set(self._dialect.parameters) - self._dialect.optional_parameters - self._telemetry.parameters.keys()
+        missing = self.missing
         if missing:
-            self._on_missing(tuple(sorted(missing)))
+            self._on_missing(missing)
 
     def _request_parameters(self) -> None:
-        for name in self._dialect.parameters:
-            if name not in self._telemetry.parameters:
-                self._request_parameter(name)
+        for name in self._dialect.absent_parameters(self._telemetry.parameters):
+            self._request_parameter(name)

@@ -31,8 +31,8 @@ _LARGEST_FILE = 4096
 
 
 def read_key(path: str) -> bytes:
-    """Returns the key in a file: its 32 bytes, or else the SHA-256 of its line of text (as in QGroundControl, MAVProxy
-    and Mission Planner).
+    """Returns the key in a file, in the form that it says: ``hex:`` and 64 digits, ``raw:`` and 32 bytes, or
+    else a line of text as passphrase, whose SHA-256 is the key (as in QGroundControl, MAVProxy and Mission Planner).
 
     Raises:
         ConfigError: The file cannot be read, holds no key, or could be read by other users.
@@ -46,20 +46,40 @@ def read_key(path: str) -> bytes:
             content = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}", KEY) from None
-    if len(content) == KEY_SIZE:
-        if content.isascii() and content.decode().isprintable():
-            raise ConfigError(
-                f"{path} could be a key or a passphrase of {KEY_SIZE} characters; end a passphrase with a new line", KEY
-            )
-        return content
+    form, _, rest = content.partition(b":")
+    if form == b"raw":
+        return _of_size(rest, path, f"raw: must be followed by the {KEY_SIZE} bytes of the key and nothing else")
+    if form == b"hex":
+        return _of_size(_unhexed(rest), path, f"hex: must be followed by {2 * KEY_SIZE} hexadecimal digits")
+    return hashlib.sha256(_passphrase(content, path)).digest()
+
+
+def _of_size(key: bytes, path: str, rule: str) -> bytes:
+    if len(key) != KEY_SIZE:
+        raise ConfigError(f"{path}: {rule}", KEY)
+    return key
+
+
+def _unhexed(digits: bytes) -> bytes:
+    try:
+        return bytes.fromhex(digits.decode("ascii"))
+    except ValueError:
+        return b""
+
+
+def _passphrase(content: bytes, path: str) -> bytes:
     passphrase = content.rstrip(b"\r\n")
     try:
         text = passphrase.decode()
     except UnicodeDecodeError:
         text = ""
-    if not text.isprintable() or not text or len(content) > _LARGEST_FILE:
-        raise ConfigError(f"{path} holds neither a key of {KEY_SIZE} bytes nor a line of text as passphrase", KEY)
-    return hashlib.sha256(passphrase).digest()
+    if not text or not text.isprintable() or len(content) > _LARGEST_FILE:
+        raise ConfigError(
+            f"{path} holds no line of text as passphrase; write raw: before the {KEY_SIZE} bytes of a key, or hex: "
+            "before its hexadecimal digits",
+            KEY,
+        )
+    return passphrase
 
 
 _Sender: TypeAlias = tuple[int, int, int]

@@ -1,11 +1,13 @@
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
@@ -223,23 +225,77 @@ def test_its_own_hold_is_brake() -> None:
     assert COPTER.hold().params == (1, BRAKE)  # LOITER would follow the throttle stick, which may be at its bottom
 
 
-def test_limits_are_its_parameters_in_other_units() -> None:
-    assert COPTER.limits({}) == Limits()
-    read = {
-        "WPNAV_SPEED": 1000.0,
-        "WPNAV_SPEED_UP": 250.0,
-        "WPNAV_SPEED_DN": 150.0,
-        "WPNAV_ACCEL": 250.0,
-        "WPNAV_ACCEL_Z": 100.0,
-        "ATC_SLEW_YAW": 6000.0,
-        "PSC_JERK_XY": 5.0,
-        "PSC_JERK_Z": 5.0,
-        "SIM_SPEEDUP": 1.0,
-        "Q_ENABLE": 1.0,
-    }
-    assert set(read) == {name for name in COPTER.parameters if not name.startswith("FENCE_")}
+OF_4_6 = SHAPING | {"ATC_SLEW_YAW": 6000.0}
+
+
+def renamed(new_names: Mapping[str, tuple[str, float]]) -> dict[str, float]:
+    return {new: OF_4_6[old] / per_unit for old, (new, per_unit) in new_names.items()}
+
+
+VERSIONS = [OF_4_6, renamed(RENAMED_IN_4_7_0), renamed(RENAMED)]
+CAREFUL = Limits(1.6, 1.2, 1.2, 0.6, 0.3, math.radians(32.5))
+
+
+@pytest.mark.parametrize("read", VERSIONS)
+def test_limits_are_its_parameters_by_the_names_and_units_of_each_version(read: dict[str, float]) -> None:
     assert COPTER.limits(read) == Limits(10.0, 2.5, 1.5, 1.5, 0.6, math.radians(60.0))  # it needs some to catch up by
-    assert COPTER.limits(dict.fromkeys(read, 0.0)) == Limits()
+    assert COPTER.acceleration_share(read) == 0.6
+    setpoint = PositionSetpoint(Vector3(), 0.0, Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
+    assert velocity_lead(setpoint, read) == pytest.approx(Vector3(3.7, -0.7, 1.2))
+    assert not {name for name in COPTER.missing_parameters(read) if not name.startswith("FENCE_")}
+    assert not {name for name in COPTER.absent_parameters(read) if name.startswith(("W", "P", "A"))}
+    assert COPTER.limits(dict.fromkeys(read, 0.0)) == CAREFUL
+
+
+@pytest.mark.parametrize("read", VERSIONS)
+def test_a_limit_that_did_not_come_is_the_lowest_that_any_version_ships(read: dict[str, float]) -> None:
+    assert COPTER.limits({}) == CAREFUL
+    assert COPTER.acceleration_share({}) == 1.0
+    for missing in read:
+        known = {name: value for name, value in read.items() if name != missing}
+        assumed, true = astuple(COPTER.limits(known)), astuple(COPTER.limits(read))
+        assert all(each <= limit for each, limit in zip(assumed, true, strict=True))
+        (name,) = (each for each in COPTER.missing_parameters(known) if not each.startswith("FENCE_"))
+        assert missing in name.split(" or ")
+
+
+def test_both_names_of_a_parameter_are_asked_for_until_one_has_come() -> None:
+    harness = met()
+    harness.run(0.5)
+    asked = [message.param_id for message in harness.link.take("PARAM_REQUEST_READ")]
+    assert {"WP_SPD", "WPNAV_SPEED"} <= set(asked)
+    harness.receive(mavlink.MAVLink_param_value_message(b"WP_SPD", 5.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    harness.run(1.0)
+    asked = [message.param_id for message in harness.link.take("PARAM_REQUEST_READ")]
+    assert not {"WP_SPD", "WPNAV_SPEED"} & set(asked)
+    assert "WPNAV_ACCEL" in asked
+
+
+def test_what_is_assumed_ends_the_reason_of_the_state_until_the_parameters_come() -> None:
+    harness = met()
+    for name, value in OF_4_6.items():
+        if name != "WPNAV_ACCEL":
+            kind = mavlink.MAV_PARAM_TYPE_REAL32
+            harness.receive(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
+    for name in COPTER.parameters:
+        if name.startswith("FENCE_"):
+            harness.receive(mavlink.MAVLink_param_value_message(name.encode(), 0.0, 9, 1, 0))
+    assert harness.session.info().assumption == ""
+    harness.run(6.0)
+    assert harness.session.info().assumption == (
+        "it has not sent WP_ACC or WPNAV_ACCEL: assumed are at most 10 m/s, 2.5 m/s up and 1.5 m/s down, 0.6 m/s^2 "
+        "and vertically 0.6 m/s^2, 1.05 rad/s; no fence of its own but what was read"
+    )
+    harness.receive(mavlink.MAVLink_param_value_message(b"WP_ACC", 2.5, 9, 1, 0))
+    assert harness.session.info().assumption == ""
+
+
+def test_a_fence_whose_parameters_did_not_come_is_told() -> None:
+    fence = COPTER.own_fence({"FENCE_ENABLE": 1.0}, is_enabled=True)
+    assert (fence.limits, fence.unread) == ((), "FENCE_TYPE, which it has not sent")
+    fence = COPTER.own_fence({"FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_ALT_MAX": 50.0}, is_enabled=True)
+    assert [each.value_m for each in fence.limits] == [50.0]
+    assert fence.unread == "FENCE_RADIUS, which it has not sent"
 
 
 def version(board_type: int = 0, usb: tuple[int, int] = (0, 0)) -> Any:

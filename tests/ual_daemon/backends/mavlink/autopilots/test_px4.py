@@ -84,8 +84,13 @@ def test_setpoints_are_framed_as_pymavlink_frames_them(
     assert TargetMessage(*ids, *values).pack(sender) == theirs
 
 
-def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
-    assert PX4.limits({}) == Limits()
+CAREFUL = Limits(1.6, 1.2, 1.0, 3.0 * ACCELERATION_SHARE, 1.2, math.radians(45.0))
+
+
+def test_limits_are_the_parameters_and_the_lowest_that_ship_until_they_are_read() -> None:
+    assert PX4.limits({}) == CAREFUL
+    assert PX4.cruise_speed_m_s({}) == 5.0
+    assert PX4.limits({"MPC_ACC_UP_MAX": 4.0}).vertical_acceleration_m_s2 == 1.2  # the other may be lower
     read = {
         "MPC_XY_VEL_MAX": 12.0,
         "MPC_Z_VEL_MAX_UP": 3.0,
@@ -103,8 +108,8 @@ def test_limits_are_the_parameters_and_sensible_until_they_are_read() -> None:
 
 
 def test_a_limit_of_zero_or_less_is_none() -> None:
-    assert PX4.limits(dict.fromkeys(PX4.parameters, 0.0)) == Limits()
-    assert PX4.limits(dict.fromkeys(PX4.parameters, -1.0)) == Limits()
+    assert PX4.limits(dict.fromkeys(PX4.parameters, 0.0)) == CAREFUL
+    assert PX4.limits(dict.fromkeys(PX4.parameters, -1.0)) == CAREFUL
 
 
 def version_message(uid: int, version: int = 0x011100FF) -> Message:
@@ -144,7 +149,10 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
     harness.receive(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
     snapshot, info = harness.snapshot(), harness.session.info()
     assert snapshot.armed.value is True
-    assert (snapshot.mode.value.name, snapshot.mode.value.control) == ("mode 5", Control.OTHER)
+    assert (snapshot.mode.value.name, snapshot.mode.value.control) == (
+        "number 5",
+        Control.OTHER,
+    )  # told as "mode number 5"
     assert info.autopilot == "unknown (generic, quadrotor)"
     assert info.capabilities == frozenset()
     assert info.capabilities < PX4.capabilities == frozenset(Capability)

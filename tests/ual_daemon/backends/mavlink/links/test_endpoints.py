@@ -19,6 +19,9 @@ from ual_daemon.settings import ConfigError
         ("tcpin://127.0.0.1:5790", TcpEndpoint("127.0.0.1", 5790, is_listening=True)),
         ("serial:///dev/ttyACM0:921600", SerialEndpoint("/dev/ttyACM0", 921600)),
         ("/dev/ttyUSB0:57600", SerialEndpoint("/dev/ttyUSB0", 57600)),
+        ("serial:///tmp/ttyV0:57600", SerialEndpoint("/tmp/ttyV0", 57600)),
+        ("/tmp/ttyV0:57600", SerialEndpoint("/tmp/ttyV0", 57600)),
+        ("serial:/dev/ttyACM0:57600", SerialEndpoint("/dev/ttyACM0", 57600)),
         ("serial:///dev/serial/by-path/pci-0:1.0:115200", SerialEndpoint("/dev/serial/by-path/pci-0:1.0", 115200)),
     ],
 )
@@ -61,6 +64,12 @@ def test_urls_are_understood(url: str, endpoint: Endpoint) -> None:
         ("serial:///dev/ttyACM0:7", "7 is no baud rate"),
         ("serial://dev/ttyACM0:57600", "write serial:///dev/ttyACM0:57600;"),
         ("serial://ttyACM0:57600", "write serial:///dev/ttyACM0:57600;"),
+        ("serial:///ttyACM0:57600", "write serial:///dev/ttyACM0:57600;"),
+        ("serial:///tmp/ttyV0", "it needs a baud rate; write serial:///tmp/ttyV0:57600, or"),
+        ("serial://tmp/ttyV0:57600", "write serial:///tmp/ttyV0:57600;"),
+        ("udpout://255.255.255.255:14550", "several vehicles at once (broadcast, multicast); write udpin://:14550 to"),
+        ("udpin://239.255.145.50:14550", "several vehicles at once"),
+        ("udpbcast://192.168.1.255:14550", "write udpin://;"),
         ("serial://", "a baud rate"),
     ],
 )

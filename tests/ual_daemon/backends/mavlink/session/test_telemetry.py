@@ -267,7 +267,7 @@ def test_what_is_not_known_is_none() -> None:
     assert harness.snapshot().battery is None
     harness.receive(mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 0, 0, 0, 0, 255))
     gps = harness.snapshot().gps
-    assert (gps.fix, gps.satellites_count, gps.horizontal_accuracy_m) == (GpsFix.NONE, 0, None)
+    assert (gps.fix, gps.satellites_count, gps.horizontal_accuracy_m) == (GpsFix.NONE, None, None)
     assert harness.snapshot().geoid_separation_m is None
 
 

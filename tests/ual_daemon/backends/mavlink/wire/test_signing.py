@@ -46,22 +46,31 @@ def key_file(tmp_path: Path, content: bytes, mode: int = 0o600) -> str:
     return str(path)
 
 
-def test_a_key_is_32_bytes_or_the_hash_of_a_passphrase(tmp_path: Path) -> None:
-    assert read_key(key_file(tmp_path, KEY)) == KEY
-    for content in (b"open sesame", b"open sesame\n", b"open sesame\r\n"):
-        assert read_key(key_file(tmp_path, content)) == hashlib.sha256(b"open sesame").digest()
-    assert read_key(key_file(tmp_path, b"x" * 32 + b"\n")) == hashlib.sha256(b"x" * 32).digest()
+def test_a_key_is_what_the_file_says_it_is(tmp_path: Path) -> None:
+    for content in (b"raw:" + KEY, b"hex:" + KEY.hex().encode(), b"hex: " + KEY.hex(" ").upper().encode() + b"\r\n"):
+        assert read_key(key_file(tmp_path, content)) == KEY
+
+
+@pytest.mark.parametrize("length", [1, 11, 30, 31, 32, 33, 64])
+@pytest.mark.parametrize("end", [b"", b"\n", b"\r\n"])
+def test_a_line_of_text_is_a_passphrase_whatever_its_length(tmp_path: Path, length: int, end: bytes) -> None:
+    passphrase = (b"open sesame " * 6)[:length].replace(b" ", b"-")
+    assert read_key(key_file(tmp_path, passphrase + end)) == hashlib.sha256(passphrase).digest()
 
 
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        (b"", "neither"),
-        (b"\n", "neither"),
-        (b"\xff\xfe\x00" * 9, "neither"),
-        (b"two\nlines\n", "neither"),
-        (b"a" * 5000, "neither"),
-        (b"x" * 32, "end a passphrase with a new line"),
+        (b"", "no line of text"),
+        (b"\n", "no line of text"),
+        (b"\xff\xfe\x00" * 9, "no line of text"),
+        (KEY, "write raw: before the 32 bytes"),
+        (b"two\nlines\n", "no line of text"),
+        (b"a" * 5000, "no line of text"),
+        (b"raw:" + KEY[:-1], "raw: must be followed by the 32 bytes"),
+        (b"raw:" + KEY + b"\n", "raw: must be followed by the 32 bytes"),
+        (b"hex:" + b"0f" * 31, "hex: must be followed by 64 hexadecimal digits"),
+        (b"hex:" + b"0g" * 32, "hex: must be followed by 64 hexadecimal digits"),
     ],
 )
 def test_a_file_that_is_no_key_is_refused(tmp_path: Path, content: bytes, why: str) -> None:
