@@ -83,9 +83,8 @@ class TimeScaling:
 
     def _is_at_rest(self) -> bool:
         v, a = self.motion.velocity, self.motion.acceleration  # in plain numbers, as each update calls it
-        return (
-            v.x == v.y == v.z == a.x == a.y == a.z == self.motion.yaw_rate_rad_s == 0.0
-            and (self.time_s == 0.0 or self._scale > 0.0)
+        return v.x == v.y == v.z == a.x == a.y == a.z == self.motion.yaw_rate_rad_s == 0.0 and (
+            self.time_s == 0.0 or self._scale > 0.0
         )
 
     def _needs_change(self, wanted_scale: float) -> bool:

@@ -130,9 +130,7 @@ class FeedForward:
         v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
         acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
         velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
-        return PositionSetpoint(
-            setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s
-        )
+        return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
 
     def _leading(self, a: Vector3, now_s: float) -> Vector3:
         """Returns the acceleration as it will be by the time the vehicle has tilted."""
