@@ -182,9 +182,12 @@ class ReceiveLoop:
 
     def _publish(self, now_s: float) -> None:
         session = self._discovery.session
-        snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
         # What came after the last batch was received is not in it, however long the batch has taken.
-        snapshot = snapshot._replace(updated_s=self._own_pause.woke_s, own_pause=self._own_pause.why(now_s))
+        updated_s, own_pause = self._own_pause.woke_s, self._own_pause.why(now_s)
+        if session is None:
+            snapshot = Snapshot(now_s, updated_s=updated_s, own_pause=own_pause)
+        else:
+            snapshot = session.snapshot(now_s, updated_s, own_pause)
         trouble = self._connection.trouble or self._discovery.why_silent(now_s)
         if trouble:
             snapshot = snapshot._replace(link_trouble=trouble)
