@@ -113,7 +113,8 @@ class ReceiveLoop:
 
     def _receive(self) -> None:
         connection, clock = self._connection, self._clock
-        chunks = connection.receive(self._next_full_tick_s - clock.now_s(), clock.now_s())
+        now_s = clock.now_s()
+        chunks = connection.receive(self._next_full_tick_s - now_s, now_s)
         woke_s = clock.now_s()
         pause_s = self._own_pause.woke(woke_s, math.inf if self._session is None else self._session.freshness.link_s)
         if pause_s:
