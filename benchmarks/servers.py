@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,9 +15,9 @@ from benchmarks.children import LIMIT_S, ChildError, Process, free_port
 
 
 class UalDaemon(Process):
-    """``ual-daemon`` over MAVLink, on a TCP port and a unix socket."""
+    """``ual-daemon`` over MAVLink, on a TCP port and a unix socket. `run` is the module, and its first arguments."""
 
-    def __init__(self, port: int | None, *arguments: str) -> None:
+    def __init__(self, port: int | None, *arguments: str, run: Sequence[str] = ("ual_daemon",)) -> None:
         self._directory = tempfile.TemporaryDirectory(prefix="ual-bench-")
         self._log = tempfile.TemporaryFile(dir=self._directory.name)  # noqa: SIM115  closed in close
         unix = f"unix:{self._directory.name}/uav_1.sock"
@@ -24,7 +25,7 @@ class UalDaemon(Process):
         backend = ["--backend", "light"] if port is None else ["--backend", "mavlink", "--url", udp_url(port)]
         super().__init__(
             [
-                *(sys.executable, "-m", "ual_daemon", "--ns", "uav_1", *backend),
+                *(sys.executable, "-m", *run, "--ns", "uav_1", *backend),
                 *("--listen", f"127.0.0.1:{self.tcp_port}", "--listen", unix, *arguments),
             ],
             environment={"UAL_RUNTIME_DIR": self._directory.name},

@@ -430,7 +430,7 @@ class _Subscription(Subscription):
         self._period_s = 1.0 / rate_hz if rate_hz else 0.0
         self._next_s = time.monotonic()  # a rate is in real time, as that of the server's streams
         self._on_close = on_close
-        self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s)
+        self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s, reads_all=False)
 
     def __repr__(self) -> str:
         return _views.subscription_text(self._ns, self._rate_hz, is_closed=self._is_closed)

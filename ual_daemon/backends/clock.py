@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import time
 
-from typing_extensions import override
-
 from ual_daemon.backends.base import Clock
 
 
 class MonotonicClock(Clock):
-    """The computer's monotonic clock, and the same moment as UTC."""
+    """The computer's monotonic clock, and the same moment as UTC since 1970 (`utc_s`).
 
-    @override
-    def now_s(self) -> float:
-        return time.monotonic()
+    Both are the system's own functions, as each message asks for them several times.
+    """
 
-    def utc_s(self) -> float:
-        """Returns the present moment as UTC since 1970."""
-        return time.time()
+    now_s = staticmethod(time.monotonic)
+    utc_s = staticmethod(time.time)

@@ -12,7 +12,8 @@ _log = logging.getLogger(__name__)
 
 LONGEST_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
-_IN_AIR = frozenset({State.TAKING_OFF, State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING})
+_IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
+"""A tuple: each update looks, and the hash of an enumeration's member is a call."""
 
 
 class Authority:

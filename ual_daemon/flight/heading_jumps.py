@@ -43,7 +43,7 @@ class HeadingJumpDetector:
         poses, pose, velocity = self._poses, snapshot.pose, snapshot.velocity
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        new = _Seen(pose.value.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.boots_count)
+        new = _Seen(pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.boots_count)
         jump_rad = _jump_rad(poses.last, new)
         return Jump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 

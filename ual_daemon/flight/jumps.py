@@ -148,11 +148,11 @@ class JumpDetector:
         passed_s = new.received_s - last.received_s
         if not 0.0 <= passed_s <= _LONGEST_S or new.boots_count != last.boots_count:
             return False
-        (x, y, z), (vx, vy, vz) = last.position, last.velocity
-        (nx, ny, nz), (wx, wy, wz) = new.position, new.velocity
+        p, v, q, w = last.position, last.velocity, new.position, new.velocity
         half_s = passed_s / 2
-        dx, dy, dz = nx - x - (vx + wx) * half_s, ny - y - (vy + wy) * half_s, nz - z - (vz + wz) * half_s
-        size_m = math.sqrt(dx * dx + dy * dy + dz * dz)
+        size_m = math.hypot(
+            q.x - p.x - (v.x + w.x) * half_s, q.y - p.y - (v.y + w.y) * half_s, q.z - p.z - (v.z + w.z) * half_s
+        )
         if size_m > self._free_m(new):
             return False
         self._usual_m += (size_m - self._usual_m) * _SMOOTHING

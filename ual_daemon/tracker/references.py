@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 
 from typing_extensions import override
@@ -27,8 +27,11 @@ LONGEST_STOP_S = 3.0
 """How long a reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
 
 
-class Reference(ABC):
-    """Gives a setpoint at each update. Poses and motions are in the local frame."""
+class Reference:
+    """Gives a setpoint at each update. Poses and motions are in the local frame.
+
+    Not an `ABC`: each update asks several times whether it is a `Velocity`, which would be a Python call each.
+    """
 
     @abstractmethod
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
@@ -123,6 +126,8 @@ class TrajectoryReference(Reference):
         self._stopped_since_s: float | None = None
         self._updated_s = now_s
         self._time = TimeScaling(trajectory)
+        self._posed: tuple[Motion | None, Pose | None] = (None, None)
+        """The newest motion whose pose was asked for, and that pose. While it holds, the motion stays the same."""
         self.is_stopping = False
         """Whether it comes to rest on the trajectory as soon as the limits allow."""
 
@@ -165,9 +170,10 @@ class TrajectoryReference(Reference):
         """Returns the wanted time scale: 1 while the UAV is close, 0 where it is too far off, else in between."""
         if snapshot.pose is None or self.is_stopping:
             return 0.0
-        motion = self._time.motion
-        lag_m = (motion.position - snapshot.pose.value.position).norm()
-        free_m = _FREE_LAG_M + _FREE_LAG_S * motion.velocity.norm()
+        motion, here = self._time.motion, snapshot.pose.value.position
+        there, v = motion.position, motion.velocity  # in plain numbers, as each update calls it
+        lag_m = math.hypot(there.x - here.x, there.y - here.y, there.z - here.z)
+        free_m = _FREE_LAG_M + _FREE_LAG_S * math.hypot(v.x, v.y, v.z)
         return max(0.0, min(1.0, 1.0 - (lag_m - free_m) / _LONGEST_LAG_M))
 
     @override
@@ -176,7 +182,12 @@ class TrajectoryReference(Reference):
 
     @override
     def pose(self) -> Pose | None:
-        return pose_of(self._time.motion)
+        motion = self._time.motion
+        known_for, pose = self._posed
+        if known_for is not motion:
+            pose = pose_of(motion)
+            self._posed = (motion, pose)
+        return pose
 
 
 class StopOnTrajectory(Reference):

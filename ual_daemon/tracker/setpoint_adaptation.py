@@ -16,12 +16,13 @@ from ual_daemon.backends.values import (
 from ual_daemon.tracker.limits import scaled_down
 
 _ZERO = Vector3()
+_WHOLE_MOTION = Takes.POSITION | Takes.FEED_FORWARD
 
 
 def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Limits) -> Setpoint:
     """Returns the setpoint, or the nearest to it that the autopilot takes. The snapshot must have a pose."""
     takes = vehicle.takes
-    if isinstance(setpoint, VelocitySetpoint) or Takes.POSITION | Takes.FEED_FORWARD in takes:
+    if isinstance(setpoint, VelocitySetpoint) or _WHOLE_MOTION in takes:
         return setpoint
     if Takes.VELOCITY not in takes or (Takes.POSITION in takes and _stands_still(setpoint)):
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad)

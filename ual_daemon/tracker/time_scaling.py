@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ual.geometry import Vector3
 from ual_daemon.trajectory import Motion, Trajectory
 from ual_daemon.trajectory.envelope import (
     RAMP_S,
@@ -74,6 +73,8 @@ class TimeScaling:
         self._wait_s -= passed_s
         if self._is_at_rest():  # at any scale it stays at rest
             self._change, self._scale, self._scale_rate = None, wanted_scale, 0.0
+            if self.time_s == min(limit_s, self._trajectory.duration_s):
+                return  # it holds: the motion stays the same
         elif self._change is None and self._wait_s <= 0.0 and self._needs_change(wanted_scale):
             self._change, self._changing_s = self._next_try(wanted_scale), 0.0
         self._pass(passed_s)
@@ -81,10 +82,9 @@ class TimeScaling:
         self.motion = scaled(self._trajectory.at(self.time_s), self._scale, self._scale_rate)
 
     def _is_at_rest(self) -> bool:
-        return (
-            self.motion.velocity == self.motion.acceleration == Vector3()
-            and not self.motion.yaw_rate_rad_s
-            and (self.time_s == 0.0 or self._scale > 0.0)
+        v, a = self.motion.velocity, self.motion.acceleration  # in plain numbers, as each update calls it
+        return v.x == v.y == v.z == a.x == a.y == a.z == self.motion.yaw_rate_rad_s == 0.0 and (
+            self.time_s == 0.0 or self._scale > 0.0
         )
 
     def _needs_change(self, wanted_scale: float) -> bool:

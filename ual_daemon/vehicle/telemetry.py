@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 from ual.errors import WrongStateError
 from ual.geometry import IDENTITY, Pose, Transform, Twist
@@ -31,40 +33,50 @@ def make_telemetry(
     flight: Flight,
     pose_frame_id: str | None,
     sequence: int,
+    *,
+    is_late: bool = False,
 ) -> Telemetry:
     """Returns a sample, with its poses in `pose_frame_id`.
 
-    They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is.
+    They are in ``<ns>/odom`` if that is None, or as long as it is not known where that frame is. With `is_late`, what
+    few read is computed when it is first read, by the thread that reads it, from what is known now.
     """
-    odom_loss = resolver.odom_loss
+    odom_loss, tree = resolver.odom_loss, resolver.tree
     body = None if snapshot.pose is None else resolver.to_odom(snapshot.pose.value)
-    reported_body = body if odom_loss is None else None
     twist = None if snapshot.velocity is None else snapshot.velocity.value
     reported = _reported(resolver, flight.reference_pose(), body, twist, pose_frame_id)
-    recorded = snapshot.recorded
+    recorded, limitation, stamp_s = snapshot.recorded, flight.limitation, snapshot.stamp_s
     if recorded is not None and recorded.telemetry.frame_id == reported.frame_id:
         reported = reported._replace(reference_pose=recorded.telemetry.reference_pose)
-    return Telemetry(
-        state=found.state,
-        state_reason=f"{found.why}; {flight.limitation}" if flight.limitation and recorded is None else found.why,
-        stamp_s=snapshot.stamp_s,
-        frame_id=reported.frame_id,
-        pose=reported.pose,
-        velocity=reported.velocity,
-        odometry=_odometry(snapshot, resolver, reported_body, twist),
-        transform=_in_map(resolver, body, snapshot.stamp_s),
-        reference_pose=reported.reference_pose,
-        position_geo=_position_geo(snapshot),
-        battery=snapshot.battery,
-        gps=snapshot.gps,
-        flight_mode="" if snapshot.mode is None else snapshot.mode.value.name,
-        armed=snapshot.armed is not None and snapshot.armed.value,
-        task=flight.task_info() if recorded is None else recorded.telemetry.task,
-        sequence=sequence,
-        status_text=snapshot.status_text,
-        frame_lost="" if odom_loss is None else str(odom_loss),
-        health=_health(snapshot),
-    )
+    known: dict[str, Any] = {
+        "state": found.state,
+        "state_reason": f"{found.why}; {limitation}" if limitation and recorded is None else found.why,
+        "stamp_s": stamp_s,
+        "frame_id": reported.frame_id,
+        "pose": reported.pose,
+        "velocity": reported.velocity,
+        "reference_pose": reported.reference_pose,
+        "battery": snapshot.battery,
+        "gps": snapshot.gps,
+        "flight_mode": "" if snapshot.mode is None else snapshot.mode.value.name,
+        "armed": snapshot.armed is not None and snapshot.armed.value,
+        "task": flight.task_info() if recorded is None else recorded.telemetry.task,
+        "sequence": sequence,
+        "status_text": snapshot.status_text,
+        "frame_lost": "" if odom_loss is None else str(odom_loss),
+        "missed_count": 0,
+    }
+    # Of immutable values only: what is read late must be as it was now.
+    in_map = tree.odom_in_map() if resolver.map_loss is None else None
+    late: dict[str, Callable[[], Any]] = {
+        "odometry": partial(_odometry, body if odom_loss is None else None, twist, tree.odom, tree.body, stamp_s),
+        "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
+        "position_geo": partial(_position_geo, snapshot),
+        "health": partial(_health, snapshot),
+    }
+    if is_late:
+        return Telemetry.late(lambda name: late[name](), **known)
+    return Telemetry(**known, **{name: make() for name, make in late.items()})
 
 
 def _health(snapshot: Snapshot) -> Health | None:
@@ -103,14 +115,13 @@ def _is_known(resolver: FrameResolver, pose_frame_id: str | None) -> bool:
     return pose_frame_id is not None and resolver.map_loss is None and not resolver.tree.is_below_odom(pose_frame_id)
 
 
-def _in_map(resolver: FrameResolver, body: Pose | None, stamp_s: float) -> Transform | None:
-    home = resolver.tree.odom_in_map()
-    if home is None or body is None or resolver.map_loss is not None:
+def _in_map(home: Transform | None, body: Pose | None, body_frame_id: str, stamp_s: float) -> Transform | None:
+    if home is None or body is None:
         return None
     position, orientation = body.position + home.translation, body.orientation
     if home.rotation is not IDENTITY:  # rarely
         position, orientation = home.apply(body.position), home.rotation * body.orientation
-    return Transform(position, orientation, MAP, resolver.tree.body, stamp_s)
+    return Transform(position, orientation, MAP, body_frame_id, stamp_s)
 
 
 def _position_geo(snapshot: Snapshot) -> GeoPoint | None:
@@ -145,8 +156,10 @@ def _lookup(resolver: FrameResolver, target: str | None, source: str, body: Pose
         return None
 
 
-def _odometry(snapshot: Snapshot, resolver: FrameResolver, body: Pose | None, twist: Twist | None) -> Odometry | None:
+def _odometry(
+    body: Pose | None, twist: Twist | None, frame_id: str, body_frame_id: str, stamp_s: float
+) -> Odometry | None:
     if body is None or twist is None:
         return None
     in_body = Twist(body.orientation.inverse().rotate(twist.linear), twist.angular)
-    return Odometry(body, in_body, resolver.tree.odom, resolver.tree.body, snapshot.stamp_s)
+    return Odometry(body, in_body, frame_id, body_frame_id, stamp_s)

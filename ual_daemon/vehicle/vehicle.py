@@ -42,6 +42,7 @@ class _Subscriber(NamedTuple):
 
     callback: Callable[[Telemetry], None]
     is_due: Callable[[], bool]
+    reads_all: bool
 
 
 class Vehicle:
@@ -224,13 +225,18 @@ class Vehicle:
         return self._sample(snapshot, self._flight.estimate(snapshot))
 
     def subscribe(
-        self, callback: Callable[[Telemetry], None], is_due: Callable[[], bool] = lambda: True
+        self,
+        callback: Callable[[Telemetry], None],
+        is_due: Callable[[], bool] = lambda: True,
+        *,
+        reads_all: bool = True,
     ) -> Callable[[], None]:
         """Calls back at each update for which `is_due` returns True. Returns the function that ends it.
 
-        Both run on the update thread and must not block. A sample is made only if it is due for a subscriber.
+        Both run on the update thread and must not block. A sample is made only if it is due for a subscriber. Where it
+        is due only for those that do not read all of it, a part of it is made when it is read.
         """
-        return self._subscribers.add(_Subscriber(callback, is_due))
+        return self._subscribers.add(_Subscriber(callback, is_due, reads_all))
 
     def listen_to_state(self, callback: Callable[[State], None]) -> Callable[[], None]:
         """Calls back with the new state whenever it has changed. Returns the function that ends it.
@@ -288,11 +294,13 @@ class Vehicle:
             raise NotSupportedError(f"{self.ns} ({self.backend.name}) is not a simulation of ours")
         return found
 
-    def _sample(self, snapshot: Snapshot, found: Estimate) -> Telemetry:
+    def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
         sequence = snapshot.sequence or self._sequence
         if snapshot.recorded is not None and snapshot.recorded.is_whole:
             return replace(snapshot.recorded.telemetry, sequence=sequence)
-        return make_telemetry(snapshot, found, self._resolver, self._flight, self._pose_frame_id, sequence)
+        return make_telemetry(
+            snapshot, found, self._resolver, self._flight, self._pose_frame_id, sequence, is_late=is_late
+        )
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 
@@ -319,9 +327,16 @@ class Vehicle:
             self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
         self._publish_state(found)
-        due = [each for each in self._subscribers if each.is_due()]
+        self._publish(snapshot, found)
+
+    def _publish(self, snapshot: Snapshot, found: Estimate) -> None:
+        due, is_late = [], True
+        for subscriber in self._subscribers:
+            if subscriber.is_due():
+                due.append(subscriber)
+                is_late = is_late and not subscriber.reads_all
         if due:
-            sample = self._sample(snapshot, found)
+            sample = self._sample(snapshot, found, is_late=is_late)
             for subscriber in due:
                 subscriber.callback(sample)
 

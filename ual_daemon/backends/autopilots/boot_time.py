@@ -30,7 +30,7 @@ class _Candidate:
     count: int = 1
 
     def fits(self, boot_s: float, now_s: float) -> bool:
-        return _follows(self.boot_s, self.received_s, boot_s, now_s)
+        return _follows(self.boot_s, boot_s, now_s - self.received_s)
 
 
 class BootTime:
@@ -48,7 +48,11 @@ class BootTime:
     def update(self, boot_s: float, now_s: float) -> bool:
         """Takes the time since boot from a message. Returns whether the autopilot is now known to have rebooted."""
         self.is_doubtful = False
-        if self._fits(boot_s, now_s):
+        passed_s = now_s - self._received_s
+        # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.
+        has_booted_since = boot_s < passed_s - REBOOT_S
+        fits = not has_booted_since and _follows(self.boot_s, boot_s, passed_s)
+        if fits or self.boot_s == -math.inf:
             self.boot_s, self._received_s, self._candidate = max(self.boot_s, boot_s), now_s, None
             return False
         agreeing_count = self._note(boot_s, now_s)
@@ -63,13 +67,6 @@ class BootTime:
             self._rebooted_s = now_s
         return is_reboot
 
-    def _fits(self, boot_s: float, now_s: float) -> bool:
-        if self.boot_s == -math.inf:
-            return True
-        # After a silence a new boot may have run for longer than the last one had, but not for as long as the silence.
-        has_booted_since = boot_s < now_s - self._received_s - REBOOT_S
-        return not has_booted_since and _follows(self.boot_s, self._received_s, boot_s, now_s)
-
     def _note(self, boot_s: float, now_s: float) -> int:
         """Returns how many messages in a row, with this one, fit one new boot."""
         candidate = self._candidate
@@ -81,7 +78,6 @@ class BootTime:
         return candidate.count
 
 
-def _follows(old_boot_s: float, old_s: float, boot_s: float, now_s: float) -> bool:
-    """Whether two times since boot, and when they came, can be of one boot."""
-    step_s = boot_s - old_boot_s
-    return -REBOOT_S <= step_s <= REBOOT_S + _FASTEST * (now_s - old_s)
+def _follows(old_boot_s: float, boot_s: float, passed_s: float) -> bool:
+    """Whether two times since boot can be of one boot, where so long has passed between them by our clock."""
+    return -REBOOT_S <= boot_s - old_boot_s <= REBOOT_S + _FASTEST * passed_s

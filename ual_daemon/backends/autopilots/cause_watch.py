@@ -126,7 +126,8 @@ class CauseWatch:
 
         None in the mode that takes setpoints, before the arming, and where it is not known how the mode came.
         """
-        self._see_mode(mode, now_s)
+        if mode.name != self._mode_name:
+            self._begin_mode(mode, now_s)
         if not is_armed:
             self._was_found, self._is_settled = True, False
             return None
@@ -144,11 +145,10 @@ class CauseWatch:
         if cause is not None and cause.is_failsafe:
             self._explained_s = now_s
 
-    def _see_mode(self, mode: Mode, now_s: float) -> None:
-        if mode.name != self._mode_name:
-            self._was_found = not self._mode_name
-            self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
-            self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
+    def _begin_mode(self, mode: Mode, now_s: float) -> None:
+        self._was_found = not self._mode_name
+        self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
+        self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
 
     @property
     def _is_unintended(self) -> bool | None:

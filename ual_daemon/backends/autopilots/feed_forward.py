@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 from msgspec import Meta
@@ -126,23 +126,26 @@ class FeedForward:
             logs.event(_log, logging.INFO, "drag_learned", drag_1_s=round(self.drag_1_s, 2))
 
     def apply(self, setpoint: PositionSetpoint, now_s: float) -> PositionSetpoint:
-        """Returns the setpoint with what was learned."""
-        v, a = setpoint.velocity, setpoint.acceleration
-        a += Vector3(v.x, v.y, 0.0) * self.drag_1_s
-        return replace(setpoint, velocity=v + self.velocity_error, acceleration=a + self._lead(a, now_s))
+        """Returns the setpoint with what was learned. In plain numbers, as each setpoint passes here."""
+        v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
+        acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
+        velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
+        return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
 
-    def _lead(self, acceleration: Vector3, now_s: float) -> Vector3:
-        """Returns how much the acceleration will have changed by the time the vehicle has tilted."""
+    def _leading(self, a: Vector3, now_s: float) -> Vector3:
+        """Returns the acceleration as it will be by the time the vehicle has tilted."""
         last = self._last
         passed_s = math.inf if last is None else now_s - last[0]
         if last is None or passed_s > _LONGEST_GAP_S:
-            self._last = (now_s, acceleration)
-            return Vector3()
-        share = 1.0 - math.exp(-max(0.0, passed_s) / _LEAD_SMOOTHING_S)
-        smooth = last[1] + (acceleration - last[1]) * share
+            self._last = (now_s, a)
+            return a
+        s, share = last[1], 1.0 - math.exp(-max(0.0, passed_s) / _LEAD_SMOOTHING_S)
+        smooth = Vector3(s.x + (a.x - s.x) * share, s.y + (a.y - s.y) * share, s.z + (a.z - s.z) * share)
         self._last = (now_s, smooth)
-        lead = (acceleration - smooth) * (TILT_S / _LEAD_SMOOTHING_S)
-        return lead * min(1.0, MOST_LEAD_M_S2 / max(lead.norm(), 1e-9))
+        factor = TILT_S / _LEAD_SMOOTHING_S
+        x, y, z = (a.x - smooth.x) * factor, (a.y - smooth.y) * factor, (a.z - smooth.z) * factor
+        kept = min(1.0, MOST_LEAD_M_S2 / max(math.hypot(x, y, z), 1e-9))
+        return Vector3(a.x + x * kept, a.y + y * kept, a.z + z * kept)
 
 
 def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:

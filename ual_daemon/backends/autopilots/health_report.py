@@ -26,6 +26,7 @@ class HealthReport:
         self._link_quality: float | None = None
         self._next_link_s = -math.inf
         self._known: tuple[object, ...] = ()
+        """From what the newest health was composed; empty where the checks have changed since."""
         self._health = Health()
 
     def on_text(self, text: str, now_s: float) -> None:
@@ -36,6 +37,7 @@ class HealthReport:
 
     def on_event(self, event: Event) -> None:
         """Takes an event of PX4: each report of its checks names those that fail."""
+        self._known = ()
         if event.begins_report:
             self._checks.clear()
         elif event.is_check:
@@ -53,11 +55,12 @@ class HealthReport:
             self._next_link_s = now_s + LINK_PERIOD_S
             lost = loss()
             self._link_quality = None if lost is None else round(1.0 - lost, 3)
-        failing = (*sensor_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
-        known = (is_ready, failing, self._link_quality)
-        if known != self._known:
+        known = (is_ready, failing_sensors, self._link_quality)
+        if known != self._known or self._texts:  # texts become old
             self._known = known
-            self._health = Health(is_ready, failing, self._link_quality)
+            failing = (*sensor_names(failing_sensors), *self._checks, *self._fresh_texts(now_s, is_ready=is_ready))
+            health = Health(is_ready, failing, self._link_quality)
+            self._health = self._health if health == self._health else health
         return self._health
 
     def _fresh_texts(self, now_s: float, *, is_ready: bool | None) -> tuple[str, ...]:

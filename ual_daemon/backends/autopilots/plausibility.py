@@ -31,12 +31,12 @@ class Plausibility:
 
     def accepts_position(self, position: Vector3) -> bool:
         """Judges a position in the local frame."""
-        norm = position.norm()
+        norm = math.hypot(position.x, position.y, position.z)
         return norm <= MAX_DISTANCE_M or self._drop("position", f"of {norm:.3g} m")
 
     def accepts_velocity(self, velocity: Vector3) -> bool:
         """Judges a velocity."""
-        norm = velocity.norm()
+        norm = math.hypot(velocity.x, velocity.y, velocity.z)
         return norm <= MAX_SPEED_M_S or self._drop("velocity", f"of {norm:.3g} m/s")
 
     def accepts_motion(self, pose: Pose, velocity: Twist) -> bool:

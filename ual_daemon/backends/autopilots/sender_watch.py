@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import Control, LandedState, Snapshot
+from ual_daemon.backends.values import Control, LandedState, Mode, Sample
 
 QUIET_S = 4.0
 """When we have sent nothing for this long, no target of the autopilot is ours any more: ArduPilot ends the last one by
@@ -63,10 +63,15 @@ class SenderWatch:
         if len(self._strange_s) == STRANGE_COUNT and now_s - self._strange_s[0] <= STRANGE_S:
             self._find("the autopilot's target is at times one that UAL has not sent", now_s)
 
-    def another(self, snapshot: Snapshot) -> str:
+    def another(
+        self,
+        now_s: float,
+        armed: Sample[bool] | None,
+        mode: Sample[Mode] | None,
+        landed: Sample[LandedState] | None,
+    ) -> str:
         """Returns what shows another sender, for people; empty while nothing does."""
-        now_s = snapshot.time_s
-        if not _is_flown_by_setpoints(snapshot):
+        if not _is_flown_by_setpoints(armed, mode, landed):
             self._flies_since_s, self._found = math.inf, ""
             return ""
         self._flies_since_s = min(self._flies_since_s, now_s)
@@ -109,8 +114,9 @@ def _finite(vector: Vector3) -> Vector3:
     return Vector3(*(each if math.isfinite(each) else 0.0 for each in (vector.x, vector.y, vector.z)))
 
 
-def _is_flown_by_setpoints(snapshot: Snapshot) -> bool:
-    if snapshot.armed is None or snapshot.mode is None or snapshot.landed is None:
+def _is_flown_by_setpoints(
+    armed: Sample[bool] | None, mode: Sample[Mode] | None, landed: Sample[LandedState] | None
+) -> bool:
+    if armed is None or mode is None or landed is None:
         return False
-    is_ours = snapshot.mode.value.control is Control.REFERENCES
-    return snapshot.armed.value and is_ours and snapshot.landed.value is LandedState.IN_AIR
+    return armed.value and mode.value.control is Control.REFERENCES and landed.value is LandedState.IN_AIR

@@ -165,7 +165,7 @@ class Session:
         is_armed = self.telemetry.is_armed
         mode = snapshot.mode
         return snapshot._replace(
-            other_sender=self._senders.another(snapshot),
+            other_sender=self._senders.another(now_s, snapshot.armed, mode, snapshot.landed),
             health=self._health.report(
                 now_s, self.telemetry.is_ready_to_arm, self._causes.failing_sensors, lambda: None
             ),

@@ -18,9 +18,9 @@ def ned_to_enu(north: float, east: float, down: float) -> Vector3:
     return Vector3(east, north, -down)
 
 
-def enu_to_ned(vector: Vector3) -> Vector3:
+def enu_to_ned(vector: Vector3) -> tuple[float, float, float]:
     """Converts east, north, up to north, east, down."""
-    return Vector3(vector.y, vector.x, -vector.z)
+    return vector.y, vector.x, -vector.z
 
 
 def frd_to_flu(forward: float, right: float, down: float) -> Vector3:

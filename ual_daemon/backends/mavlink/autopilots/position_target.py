@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from ual.geometry import Vector3
 from ual_daemon.backends.autopilots.numbers import POSITION_MASK, UNACCELERATED_MASK, VELOCITY_MASK
 from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
-_ZERO = Vector3()
+_ZERO = (0.0, 0.0, 0.0)
 
 
 def encode_position_target(
@@ -36,15 +35,9 @@ def encode_position_target(
         target.component_id,
         mavlink.MAV_FRAME_LOCAL_NED,
         mask,
-        position.x,
-        position.y,
-        position.z,
-        velocity.x,
-        velocity.y,
-        velocity.z,
-        acceleration.x,
-        acceleration.y,
-        acceleration.z,
+        *position,
+        *velocity,
+        *acceleration,
         yaw_rad,
         enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s),
     )

@@ -113,7 +113,8 @@ class ReceiveLoop:
 
     def _receive(self) -> None:
         connection, clock = self._connection, self._clock
-        chunks = connection.receive(self._next_full_tick_s - clock.now_s(), clock.now_s())
+        now_s = clock.now_s()
+        chunks = connection.receive(self._next_full_tick_s - now_s, now_s)
         woke_s = clock.now_s()
         pause_s = self._own_pause.woke(woke_s, math.inf if self._session is None else self._session.freshness.link_s)
         if pause_s:
@@ -182,9 +183,12 @@ class ReceiveLoop:
 
     def _publish(self, now_s: float) -> None:
         session = self._discovery.session
-        snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
         # What came after the last batch was received is not in it, however long the batch has taken.
-        snapshot = snapshot._replace(updated_s=self._own_pause.woke_s, own_pause=self._own_pause.why(now_s))
+        updated_s, own_pause = self._own_pause.woke_s, self._own_pause.why(now_s)
+        if session is None:
+            snapshot = Snapshot(now_s, updated_s=updated_s, own_pause=own_pause)
+        else:
+            snapshot = session.snapshot(now_s, updated_s, own_pause)
         trouble = self._connection.trouble or self._discovery.why_silent(now_s)
         if trouble:
             snapshot = snapshot._replace(link_trouble=trouble)

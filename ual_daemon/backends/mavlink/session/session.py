@@ -153,7 +153,7 @@ class Session:
         elif message is None:
             self._on_undecoded(frame, now_s)
         else:
-            self._on_decoded(message, now_s, utc_now_s)
+            self._on_decoded(frame, message, now_s, utc_now_s)
 
     def _identify(self, frame: Frame, message: Message | None, address: Address | None, now_s: float) -> None:
         """Checks that a frame is of the same vehicle as those before. A conflict discards what is known."""
@@ -240,19 +240,22 @@ class Session:
             kind = self.identity.kind
             self.successor = Successor(kind, Kind(kind.autopilot, mavlink.MAV_TYPE_VTOL_QUADROTOR))
 
-    def snapshot(self, now_s: float) -> Snapshot:
-        """Returns the newest data as of now."""
-        snapshot = self.telemetry.snapshot(now_s)
-        armed, mode = snapshot.armed, snapshot.mode
+    def snapshot(self, now_s: float, updated_s: float = math.inf, own_pause: str = "") -> Snapshot:
+        """Returns the newest data as of now. `updated_s` and `own_pause` are those of the snapshot."""
+        telemetry, causes = self.telemetry, self._causes
+        armed, mode = telemetry.armed, telemetry.mode
         is_armed = armed is not None and armed.value
-        held_by = None if mode is None else self._causes.held_by(mode.value, now_s, is_armed=is_armed)
-        return snapshot._replace(
-            other_sender=self._sender_watch.another(snapshot),
+        # All at once: each value that is replaced afterwards copies all others, at each update.
+        return telemetry.snapshot(
+            now_s,
+            updated_s=updated_s,
+            own_pause=own_pause,
+            held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
+            other_sender=self._sender_watch.another(now_s, armed, mode, telemetry.landed),
             health=self._health.report(
-                now_s, self.telemetry.readiness, self._causes.failing_sensors, lambda: self._supervision.loss(now_s)
+                now_s, telemetry.readiness, causes.failing_sensors, lambda: self._supervision.loss(now_s)
             ),
-            failsafe=self._causes.failsafe(is_armed=is_armed),
-            held_by=held_by,
+            failsafe=causes.failsafe(is_armed=is_armed),
         )
 
     @property
@@ -314,14 +317,14 @@ class Session:
         if silence_s > SILENCE_S:
             self.restart_setup()
 
-    def _on_decoded(self, message: Message, now_s: float, utc_now_s: float) -> None:
+    def _on_decoded(self, frame: Frame, message: Message, now_s: float, utc_now_s: float) -> None:
         telemetry = self.telemetry
         boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
         if boot_ms > 0 and self._supervision.update_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.begin_boot())
             self.restart_setup()
         elif boot_ms > 0 and self._supervision.is_boot_doubtful:
-            telemetry.on_frame(message.get_seq(), now_s)
+            telemetry.on_frame(frame.sequence, now_s)
             return
         telemetry.update(message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:
@@ -330,10 +333,11 @@ class Session:
         if telemetry.origin.is_wanted:
             telemetry.origin.is_wanted = False
             self._request_origin(now_s)
-        handler = self._handlers.get(message.get_msgId())
+        handler = self._handlers.get(frame.message_id)
         if handler is not None:
             handler(message, now_s, utc_now_s)
-        self._payload_messages.on_message(message, now_s)
+        if self._payload_messages.ids:
+            self._payload_messages.on_message(message, now_s)
 
     def _on_undecoded(self, frame: Frame, now_s: float) -> None:
         """Takes a message that no dialect of pymavlink has, or that is not used."""

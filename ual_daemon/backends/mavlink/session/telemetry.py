@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
@@ -40,18 +41,20 @@ class Telemetry:
         self._boots_count = boots_count
         self.plausibility = Plausibility()
         self._clock_offset = ClockOffset()
-        self._heard_s: float | None = None
+        self.heard_s: float | None = None
+        """When its last frame came."""
         self._sequence = SequenceUnwrapper(LATE_S)
         self._sources: dict[str, tuple[int, float]] = {}
         """For each value the sequence number of its last message, and when that came."""
         self._stamp_s = self._measured_s = 0.0
-        self._armed: Sample[bool] | None
-        self._mode: Sample[Mode] | None
-        self._landed: Sample[LandedState] | None
+        self.armed: Sample[bool] | None
+        self.mode: Sample[Mode] | None
+        self.landed: Sample[LandedState] | None
         self._estimator: Sample[Estimator] | None
         self._attitude: Sample[tuple[Quaternion, Vector3]] | None
-        self._pose: Sample[Pose] | None
-        self._velocity: Sample[Twist] | None
+        self.pose: Sample[Pose] | None
+        self.velocity: Sample[Twist] | None
+        """Came with the pose."""
         self._position_geo: Sample[GeoPoint] | None
         self.discard_state()
         self.origin = LocalOrigin()
@@ -101,15 +104,15 @@ class Telemetry:
 
     def discard_state(self) -> None:
         """Discards all that may have changed since it was sent; the vehicle's properties and its frame stay known."""
-        self._armed = self._mode = self._estimator = self._attitude = self._pose = self._velocity = None
+        self.armed = self.mode = self._estimator = self._attitude = self.pose = self.velocity = None
         self._position_geo = None
         # Where a landed state is sure to come, its absence must not be taken for flying.
-        self._landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.sends_landed_state else None
+        self.landed = Sample(LandedState.UNKNOWN, NEVER_S) if self._dialect.sends_landed_state else None
 
     def discard_boot(self, boots_count: int) -> None:
         """Discards what belongs to the boot before; most sampled values become old by themselves."""
         self._boots_count = boots_count
-        self._pose = self._velocity = self._position_geo = None  # in another local frame
+        self.pose = self.velocity = self._position_geo = None  # in another local frame
         self._gps = None if self._gps is None else GpsInfo(GpsFix.NONE)
         self._clock_offset = ClockOffset()
         self._sequence = SequenceUnwrapper(LATE_S)
@@ -127,8 +130,9 @@ class Telemetry:
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
-        self.on_frame(message.get_seq(), now_s)
-        message_id = message.get_msgId()
+        header = message.get_header()
+        self.on_frame(header.seq, now_s)
+        message_id = header.msgId
         handler = self._handlers.get(message_id)
         if handler is not None:
             handler(message, now_s, utc_now_s)
@@ -136,7 +140,7 @@ class Telemetry:
 
     def on_frame(self, sequence: int, now_s: float) -> None:
         """Takes note of a frame of the autopilot with this number; its content, if used, is taken next."""
-        self._heard_s = now_s
+        self.heard_s = now_s
         self._sequence.update(sequence, now_s)
 
     def set_armed(self, is_armed: bool, now_s: float) -> None:
@@ -147,35 +151,20 @@ class Telemetry:
         """
         if not self._is_newest("armed", now_s):
             return
-        if is_armed and not (self._armed is not None and self._armed.value):
+        if is_armed and not (self.armed is not None and self.armed.value):
             self._home_altitude_amsl_m = self._home_geo = None
             self._is_newest("home", now_s)
-        self._armed = Sample(is_armed, now_s)
+        self.armed = Sample(is_armed, now_s)
 
     @property
     def is_home_missing(self) -> bool:
         """Whether it is armed, and the home that it has since is not known."""
-        return self._home_altitude_amsl_m is None and self._armed is not None and self._armed.value
+        return self._home_altitude_amsl_m is None and self.armed is not None and self.armed.value
 
     @property
     def is_armed(self) -> bool | None:
         """Whether it is armed; None while that is not known."""
-        return None if self._armed is None else self._armed.value
-
-    @property
-    def heard_s(self) -> float | None:
-        """When its last frame came."""
-        return self._heard_s
-
-    @property
-    def pose(self) -> Sample[Pose] | None:
-        """The newest pose."""
-        return self._pose
-
-    @property
-    def velocity(self) -> Sample[Twist] | None:
-        """The newest velocity, which came with the newest pose."""
-        return self._velocity
+        return None if self.armed is None else self.armed.value
 
     @property
     def attitude_time_s(self) -> float | None:
@@ -185,7 +174,7 @@ class Telemetry:
     @property
     def mode_name(self) -> str:
         """The name of its mode; empty while it is not known."""
-        return "" if self._mode is None else self._mode.value.name
+        return "" if self.mode is None else self.mode.value.name
 
     @property
     def readiness(self) -> bool | None:
@@ -197,20 +186,20 @@ class Telemetry:
         """Its newest text."""
         return self._status_text.text
 
-    def snapshot(self, now_s: float) -> Snapshot:
-        """Returns all values as of now."""
+    def snapshot(self, now_s: float, **others: Any) -> Snapshot:  # noqa: ANN401  of any field
+        """Returns all values as of now, with `others`, which are known elsewhere."""
         geo = self._position_geo
         return Snapshot(
             time_s=now_s,
-            heard_s=self._heard_s,
+            heard_s=self.heard_s,
             stamp_s=self._stamp_s,
             measured_s=self._measured_s,
-            armed=self._armed,
-            landed=self._landed,
-            mode=self._mode,
+            armed=self.armed,
+            landed=self.landed,
+            mode=self.mode,
             estimator=self._estimator,
-            pose=self._pose,
-            velocity=self._velocity,
+            pose=self.pose,
+            velocity=self.velocity,
             position_geo=None if geo is None or now_s - geo.time_s > GEO_LIMIT_S else geo.value,
             projection=self.origin.projection,
             home_altitude_amsl_m=self._home_altitude_amsl_m,
@@ -223,6 +212,7 @@ class Telemetry:
             has_rangefinder=self._has_rangefinder,
             conflict=self.conflict,
             own_fence=self.fence.limits,
+            **others,
         )
 
     def _is_newest(self, value: str, now_s: float) -> bool:
@@ -245,13 +235,13 @@ class Telemetry:
     def _on_mode(self, message: Message, now_s: float, _: float) -> None:
         mode = self._dialect.mode(message.custom_mode)
         if self._is_newest("mode", now_s):
-            self._mode = Sample(mode, now_s)
-        elif self._mode is not None and mode != self._mode.value:
+            self.mode = Sample(mode, now_s)
+        elif self.mode is not None and mode != self.mode.value:
             self.is_mode_doubtful = True
 
     def _on_extended_sys_state(self, message: Message, now_s: float, _: float) -> None:
         if self._is_newest("landed", now_s):
-            self._landed = Sample(landed_state(message.landed_state), now_s)
+            self.landed = Sample(landed_state(message.landed_state), now_s)
             self.vtol_state = message.vtol_state
 
     def _on_estimator(self, message: Message, now_s: float, _: float) -> None:
@@ -259,7 +249,7 @@ class Telemetry:
             return
         estimator = self._dialect.estimator(message.flags)
         if estimator.is_regained_after(self._estimator):
-            self._pose = self._velocity = None
+            self.pose = self.velocity = None
         self._estimator = Sample(estimator, now_s)
 
     def _on_attitude_quaternion(self, message: Message, now_s: float, _: float) -> None:
@@ -282,8 +272,8 @@ class Telemetry:
         if self.plausibility.accepts_position(place) and self.plausibility.accepts_velocity(velocity):
             orientation, rates = attitude.value
             self._stamp_s, self._measured_s = stamp_s, measured_s  # of the pose: where it is old, so are they
-            self._pose = Sample(Pose(place, orientation), now_s)
-            self._velocity = Sample(Twist(velocity, rates), now_s)
+            self.pose = Sample(Pose(place, orientation), now_s)
+            self.velocity = Sample(Twist(velocity, rates), now_s)
             self.origin.on_position(message.time_boot_ms, place, velocity)
 
     def _on_global_position_int(self, message: Message, now_s: float, _: float) -> None:

@@ -76,6 +76,7 @@ class Receiver:
         self.stranger_count = 0
         """Frames of our autopilot's system dropped because another host sent them."""
         self._link = link
+        self._is_stream = link.is_stream
         self._codec = codec
         self._selector = selector
         self._source: Source | None = None
@@ -98,17 +99,17 @@ class Receiver:
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
         self._utc_offset_s = utc_now_s - now_s
-        reader = self._reader
+        reader, peer = self._reader, self._link.peer
         reader.refill(now_s)
         garbage_count = reader.garbage_count
-        if self._link.is_stream:
+        if self._is_stream:
             frames = reader.feed(data)
-        elif self._link.peer in (None, address) or now_s - self._peer_heard_s > PEER_SILENCE_S:
+        elif peer is None or peer == address or now_s - self._peer_heard_s > PEER_SILENCE_S:
             frames = reader.read(data, address)
         else:
             frames = reader.read_beginning(data)
         if frames:
-            self._take_all(frames, address, now_s, utc_now_s)
+            self._take_all(frames, address, now_s, utc_now_s, is_from_peer=peer == address)
         elif reader.garbage_count > garbage_count:
             self.untaken.note("garbage", _GARBAGE, now_s)
 
@@ -126,10 +127,18 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
-    def _take_all(self, frames: list[Frame], address: Address | None, now_s: float, utc_now_s: float) -> None:
+    def _take_all(
+        self,
+        frames: list[Frame],
+        address: Address | None,
+        now_s: float,
+        utc_now_s: float,
+        *,
+        is_from_peer: bool = False,
+    ) -> None:
         for frame in frames:
             try:
-                self._take(frame, address, now_s, utc_now_s)
+                self._take(frame, address, now_s, utc_now_s, is_from_peer=is_from_peer)
             except CorruptFrameError as error:
                 self._undecodable_count += 1
                 _log.debug("dropped a frame: %s", error)
@@ -137,7 +146,9 @@ class Receiver:
                 defect = f"message {frame.message_id} could not be used; this is a defect of UAL, please report it"
                 self._log_once(defect, logging.ERROR, has_traceback=True)
 
-    def _take(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
+    def _take(
+        self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float, *, is_from_peer: bool
+    ) -> None:
         handler, source = self._handler, self._source
         if handler is None or source is None:
             handler = self._select(frame, address, now_s)
@@ -147,10 +158,12 @@ class Receiver:
             if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
                 self._selector.on_other_heartbeat(frame.source, self._codec.decode(frame), address, now_s)
             return
-        elif not self._is_accepted(frame, address, now_s) or self._is_stranger(frame, address, now_s):
+        elif not self._is_accepted(frame, address, now_s) or (
+            not is_from_peer and self._is_stranger(frame, address, now_s)
+        ):
             return
         message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
-        if self._link.peer != address:
+        if not is_from_peer:
             self._link.answer_to(address)
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)

@@ -31,12 +31,12 @@ def test_both_changes_of_axes_are_their_own_inverses_and_keep_handedness(x: floa
     for convert in (ned_to_enu, frd_to_flu):
         assert tuple(convert(*convert(x, y, z))) == (x, y, z)
         assert convert(1, 0, 0).cross(convert(0, 1, 0)) == convert(0, 0, 1)
-    assert tuple(enu_to_ned(ned_to_enu(x, y, z))) == (x, y, z)
+    assert enu_to_ned(ned_to_enu(x, y, z)) == (x, y, z)
 
 
 def test_north_east_down_are_y_x_and_minus_z() -> None:
     assert ned_to_enu(1.0, 2.0, 3.0) == Vector3(2.0, 1.0, -3.0)
-    assert enu_to_ned(Vector3(1.0, 2.0, 3.0)) == Vector3(2.0, 1.0, -3.0)
+    assert enu_to_ned(Vector3(1.0, 2.0, 3.0)) == (2.0, 1.0, -3.0)
     assert frd_to_flu(1.0, 2.0, 3.0) == Vector3(1.0, -2.0, -3.0)
 
 
