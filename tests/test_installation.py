@@ -57,7 +57,8 @@ def test_the_lock_has_a_version_of_each_package_that_is_asked_for(python: str) -
 def commands_of(*targets: str, venv: str = "build/nowhere") -> list[str]:
     """What `make` would run."""
     command = ["make", "--dry-run", "--always-make", f"VENV={venv}", *targets]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60.0).stdout.splitlines()
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60.0)
+    return done.stdout.splitlines()
 
 
 def test_every_installation_is_by_the_lock() -> None:

@@ -1,14 +1,15 @@
 """Compiles what `ual-daemon` and `ual` import, so that no start compiles it: ``python tools/compile_used.py``.
 
 Python keeps a compiled module only where it may write beside its source. Elsewhere (``PYTHONDONTWRITEBYTECODE``, a
-read-only container, another user's installation) each start would compile all modules anew; pymavlink's dialect alone
-takes half a second and 90 MiB. `pip install` compiles every module of each package; what is imported is a tenth of them.
+read-only container, another user's installation) each start would compile all modules anew: half a second and 90 MiB
+for pymavlink's dialect alone. `pip install` compiles every module of each package, of which a tenth is imported.
 """
 
 from __future__ import annotations
 
 import ast
 import importlib
+import os
 import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -21,6 +22,7 @@ def main() -> None:
     """Imports each module of the two packages and what these import, functions included. Python compiles them then."""
     if sys.dont_write_bytecode:
         sys.exit("PYTHONDONTWRITEBYTECODE is set, or -B: Python would compile, and keep nothing")
+    os.environ["PYGAME_HIDE_SUPPORT_PROMPT"] = "1"
     for name in sorted({name for package in PACKAGES for name in _names(package)}):
         try:
             importlib.import_module(name)
