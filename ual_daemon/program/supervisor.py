@@ -95,8 +95,9 @@ class _Process:
 
     def tell(self, word: str) -> None:
         """Sends a word to the worker, unless it is gone."""
-        with suppress(BrokenPipeError):
-            os.write(self._order, f"{word}\n".encode())
+        if self.status is None:
+            with suppress(BrokenPipeError):
+                os.write(self._order, f"{word}\n".encode())
 
     def hear(self, words: Sequence[bytes]) -> None:
         """Takes note of what the worker tells."""

@@ -53,6 +53,7 @@ class Worker(Supervision):
         self._stop: Callable[[], None] = _nothing
         self._decided = asyncio.Event()
         self._may_serve = False
+        self._is_alone = False
         # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -85,7 +86,8 @@ class Worker(Supervision):
 
     @override
     def ended(self) -> None:
-        """The supervisor logs the end of all."""
+        if self._is_alone:  # else the supervisor logs the end of all
+            logs.event(_log, logging.INFO, "ended")
 
     def _tell(self, *words: object) -> None:
         with suppress(BrokenPipeError):  # the supervisor is gone, which `_hear` finds out
@@ -100,6 +102,7 @@ class Worker(Supervision):
             self._end()
         if not heard:
             asyncio.get_running_loop().remove_reader(self.channels.orders)
+            self._is_alone = True
             log_output.setup(self._level, self._format)
             logs.event(_log, logging.ERROR, "supervisor_gone", why="the process that started this one was killed")
             self._end()
