@@ -6,7 +6,6 @@ import asyncio
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 
@@ -59,6 +58,7 @@ class Watcher(Supervision):
             self._stop()
 
 
+@pytest.mark.usefixtures("runtime_dir")
 @pytest.mark.parametrize(
     ("end_at", "told"),
     [
@@ -68,7 +68,7 @@ class Watcher(Supervision):
         ("serves uav_1 uav_2 uav_3", ["begin", "bound", "serves uav_1 uav_2 uav_3", "ended"]),
     ],
 )
-def test_a_fleet_ends_at_any_time_of_its_start(end_at: str, told: list[str], runtime_dir: Path) -> None:
+def test_a_fleet_ends_at_any_time_of_its_start(end_at: str, told: list[str]) -> None:
     world, watcher = World(), Watcher(end_at)
     with ExitStack() as held:
         uavs = []
