@@ -401,6 +401,7 @@ def _serve(
         if worker is not None:
             worker.fail(str(error), _CANNOT_START)
         _fail(str(error), _CANNOT_START)
+    gc.freeze()  # the interpreter's end looks for garbage: seconds, after a large fleet
     if not are_safe:
         sys.exit(_LEFT_IN_MOTION)
 
