@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
+import re
 import resource
 import statistics
 import sys
@@ -34,6 +35,7 @@ import grpc
 from benchmarks.children import LIMIT_S, Child, ChildError, Process, processor_s, resident_mib
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
+from ual_daemon.backends.light.physics import STEP_S
 from ual_daemon.program import fleet
 from ual_daemon.program.configuration import DaemonSettings
 
@@ -83,6 +85,8 @@ class Found:
     real_time: float
     lag_s: float
     resident_mib: float
+    updates_hz: float
+    """How often each UAV was updated at the slowest (`ual_daemon.backends.light.world.Thinning`)."""
     load: float
     """Of the computer, at the end: how many processes wanted a processor."""
     rates_hz: Sequence[float] = ()
@@ -113,6 +117,11 @@ class FleetDaemon(Process):
     def path(self, number: int) -> str:
         """Returns the socket of a UAV; numbers begin at 1."""
         return f"{self._directory.name}/uav_{number}.sock"
+
+    def updates_hz(self) -> float:
+        """Returns how often each UAV was updated, at the slowest so far."""
+        text = Path(self._directory.name, "log").read_text(encoding="utf-8")
+        return 1.0 / max((float(each) for each in re.findall(r"every ([\d.]+) s instead of", text)), default=STEP_S)
 
     def processor_s(self) -> float:
         return sum(processor_s(pid) for pid in self._pids())
@@ -216,7 +225,9 @@ async def measure(case: Case, daemon: FleetDaemon, readers: Child, duration_s: f
     if case.what == FLYING:
         await with_each(daemon, lambda stub: _until(stub, pb.STATE_FLYING_AUTO))  # all still fly
     real_time, lag_s = min(each[0] for each in found), max(each[1] for each in found)
-    return Found(case, len(parts), share, real_time, lag_s, daemon.resident_mib(), os.getloadavg()[0], rates)
+    return Found(
+        case, len(parts), share, real_time, lag_s, daemon.resident_mib(), daemon.updates_hz(), os.getloadavg()[0], rates
+    )
 
 
 def verdicts(found: Sequence[Found]) -> Iterator[tuple[str, float, str, bool]]:
@@ -260,7 +271,7 @@ def main() -> None:
     print(f"{len(os.sched_getaffinity(0))} processors; priority: {_prefer() if arguments.priority else 'none'}\n")
     print(
         f"{'':7}{'UAVs':>5}{'workers':>9}{'cpu s/s':>9}{'ms each':>9}{'real time':>11}{'behind s':>10}{'MiB':>6}"
-        f"{'load':>6}{'Hz':>7}{'least':>7}"
+        f"{'updates':>9}{'load':>6}{'Hz':>7}{'least':>7}"
     )
     found = []
     for case in cases:
@@ -270,7 +281,7 @@ def main() -> None:
         rates = f"{statistics.median(each.rates_hz):7.2f}{min(each.rates_hz):7.2f}" if each.rates_hz else ""
         print(
             f"{case.what:7}{case.uavs:5d}{each.workers_count:9d}{each.share:9.3f}{each.each:9.3f}{each.real_time:11.4f}"
-            f"{each.lag_s:10.3f}{each.resident_mib:6.0f}{each.load:6.1f}{rates}",
+            f"{each.lag_s:10.3f}{each.resident_mib:6.0f}{each.updates_hz:9.1f}{each.load:6.1f}{rates}",
             flush=True,
         )
     print()
