@@ -243,7 +243,7 @@ def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequ
         _fail(str(error), error.status)
     try:
         _fly(configuration, sources, worker)
-    except ConfigurationError as error:
+    except (ConfigurationError, ConfigError) as error:
         worker.fail(str(error), _WRONG_USAGE)
 
 
@@ -350,7 +350,7 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
         backends = registry.make_fleet(settings.backend, options[own], places[own], part.start)
     except ConfigError as error:  # each backend knows of one URL
         raise ConfigError(error.message, "fleet_url" if error.key == "url" else error.key) from None
-    fleet.allow_files(len(part), len(configuration.listen))
+    fleet.allow_files(max(map(len, fleet.parts(settings))), len(configuration.listen))
     return [
         _Planned(backend, fleet.placed(configuration.vehicle, place), where)
         for backend, place, where in zip(backends, places[own], listen[own], strict=True)
