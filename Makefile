@@ -4,8 +4,11 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV := $(VENV)/.dev
-# Not compiled: pip would compile every module, and Python compiles those that are imported, once.
-PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
+LOCK := constraints.txt
+# Not compiled: pip would compile every module. COMPILE compiles those that are imported, a tenth of them.
+PIP_NEWEST := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
+PIP_INSTALL := $(PIP_NEWEST) --constraint $(LOCK)
+COMPILE := PYTHONDONTWRITEBYTECODE= $(BIN)/python tools/compile_used.py
 DISTRIBUTIONS := pyproject.toml clients/python/pyproject.toml ual_daemon/__init__.py clients/python/ual/__init__.py
 STUBS := clients/python/ual/v1
 PROTOS := proto/ual/v1/ual.proto proto/ual/v1/simulation.proto
@@ -13,16 +16,17 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist run test test-thorough test-newest-grpc test-oldest-grpc test-clients lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install dev dist run test test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
-$(INSTALLED): $(DISTRIBUTIONS) | $(VENV)/.made
-	@echo 'Installing UAL into $(VENV), once: 44 MB to download, 190 MB of disk'
+$(INSTALLED): $(DISTRIBUTIONS) $(LOCK) tools/compile_used.py | $(VENV)/.made
+	@echo 'Installing UAL into $(VENV), once: 45 MB to download, 200 MB of disk'
 	$(PIP_INSTALL) -e clients/python -e .
+	$(COMPILE)
 	@touch $@
 
 # The interpreter alone is no sign: Debian without python3-venv leaves a virtual environment without pip.
@@ -37,7 +41,15 @@ dev: $(DEV)  ## The tools for development over it: tests, lint, types
 $(DEV): $(INSTALLED)
 	@echo 'Installing the tools for development into $(VENV), once'
 	$(PIP_INSTALL) -e clients/python -e '.[dev]'
+	$(COMPILE)
 	@touch $@
+
+# Every extra is in it, so that none of them changes the version of what flies. One file for Python 3.10 and newer.
+lock: | $(VENV)/.made  ## Renews constraints.txt: the versions that `make` installs, of all packages and extras
+	$(PIP_NEWEST) --quiet --upgrade --target build/uv uv
+	build/uv/bin/uv pip compile --quiet --upgrade --universal --python-version 3.10 --no-python-downloads --all-extras \
+		--no-annotate --custom-compile-command 'make lock' --no-emit-package ual-client --no-emit-package ual-daemon \
+		--output-file $(LOCK) pyproject.toml clients/python/pyproject.toml benchmarks/requirements.txt
 
 dist: | $(VENV)/.made  ## The wheels of both distributions into dist: docs/installation.md
 	rm -rf dist
@@ -57,21 +69,25 @@ test: $(DEV)  ## The tests, but those that need a real autopilot
 test-thorough: $(DEV)  ## The property tests, each with 1000 examples that are new each time
 	UAL_TEST_HYPOTHESIS=thorough $(BIN)/python -m pytest $(IN_PARALLEL) -m hypothesis
 
-# Another grpcio is laid over that of the virtual environment, which is quicker than an environment of its own.
+# Other versions are laid over those of the virtual environment, which is quicker than an environment of its own.
 GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
-INSTALL_OVER = rm -rf $(1) && $(PIP_INSTALL) --quiet --no-deps --target $(1)
-TEST_WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python -m pytest $(IN_PARALLEL) \
-	tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py -k 'not over_class and not unix_socket'
+LAY_OVER = rm -rf $(1) && $(PIP_NEWEST) --quiet --target $(1)
+WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python
+GRPC_TESTS := tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py \
+	-k 'not over_class and not unix_socket'
 
-test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio, unless that is installed
-	$(call INSTALL_OVER,build/newest-grpc) grpcio
-	@found=$$(basename build/newest-grpc/grpcio-*.dist-info); \
-	if ls -d $(VENV)/lib/*/site-packages/$$found >/dev/null 2>&1; then echo "$$found is installed: \`make test\` runs on it"; \
-	else $(call TEST_WITH,build/newest-grpc); fi
+test-newest: $(DEV)  ## All tests, on PyPI's newest version of each package that flies
+	$(call LAY_OVER,build/newest) clients/python .
+	rm -rf build/newest/ual build/newest/ual_*
+	$(call WITH,build/newest) -m pytest $(IN_PARALLEL)
+
+test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio and protobuf
+	$(call LAY_OVER,build/newest-grpc) --no-deps $(GRPC_FAMILY) 'protobuf<8'
+	$(call WITH,build/newest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
 
 test-oldest-grpc: $(DEV)  ## What uses gRPC, on the oldest grpcio that pyproject.toml allows
-	$(call INSTALL_OVER,build/oldest-grpc) $(addsuffix ==1.76.0,$(GRPC_FAMILY))
-	$(call TEST_WITH,build/oldest-grpc)
+	$(call LAY_OVER,build/oldest-grpc) --no-deps $(addsuffix ==1.76.0,$(GRPC_FAMILY))
+	$(call WITH,build/oldest-grpc) -m pytest $(IN_PARALLEL) $(GRPC_TESTS)
 
 test-clients: $(DEV) tools/bin/grpcurl  ## Builds and flies clients/ in each language that the machine has (CLIENTS='go or rust': these)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory tools/node_modules; fi

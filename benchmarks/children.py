@@ -60,15 +60,11 @@ class Process:
 
     def processor_s(self) -> float:
         """Returns the processor time so far, of all its threads, including those that have ended."""
-        # The clock of another process. Python lacks clock_getcpuclockid(3), which computes the clock's id like this.
-        return time.clock_gettime((~self.pid) << 3 | 2)
+        return processor_s(self.pid)
 
     def resident_mib(self) -> float:
         """Returns the resident memory."""
-        found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{self.pid}/status").read_text())
-        if found is None:
-            raise ChildError(f"process {self.pid} has no resident memory: it has ended")
-        return int(found[1]) / 1024.0
+        return resident_mib(self.pid)
 
     def prefer(self) -> None:
         """Gives it priority over other processes: real time if the system permits it, else a lower niceness."""
@@ -135,6 +131,20 @@ class Child(Process):
             raise ChildError(f"{self._name} ended with status {self.popen.wait(_END_S)}")
         answer: dict[str, Any] = json.loads(line)
         return answer
+
+
+def processor_s(pid: int) -> float:
+    """Returns the processor time of a process so far, of all its threads, including those that have ended."""
+    # The clock of another process. Python lacks clock_getcpuclockid(3), which computes the clock's id like this.
+    return time.clock_gettime((~pid) << 3 | 2)
+
+
+def resident_mib(pid: int) -> float:
+    """Returns the resident memory of a process."""
+    found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    if found is None:
+        raise ChildError(f"process {pid} has no resident memory: it has ended")
+    return int(found[1]) / 1024.0
 
 
 def serve(handle: Callable[[dict[str, Any]], dict[str, Any]]) -> None:

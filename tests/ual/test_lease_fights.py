@@ -86,7 +86,8 @@ def served() -> Iterator[tuple[str, Vehicle]]:
         nonlocal address
         transport = await selection.choose("auto")
         server = Server(vehicle, transport)
-        [bound] = await server.start([addresses.parse("127.0.0.1:0")])
+        [bound] = server.listen([addresses.parse("127.0.0.1:0")])
+        await server.start()
         address = str(bound)
         ready.set()
         await asyncio.to_thread(stop.wait)

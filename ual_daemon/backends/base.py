@@ -111,9 +111,11 @@ class Backend(ABC):
         cls,
         options: Sequence[BackendOptions],  # noqa: ARG003  for backends that override this
         places: Sequence[Vector3],  # noqa: ARG003
+        first: int = 0,  # noqa: ARG003
     ) -> list[Backend]:
         """Makes backends that share one simulation (``--fleet``) or one radio (``--fleet-url``), in one process.
 
+        `first` is how many UAVs of a simulated fleet come before these: other processes fly them (``--workers``).
         `places` are where simulated vehicles stand, relative to the first one, in metres east, north, up. Vehicles with
         a URL (`BackendOptions.url`) stand where they stand; no two URLs have the same `vehicle_key`.
 

@@ -67,12 +67,14 @@ def make(name: str, options: BackendOptions) -> Backend:
     return backend
 
 
-def make_fleet(name: str, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
+def make_fleet(
+    name: str, options: Sequence[BackendOptions], places: Sequence[Vector3], first: int = 0
+) -> list[Backend]:
     """Makes the backends of a fleet (see `Backend.fleet`). Raises as `make` does."""
     kind = _kind(name)
     if not issubclass(kind, Backend):
         raise ConfigError(f"the backend {name!r} cannot fly a fleet", "fleet")
-    return kind.fleet(options, places)
+    return kind.fleet(options, places, first)
 
 
 def vehicle_key(name: str, url: str) -> str:

@@ -39,6 +39,7 @@ class DaemonSettings(Settings, frozen=True, kw_only=True):
     fleet: Annotated[int, Meta(ge=1)] | None = None
     fleet_spacing_m: NotNegative = 3.0
     fleet_url: tuple[str, ...] = ()
+    workers: Annotated[int, Meta(ge=1)] | Literal["auto"] | None = None
     url: str | None = None
     listen: tuple[str, ...] = ()
     insecure: bool = False

@@ -6,18 +6,17 @@ import asyncio
 import gc
 import logging
 import os
-import signal
 from collections.abc import Sequence
-from types import FrameType
 from typing import TYPE_CHECKING, NamedTuple
 
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import SafetyPilot
-from ual_daemon.program import heap
+from ual_daemon.program import ending, heap
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.program.namespace import Namespace
-from ual_daemon.server.addresses import Address
+from ual_daemon.program.supervision import Supervision, Unsupervised
+from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
 from ual_daemon.server.server import Server
 from ual_daemon.server.transport import selection
@@ -37,11 +36,12 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _SAFE_EXIT_LIMIT_S = 60.0
+_CLOSE_LIMIT_S = 10.0
+"""For all that is left once the UAVs are safe."""
 _REMINDER_PERIOD_S = 5.0
 _GATHER_S = 0.005
 """How long a fleet gathers updates before it hands them to the event loop together."""
 _ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  compared with, not bound to
-_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class Callers(NamedTuple):
@@ -74,7 +74,10 @@ class Daemon:
         is_auto_arming: bool = False,
         recording: Recording | None = None,
         audit: Audit | None = None,
+        supervision: Supervision | None = None,
     ) -> None:
+        self._supervision = supervision or Unsupervised()
+        self._is_of_many = len(uavs) > 1 or supervision is not None
         self._recording = recording
         self._audit = audit
         self._uavs = uavs
@@ -85,16 +88,18 @@ class Daemon:
     async def run(self) -> bool:
         """Runs until a signal comes. Returns whether all UAVs are safe: False if one had to be left in motion.
 
+        No UAV is served before the addresses of all are open.
+
         Raises:
             ListenError: An address is not available.
             NamespaceError: The registration cannot be written.
         """
         stop = asyncio.Event()
-        _on_first_signal(stop)
-        if len(self._uavs) > 1:
+        self._supervision.watch(stop.set)
+        if self._is_of_many:
             for uav in self._uavs:
                 uav.vehicle.log_name = uav.vehicle.ns
-        gather_s = _GATHER_S if len(self._uavs) > 1 else 0.0
+        gather_s = _GATHER_S if self._is_of_many else 0.0
         transport, loop_calls = await selection.choose(self._transport, gather_s), LoopCalls(gather_s)
         served = [
             _Served(
@@ -107,13 +112,37 @@ class Daemon:
             )
             for uav in self._uavs
         ]
+        is_serving = False
         try:
-            for each in served:
-                await each.start()
-        except BaseException:
-            await asyncio.gather(*(each.server.stop() for each in served))
-            transport.close()
-            raise
+            is_serving = await self._serve(served, stop)
+        finally:
+            if not is_serving:
+                await asyncio.gather(*(each.server.stop() for each in served))
+                transport.close()
+        are_safe = not is_serving or await self._fly(served, stop, transport)
+        if are_safe:
+            self._supervision.ended()
+        return are_safe
+
+    async def _serve(self, served: Sequence[_Served], stop: asyncio.Event) -> bool:
+        """Opens all addresses, then serves on them. Returns False if it is to end, at any time meanwhile."""
+        for each in served:
+            each.listen()
+            await asyncio.sleep(0.0)  # a signal is heard
+            if stop.is_set():
+                return False
+        if not await self._supervision.may_serve():
+            return False
+        for each in served:
+            await each.start()
+            await asyncio.sleep(0.0)
+            if stop.is_set():
+                return False
+        self._supervision.serves([uav.vehicle.ns for uav in self._uavs])
+        return True
+
+    async def _fly(self, served: Sequence[_Served], stop: asyncio.Event, transport: Transport) -> bool:
+        """Flies until it is to end. Returns whether all UAVs are safe."""
         # Objects made so far live until the end. If they were not frozen, a full garbage collection would take 10 to
         # 15 ms, between two setpoints.
         gc.freeze()
@@ -126,11 +155,11 @@ class Daemon:
             await stop.wait()
         finally:
             trimming.cancel()
+            limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_LIMIT_S)
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             transport.close()
+            limit.cancel()
             gc.unfreeze()
-        if are_safe:
-            logs.event(_log, logging.INFO, "ended")
         return are_safe
 
     def _observers(self, vehicle: Vehicle) -> list[Observer]:
@@ -157,13 +186,23 @@ class _Served:
         self._transport_name = transport.name
         self._pilot = self._vehicle.backend.safety_pilot() if is_auto_arming else None
         self._arming: asyncio.Task[None] | None = None
+        self._addresses: Sequence[Address] = ()
         self.server = Server(
             self._vehicle, transport, loop_calls, observers, callers.access, self._interface.extensions.services
         )
 
+    def listen(self) -> None:
+        """Opens the addresses."""
+        try:
+            self._addresses = self.server.listen(self._listen, self._credentials)
+        except ListenError as error:
+            name = self._vehicle.log_name
+            raise ListenError(f"{name}: {error}" if name else str(error)) from None
+
     async def start(self) -> None:
         """Starts the server and registers its address for clients."""
-        addresses = await self.server.start(self._listen, self._credentials)
+        addresses = self._addresses
+        await self.server.start()
         self._namespace.register(_for_local_clients(addresses, self._credentials), self._vehicle.backend.name)
         logs.event(
             _log,
@@ -229,29 +268,6 @@ class _Served:
     def _leave_in_flight(self, why: str) -> bool:
         logs.event(_log, logging.ERROR, "leaving_in_flight", why=why, **self._vehicle.doing())
         return False
-
-
-def _on_first_signal(stop: asyncio.Event) -> None:
-    """Sets the event at the first signal; a second signal ends the process at once."""
-    loop = asyncio.get_running_loop()
-    # nohup ignores SIGHUP, and means it. A shell without a terminal ignores SIGINT for what it starts with `&`: but who
-    # sends one to a daemon wants its end.
-    is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    numbers = [number for number in _SIGNALS if not (is_kept and number is signal.SIGHUP)]
-
-    def end_at_once(number: int, frame: FrameType | None) -> None:
-        del frame
-        os._exit(128 + number)
-
-    def on_first(number: signal.Signals) -> None:
-        logs.event(_log, logging.INFO, "signal", name=number.name, again="ends at once")
-        for each in numbers:
-            loop.remove_signal_handler(each)
-            signal.signal(each, end_at_once)
-        stop.set()
-
-    for number in numbers:
-        loop.add_signal_handler(number, on_first, number)
 
 
 def _log_failure(task: asyncio.Task[None]) -> None:

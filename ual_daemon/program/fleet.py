@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import resource
 from collections.abc import Callable, Sequence
 
@@ -9,6 +11,7 @@ from msgspec import structs
 
 from ual import _discovery
 from ual.geometry import Vector3
+from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
 
 ROW = 10
@@ -92,6 +95,33 @@ def addresses(templates: Sequence[str], ns: str) -> list[str]:
             )
         found.append(template.replace("{ns}", ns).replace("{port}", str(_discovery.default_port(ns))))
     return found
+
+
+def parts(settings: DaemonSettings) -> list[range]:
+    """Returns which UAVs each process flies, counted from 0: one part for all, unless there are `workers`.
+
+    Raises:
+        ConfigError: What is flown cannot be spread over processes.
+    """
+    if settings.workers is None:
+        return [range(len(settings.fleet_url) or settings.fleet or 1)]
+    if settings.fleet_url:
+        raise ConfigError(
+            "vehicles with URLs of their own share a radio or a simulator: one process flies them", "workers"
+        )
+    if settings.fleet is None:
+        raise ConfigError("one UAV is flown by one process: give --fleet, too", "workers")
+    wanted = _usable_processors() if settings.workers == "auto" else settings.workers
+    count = min(wanted, settings.fleet)
+    bounds = [settings.fleet * i // count for i in range(count + 1)]
+    return [range(begin, end) for begin, end in itertools.pairwise(bounds)]
+
+
+def _usable_processors() -> int:
+    """Returns how many processors this process may use; the system may have more."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def allow_files(count: int, listening: int) -> None:

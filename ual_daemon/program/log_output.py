@@ -103,9 +103,15 @@ class BackgroundHandler(logging.Handler):
     """Writes lines to a stream from a thread of its own. Drops and counts lines that do not fit into the queue."""
 
     def __init__(
-        self, stream: TextIO, queue_size: int = _QUEUE_SIZE, clock: Callable[[], float] = time.monotonic
+        self,
+        stream: TextIO,
+        queue_size: int = _QUEUE_SIZE,
+        clock: Callable[[], float] = time.monotonic,
+        end: str = "\n",
     ) -> None:
+        """`end` is written after each line."""
         super().__init__()
+        self._end = end
         self._repeats = Repeats(clock)
         self._stream = stream
         self._lines: queue.Queue[str | None] = queue.Queue(queue_size)
@@ -129,6 +135,17 @@ class BackgroundHandler(logging.Handler):
         except Exception:  # noqa: BLE001  as all logging handlers do: a bad message must not raise in its caller
             self.handleError(record)
             return
+        self._put_line(line)
+
+    def pass_on(self, line: str) -> None:
+        """Writes a line that another process has made."""
+        self.acquire()
+        try:
+            self._put_line(line)
+        finally:
+            self.release()
+
+    def _put_line(self, line: str) -> None:
         try:
             if self._lost_count:
                 self._lines.put_nowait(self._loss())
@@ -179,11 +196,11 @@ class BackgroundHandler(logging.Handler):
             try:
                 if failed_count:
                     self._stream.flush()  # empties the stream's own buffer first; raises as long as that fails
-                    self._stream.write(f"up to {failed_count} log lines lost: {why}\n")
+                    self._stream.write(f"up to {failed_count} log lines lost: {why}{self._end}")
                     failed_count = 0
                 if line is None:
                     return
-                self._stream.write(line + "\n")
+                self._stream.write(line + self._end)
                 if self._lines.empty():
                     self._stream.flush()
             except ValueError:
@@ -196,9 +213,14 @@ class BackgroundHandler(logging.Handler):
                 time.sleep(_RETRY_S)
 
 
-def setup(level: str, format: Format = "text", stream: TextIO | None = None) -> None:  # noqa: A002  as in logging
+def setup(
+    level: str,
+    format: Format = "text",  # noqa: A002  as in logging
+    stream: TextIO | None = None,
+    end: str = "\n",
+) -> BackgroundHandler:
     """Sends all logs from `level` up (``debug``, ``info``, ``warning``, ``error``) to a stream, by default stderr."""
-    handler = BackgroundHandler(stream or sys.stderr)
+    handler = BackgroundHandler(stream or sys.stderr, end=end)
     handler.setFormatter(JsonFormatter() if format == "json" else TextFormatter())
     root = logging.getLogger()
     for old in root.handlers[:]:
@@ -209,3 +231,4 @@ def setup(level: str, format: Format = "text", stream: TextIO | None = None) -> 
     for library in _VERBOSE_LIBRARIES:
         logging.getLogger(library).setLevel(logging.WARNING)
     atexit.register(handler.close)
+    return handler

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import click
 from click.core import ParameterSource
+from typing_extensions import override
 
 from ual_daemon import __version__, logs
 from ual_daemon.program import environment, lazy, log_output
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from ual_daemon.program.daemon import Callers
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import Recording
+    from ual_daemon.program.worker import Worker
     from ual_daemon.server.addresses import Address
     from ual_daemon.ual import UAL
     from ual_daemon.vehicle.vehicle import Vehicle
@@ -50,6 +52,16 @@ _LEFT_IN_MOTION = 3
 _SWITCH_S = 0.0005
 """A thread that computes (a plan) gives way to one that flies or serves after so long. With Python's default, 5 ms, a
 thread that waits for messages would wait as long at each step, several times for each message."""
+
+
+class Workers(click.ParamType[int | str]):
+    """A number of processes, or ``auto``."""
+
+    name = "workers"
+
+    @override
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
+        return int(value) if value.removeprefix("-").isdecimal() else value
 
 
 def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
@@ -67,7 +79,13 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
 )
 @click.option("--backend", metavar="NAME", help="The autopilot's driver: light (a simulation), mavlink, ...  [light]")
 @click.option("--ns", metavar="NAME", help="The UAV's namespace.  [uav_1]")
-@click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns, in this one process.")
+@click.option("--fleet", type=int, metavar="N", help="Fly N simulated UAVs, counted on from --ns.")
+@click.option(
+    "--workers",
+    type=Workers(),
+    metavar="N|auto",
+    help="Spread the fleet over N processes, or (auto) one for each processor.",
+)
 @click.option(
     "--fleet-url",
     multiple=True,
@@ -189,10 +207,52 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     lazy.prepare()
-    from ual import _discovery
     from ual_daemon.backends import registry
+    from ual_daemon.program import fleet
 
     configuration = resolve(sources, registry.NAMES)
+    try:
+        parts = fleet.parts(configuration.daemon)
+    except ConfigError as error:
+        raise located(error, sources) from None
+    if len(parts) == 1 or print_config:
+        _fly(configuration, sources, print_config=print_config)
+    else:
+        _spread(configuration, sources, parts)
+
+
+def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequence[range]) -> None:
+    """Flies a fleet with several processes. Returns in each of them, but not in the one that starts them."""
+    from ual_daemon.program import fleet
+    from ual_daemon.program.recording.audit_file import AuditError, AuditFile
+    from ual_daemon.program.supervisor import CannotStartError, Supervisor
+
+    settings = configuration.daemon
+    try:
+        names = fleet.names(settings.ns, parts[-1].stop)
+        audit = None if settings.audit is None else AuditFile(Path(settings.audit))
+        supervisor = Supervisor(names, parts, audit)
+        worker = supervisor.start()
+        if worker is None:
+            sys.exit(supervisor.run(settings.log_level, settings.log_format))
+    except ConfigError as error:
+        raise located(error, sources) from None
+    except AuditError as error:
+        _fail(str(error), _CANNOT_START)
+    except CannotStartError as error:
+        _fail(str(error), error.status)
+    try:
+        _fly(configuration, sources, worker)
+    except (ConfigurationError, ConfigError) as error:
+        worker.fail(str(error), _WRONG_USAGE)
+
+
+def _fly(
+    configuration: Configuration, sources: Sequence[Source], worker: Worker | None = None, *, print_config: bool = False
+) -> None:
+    """Flies all UAVs, or those of a worker."""
+    from ual import _discovery
+
     settings = configuration.daemon
     _choose_poller(configuration)  # gRPC reads it when it is imported
     from ual_daemon.program import heap
@@ -205,7 +265,7 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     from ual_daemon.vehicle.vehicle import Vehicle
 
     try:
-        uavs = _fleet(configuration) if configuration.is_fleet else [_one(configuration)]
+        uavs = _fleet(configuration, worker) if configuration.is_fleet else [_one(configuration)]
         vehicles = [
             Vehicle(
                 each.backend,
@@ -231,11 +291,14 @@ def _run(sources: Sequence[Source], *, print_config: bool) -> None:
     if print_config:
         click.echo(configuration.as_yaml(), nl=False)
         return
-    log_output.setup(settings.log_level, settings.log_format)
+    if worker is None:
+        log_output.setup(settings.log_level, settings.log_format)
+    else:
+        worker.set_up_logs(settings.log_level, settings.log_format)
     _warn_of_callers(settings, uavs[0].listen, has_tls=credentials is not None)
     from ual_daemon.program.daemon import Callers
 
-    _serve(configuration, uavs, interfaces, Callers(credentials, who_may))
+    _serve(configuration, uavs, interfaces, Callers(credentials, who_may), worker)
 
 
 def _choose_poller(configuration: Configuration) -> None:
@@ -265,7 +328,8 @@ def _one(configuration: Configuration) -> _Planned:
     return _Planned(registry.make(settings.backend, options), configuration.vehicle, listen)
 
 
-def _fleet(configuration: Configuration) -> list[_Planned]:
+def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned]:
+    """Plans all UAVs, or those of a worker. Errors are those of the whole fleet in each of them."""
     from ual_daemon.backends import registry
     from ual_daemon.backends.base import BackendOptions
     from ual_daemon.program import fleet
@@ -280,14 +344,16 @@ def _fleet(configuration: Configuration) -> list[_Planned]:
     places = fleet.places(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
     options = [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)]
+    part = range(len(names)) if worker is None else worker.part
+    own = slice(part.start, part.stop)
     try:
-        backends = registry.make_fleet(settings.backend, options, places)
+        backends = registry.make_fleet(settings.backend, options[own], places[own], part.start)
     except ConfigError as error:  # each backend knows of one URL
         raise ConfigError(error.message, "fleet_url" if error.key == "url" else error.key) from None
-    fleet.allow_files(len(urls), len(configuration.listen))
+    fleet.allow_files(max(map(len, fleet.parts(settings))), len(configuration.listen))
     return [
         _Planned(backend, fleet.placed(configuration.vehicle, place), where)
-        for backend, place, where in zip(backends, places, listen, strict=True)
+        for backend, place, where in zip(backends, places[own], listen[own], strict=True)
     ]
 
 
@@ -296,13 +362,14 @@ def _serve(
     planned: Sequence[_Planned],
     interfaces: Sequence[UAL],
     callers: Callers,
+    worker: Worker | None,
 ) -> None:
     import asyncio
     from contextlib import ExitStack
 
     from ual_daemon.program.daemon import Daemon, Uav
     from ual_daemon.program.namespace import Namespace, NamespaceError
-    from ual_daemon.program.recording.audit import AuditError
+    from ual_daemon.program.recording.audit_file import AuditError
     from ual_daemon.server.addresses import ListenError
 
     settings = configuration.daemon
@@ -316,7 +383,7 @@ def _serve(
             if recording is not None:
                 recording.start()
                 held.callback(recording.close)
-            audit = _audit(settings)
+            audit = _audit(settings, worker)
             if audit is not None:
                 held.callback(audit.close)
             daemon = Daemon(
@@ -326,11 +393,15 @@ def _serve(
                 is_auto_arming=settings.auto_arm,
                 recording=recording,
                 audit=audit,
+                supervision=worker,
             )
             sys.setswitchinterval(_SWITCH_S)
             are_safe = asyncio.run(daemon.run())
     except (ListenError, NamespaceError, RecordingError, AuditError) as error:
+        if worker is not None:
+            worker.fail(str(error), _CANNOT_START)
         _fail(str(error), _CANNOT_START)
+    gc.freeze()  # the interpreter's end looks for garbage: seconds, after a large fleet
     if not are_safe:
         sys.exit(_LEFT_IN_MOTION)
 
@@ -360,13 +431,14 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recordi
         raise RecordingError(f"cannot record into {settings.record}: {error.strerror or error}") from None
 
 
-def _audit(settings: DaemonSettings) -> Audit | None:
+def _audit(settings: DaemonSettings, worker: Worker | None) -> Audit | None:
     """Returns the audit, if one is wanted."""
     if settings.audit is None:
         return None
     from ual_daemon.program.recording.audit import Audit
+    from ual_daemon.program.recording.audit_file import AuditFile, AuditPipe
 
-    return Audit(Path(settings.audit))
+    return Audit(AuditFile(Path(settings.audit)) if worker is None else AuditPipe(worker.channels.audit))
 
 
 def _warn_of_callers(settings: DaemonSettings, listen: Sequence[Address], *, has_tls: bool) -> None:

@@ -124,18 +124,20 @@ class Server:
         servicer = reflection.aio.ReflectionServicer(names)
         reflection_pb2_grpc.add_ServerReflectionServicer_to_server(servicer, registry)  # type: ignore[no-untyped-call]
 
-    async def start(
+    def listen(
         self, addresses: Sequence[Address], credentials: grpc.ServerCredentials | None = None
     ) -> tuple[Address, ...]:
-        """Begins to serve. Returns the addresses with the ports that they got.
+        """Opens the addresses, before `start`. Returns them with the ports that they got.
 
         Raises:
             ListenError: One of the addresses cannot be had.
 
         """
-        bound = tuple(bind(self._server, address, credentials) for address in addresses)
+        return tuple(bind(self._server, address, credentials) for address in addresses)
+
+    async def start(self) -> None:
+        """Begins to serve on the addresses that were opened."""
         await self._server.start()
-        return bound
 
     def begin_shutdown(self) -> None:
         """Reports that it no longer serves, ends the streams, and refuses new flying calls. Running ones go on."""

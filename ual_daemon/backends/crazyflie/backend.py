@@ -48,7 +48,7 @@ class CrazyflieBackend(Backend):
 
     @classmethod
     @override
-    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
+    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3], first: int = 0) -> list[Backend]:
         if any(each.url is None for each in options):
             raise ConfigError("a fleet of Crazyflies needs a --fleet-url for each", "fleet")
         return [cls(each) for each in options]

@@ -103,12 +103,12 @@ class LightBackend(Backend):
 
     @classmethod
     @override
-    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3]) -> list[Backend]:
+    def fleet(cls, options: Sequence[BackendOptions], places: Sequence[Vector3], first: int = 0) -> list[Backend]:
         settings = convert(options[0].settings, LightSettings, cls.name)
         origin = EllipsoidProjection(*settings.origin_geo)
         world = World(_speed_factor(settings))
         fleet: list[Backend] = []
-        for number, (each, place) in enumerate(zip(options, places, strict=True)):
+        for number, (each, place) in enumerate(zip(options, places, strict=True), first):
             there = origin.to_geo(place)
             own = {
                 "origin_geo": [there.latitude_deg, there.longitude_deg, there.altitude_amsl_m],

@@ -94,6 +94,8 @@ class World:
         self._steps = 0
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
+        self._called: int | None = None
+        """Whose callback may be running now."""
         self._speed_factor = speed_factor
         self._thinning = Thinning()
         self._changed = threading.Condition()
@@ -129,7 +131,7 @@ class World:
         Time runs while there is any listener.
         """
         with self._changed:
-            self._listeners = {**self._listeners, index: _Listener(on_step, is_needed)}
+            self._listeners[index] = _Listener(on_step, is_needed)
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="light-world", daemon=True)
                 self._thread.start()
@@ -141,7 +143,7 @@ class World:
     def unlisten(self, index: int) -> None:
         """Ends `listen`. Once this has returned, no callback runs any more."""
         with self._changed:
-            self._listeners = {other: each for other, each in self._listeners.items() if other != index}
+            self._listeners.pop(index, None)
             thread = self._thread
             is_last = not self._listeners
             if is_last:
@@ -151,8 +153,9 @@ class World:
             return  # this is a callback of a step: the thread ends after that step
         if is_last and thread is not None:
             thread.join()
-        with self._stepping:
-            pass
+        if self._called == index:
+            with self._stepping:
+                pass
 
     @property
     def speed_factor(self) -> float:
@@ -206,9 +209,13 @@ class World:
                 self._steps += 1
                 self.fleet.step(self.now_s())
                 changed = self.fleet.changed()
-            for index, listener in self._listeners.items():
+            for index, listener in list(self._listeners.items()):
+                self._called = index  # first this: `unlisten` removes it, and then looks whether it is called
+                if index not in self._listeners:
+                    continue
                 if index in changed or ((self._steps + index) % every == 0 and listener.is_needed()):
                     listener.on_step()
+            self._called = None
 
     def _step_in_time(self, step_s: float) -> None:
         """Steps several vehicles, and thins their updates if that takes too much of `step_s`."""

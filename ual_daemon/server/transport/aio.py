@@ -23,7 +23,7 @@ from ual_daemon.server.transport.base import (
     TransportServer,
     name_of_certificate,
 )
-from ual_daemon.server.transport.listening import defer_accept
+from ual_daemon.server.transport.listening import Deferral
 
 _Context: TypeAlias = "grpc.aio.ServicerContext[bytes, bytes]"
 _OnReceived: TypeAlias = Callable[[bytes | None], object]
@@ -41,9 +41,12 @@ class AioTransport(Transport):
     name = "aio"
     is_on_loop = True
 
+    def __init__(self) -> None:
+        self._deferral = Deferral()
+
     @override
     def server(self, options: Options, take: Callable[[Call], None]) -> AioServer:
-        return AioServer(options, take)
+        return AioServer(options, take, self._deferral)
 
     @override
     def close(self) -> None:
@@ -57,8 +60,9 @@ class AioServer(TransportServer):
     takes its place; calls that are under way go on.
     """
 
-    def __init__(self, options: Options, take: Callable[[Call], None]) -> None:
+    def __init__(self, options: Options, take: Callable[[Call], None], deferral: Deferral) -> None:
         self._options = options
+        self._deferral = deferral
         self._handlers = [_AnyMethod(take)]
         self._server = self._make()
         self._replaced: list[grpc.aio.Server] = []
@@ -67,13 +71,14 @@ class AioServer(TransportServer):
 
     @override
     def listen(self, address: str, credentials: grpc.ServerCredentials | None = None) -> int:
-        port = _open(self._server, address, credentials)
+        port = self._open(self._server, address, credentials)
         host, _, number = address.rpartition(":")
         self._opened.append((f"{host}:{port}" if number == "0" else address, credentials))
         return port
 
     @override
     async def start(self) -> None:
+        self._deferral.apply()
         await self._server.start()
         self._watching = asyncio.create_task(self._watch())
 
@@ -103,30 +108,29 @@ class AioServer(TransportServer):
         self._replaced.append(self._server)
         self._server = server = self._make()
         for address, credentials in self._opened:
-            while not _try_to_open(server, address, credentials):  # noqa: ASYNC110  nothing notifies of free ports
+            while not self._try_to_open(server, address, credentials):  # noqa: ASYNC110  nothing notifies of free ports
                 await asyncio.sleep(_WATCH_S)
+        self._deferral.apply()
         await server.start()
 
+    def _open(self, server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
+        port = _add(server, address, credentials)
+        self._deferral.add(address, port)
+        return port
 
-def _open(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
-    port = _add(server, address, credentials)
-    defer_accept(address, port)
-    return port
+    def _try_to_open(self, server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> bool:
+        try:
+            self._open(server, address, credentials)
+        except RuntimeError as error:
+            _log.error("%s", error)
+            return False
+        return True
 
 
 def _add(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> int:
     if credentials is None:
         return server.add_insecure_port(address)
     return server.add_secure_port(address, credentials)
-
-
-def _try_to_open(server: grpc.aio.Server, address: str, credentials: grpc.ServerCredentials | None) -> bool:
-    try:
-        _open(server, address, credentials)
-    except RuntimeError as error:
-        _log.error("%s", error)
-        return False
-    return True
 
 
 class _AnyMethod(grpc.GenericRpcHandler):

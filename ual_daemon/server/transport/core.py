@@ -26,7 +26,7 @@ from ual_daemon.server.transport.base import (
     TransportServer,
     name_of_certificate,
 )
-from ual_daemon.server.transport.listening import defer_accept
+from ual_daemon.server.transport.listening import Deferral
 from ual_daemon.server.waiting import completion
 
 _log = logging.getLogger(__name__)
@@ -58,12 +58,13 @@ class CoreTransport(Transport):
         self._on_defect = on_defect
         self._is_ending = False
         self._queue = cygrpc.CompletionQueue()
+        self._deferral = Deferral()
         self._thread = threading.Thread(target=self._run, name="gRPC", daemon=True)
         self._thread.start()
 
     @override
     def server(self, options: Options, take: Callable[[Call], None]) -> CoreServer:
-        return CoreServer(self._queue, options, take, self._on_defect)
+        return CoreServer(self._queue, options, take, self._on_defect, self._deferral)
 
     @override
     def close(self) -> None:
@@ -114,8 +115,10 @@ class CoreServer(TransportServer):
         options: Options,
         take: Callable[[Call], None],
         on_defect: Callable[[Exception], None],
+        deferral: Deferral,
     ) -> None:
         self._queue = queue
+        self._deferral = deferral
         self._take = take
         self._on_defect = on_defect
         self._server = cygrpc.Server(tuple(options), False)  # no xDS
@@ -134,11 +137,12 @@ class CoreServer(TransportServer):
             port = self._server.add_http2_port(address.encode(), inner)
         if port == 0:
             raise RuntimeError(f"cannot listen on {address}")
-        defer_accept(address, port)
+        self._deferral.add(address, port)
         return port
 
     @override
     async def start(self) -> None:
+        self._deferral.apply()
         with self._lock:
             self._server.start()
             self._is_started = True

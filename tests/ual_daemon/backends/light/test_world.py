@@ -326,3 +326,60 @@ def test_thinned_updates_alternate_and_changes_are_reported_at_once() -> None:
             steps.clear()
         world._step_once(every=1000)
         assert updates == {0: [], 1: [11], 2: []}
+
+
+# --- Parts of a fleet -------------------------------------------------------------------------------------------------
+
+
+def fleet_of(part: range) -> list[LightBackend]:
+    """A part of a fleet of six, as one of several processes makes it."""
+    settings = {"position_noise_m": 0.1, "velocity_noise_m_s": 0.1, "speed_factor": 0.0, "seed": 7}
+    options = [BackendOptions(f"uav_{i}", settings=settings) for i in part]
+    found = LightBackend.fleet(options, [Vector3(3.0 * i) for i in part], part.start)
+    return [each for each in found if isinstance(each, LightBackend)]
+
+
+def test_what_a_uav_of_a_fleet_measures_does_not_depend_on_who_flies_it() -> None:
+    whole, parts = fleet_of(range(6)), [*fleet_of(range(2)), *fleet_of(range(2, 6))]
+    snapshots = [(one.snapshot().pose, other.snapshot().pose) for one, other in zip(whole, parts, strict=True)]
+    assert all(one is not None and other is not None and one.value == other.value for one, other in snapshots)
+    assert len({one.value.position for one, _ in snapshots if one is not None}) == 6
+
+
+def test_the_end_of_one_waits_for_no_step_of_the_others() -> None:
+    """Each of a large fleet would wait for a step otherwise, and a step of a large fleet takes long."""
+    world = World()
+    is_stepping, may_go_on = threading.Event(), threading.Event()
+
+    def long_step(_: Snapshot) -> None:
+        is_stepping.set()
+        assert may_go_on.wait(LIMIT_S)
+
+    first, *others = (LightBackend(BackendOptions(f"uav_{i}"), world) for i in range(4))
+    first.open(long_step)
+    for other in others:
+        other.open(lambda _: None)
+    assert is_stepping.wait(LIMIT_S)
+    for other in others:
+        closing = threading.Thread(target=other.close)
+        closing.start()
+        closing.join(LIMIT_S)
+        assert not closing.is_alive()
+    may_go_on.set()
+    first.close()
+
+
+def test_the_end_of_one_waits_for_its_own_callback() -> None:
+    with running(World(math.inf), 2) as [one, _]:
+        is_called, has_returned = threading.Event(), threading.Event()
+
+        def note(_: Snapshot) -> None:
+            has_returned.clear()
+            is_called.set()
+            has_returned.set()
+
+        one.close()
+        one.open(note)
+        assert is_called.wait(LIMIT_S)
+        one.close()
+        assert has_returned.is_set()

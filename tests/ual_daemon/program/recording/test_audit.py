@@ -16,8 +16,9 @@ from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual_daemon.stepped import stepped
 from ual import Pose, State, Twist, Vector3
 from ual._access import audit as chain
-from ual_daemon.program.recording import audit
-from ual_daemon.program.recording.audit import Audit, AuditError, changes
+from ual_daemon.program.recording import audit_writer
+from ual_daemon.program.recording.audit import Audit, changes
+from ual_daemon.program.recording.audit_file import AuditError, AuditFile
 from ual_daemon.server.call_log import CallRecord
 
 
@@ -105,25 +106,25 @@ def test_a_killed_daemon_leaves_a_chain_that_the_next_one_goes_on_with(start_dae
 
 
 def test_two_daemons_do_not_write_one_file(file: Path) -> None:
-    first = Audit(file)
+    first = Audit(AuditFile(file))
     with pytest.raises(AuditError, match="another daemon writes"):
-        Audit(file)
+        Audit(AuditFile(file))
     first.close()
-    Audit(file).close()
+    Audit(AuditFile(file)).close()
 
 
 def test_a_file_that_is_no_audit_is_left_alone(file: Path) -> None:
     file.write_text("a letter\nto somebody\n")
     with pytest.raises(AuditError, match="is no audit"):
-        Audit(file)
+        Audit(AuditFile(file))
     assert file.read_text() == "a letter\nto somebody\n"
 
 
 def test_a_full_disk_is_told_and_what_waits_is_written_later(
     file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(audit, "_RETRY_S", 0.01)
-    monkeypatch.setattr(audit, "_MOST_WAITING", 3)
+    monkeypatch.setattr(audit_writer, "_RETRY_S", 0.01)
+    monkeypatch.setattr(audit_writer, "_MOST_WAITING", 3)
     written, is_full = os.write, True
 
     def write(to: int, data: bytes) -> int:
@@ -134,15 +135,15 @@ def test_a_full_disk_is_told_and_what_waits_is_written_later(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with stepped() as uav:
-        it = Audit(file)
-        monkeypatch.setattr("ual_daemon.program.recording.audit.os.write", write)
+        it = Audit(AuditFile(file))
+        monkeypatch.setattr("ual_daemon.program.recording.audit_file.os.write", write)
         for number in range(20):
-            it.put(uav.vehicle, record(number), None)
+            it.put_call(uav.vehicle, record(number), None)
         while "audit_fails" not in [each.getMessage() for each in caplog.records]:
-            it.put(uav.vehicle, record(99), None)
+            it.put_call(uav.vehicle, record(99), None)
         is_full = False
         while "audit_lost" not in [each.getMessage() for each in caplog.records]:
-            it.put(uav.vehicle, record(100), None)
+            it.put_call(uav.vehicle, record(100), None)
         it.close()
     found = entries(file)
     assert found[0]["event"] == "opened"

@@ -184,9 +184,11 @@ async def served(made: Made, host: str, choice: selection.Choice) -> AsyncIterat
     mutual = tls.credentials(str(pair.certificate), str(pair.key), str(made.authority))
     socket_path = f"unix:{directory}/uav.sock"
     try:
-        near = await servers["plain"].start([addresses.parse("127.0.0.1:0"), addresses.parse(socket_path)])
-        far = await servers["tls"].start([addresses.parse(f"{host}:0")], plain)
-        strict = await servers["mutual"].start([addresses.parse(f"{host}:0")], mutual)
+        near = servers["plain"].listen([addresses.parse("127.0.0.1:0"), addresses.parse(socket_path)])
+        far = servers["tls"].listen([addresses.parse(f"{host}:0")], plain)
+        strict = servers["mutual"].listen([addresses.parse(f"{host}:0")], mutual)
+        for server in servers.values():
+            await server.start()
         vehicle.open()
         where = {"plain": str(near[0]), "unix": socket_path, "tls": str(far[0]), "mutual": str(strict[0])}
         yield Served(where, made)

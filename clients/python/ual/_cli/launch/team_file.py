@@ -40,7 +40,7 @@ _UAV = (
     "with",
     *_ENDING,
 )
-_OF_FLAGS = ("ns", "backend", "url", "listen", "home_pose", "fleet", "fleet_url", "fleet_spacing_m")
+_OF_FLAGS = ("ns", "backend", "url", "listen", "home_pose", "fleet", "fleet_url", "fleet_spacing_m", "workers")
 _READY = tuple(each.value for each in (Condition.PORT, Condition.FILE, Condition.LOG, Condition.EXIT))
 _SIGNALS = {
     each.name.removeprefix("SIG"): each for each in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)

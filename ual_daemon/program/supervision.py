@@ -1,0 +1,61 @@
+"""What a daemon's process owes to whoever started it: when it may serve, that it serves, and when it is to end."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from typing_extensions import override
+
+from ual_daemon import logs
+from ual_daemon.program import signals
+
+_log = logging.getLogger(__name__)
+
+
+class Supervision(Protocol):
+    """See `Unsupervised`, and `ual_daemon.program.worker.Worker`."""
+
+    def watch(self, stop: Callable[[], None]) -> None:
+        """Calls `stop` on the running event loop when the process is to end."""
+
+    async def may_serve(self) -> bool:
+        """Waits until what was opened may be served. Returns False if the process is to end instead."""
+
+    def serves(self, names: Sequence[str]) -> None:
+        """Takes note that all UAVs of this process are served."""
+
+    def ended(self) -> None:
+        """Takes note of a clean end."""
+
+
+class Unsupervised(Supervision):
+    """A process that flies all UAVs by itself, until a signal comes."""
+
+    @override
+    def watch(self, stop: Callable[[], None]) -> None:
+        signals.on_first(stop)
+
+    @override
+    async def may_serve(self) -> bool:
+        return True
+
+    @override
+    def serves(self, names: Sequence[str]) -> None:
+        if len(names) > 1:
+            log_serving(names, workers_count=1)
+
+    @override
+    def ended(self) -> None:
+        logs.event(_log, logging.INFO, "ended")
+
+
+def log_serving(names: Sequence[str], workers_count: int) -> None:
+    """Logs that a fleet is served."""
+    logs.event(_log, logging.INFO, "serving", count=len(names), uavs=span(names), workers=workers_count)
+
+
+def span(names: Sequence[str]) -> str:
+    """Returns the names of UAVs that are counted up, as text."""
+    return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"

@@ -1,0 +1,273 @@
+"""Spreads a fleet over several processes (``--workers``), which the user sees as one daemon.
+
+Each worker flies a part of the fleet as a daemon of its own would. The supervisor flies nothing: it starts the workers,
+lets none serve before all have opened their addresses, passes on signals, writes their logs and their audit, and ends
+with one status.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import logging
+import os
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ual_daemon import logs
+from ual_daemon.program import log_output, signals
+from ual_daemon.program.supervision import log_serving, span
+from ual_daemon.program.worker import BOUND, END, END_OF_LINE, FAILED, GO, SERVING, Channels, Worker
+
+if TYPE_CHECKING:
+    from ual_daemon.program.recording.audit_file import AuditFile
+    from ual_daemon.program.recording.audit_writer import AuditWriter
+
+_log = logging.getLogger(__name__)
+
+_END_LIMIT_S = 75.0
+"""Longer than the workers need, which end within 70 s."""
+_CANNOT_START = 1
+_LEFT_IN_MOTION = 3
+_CHUNK_BYTES = 1 << 16
+
+
+class CannotStartError(Exception):
+    """A worker cannot start: the message says why, and `status` is its exit status."""
+
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class Pipe:
+    """What a worker writes, for the supervisor to read, in pieces."""
+
+    def __init__(self, end: bytes) -> None:
+        """`end` ends each piece."""
+        self._end = end
+        self._rest = b""
+        self.reads, self.writes = os.pipe()
+        os.set_blocking(self.reads, False)
+
+    def pieces(self) -> tuple[list[bytes], bool]:
+        """Returns the whole pieces that have come since the last call, and whether there may be more later."""
+        may_be_more = False
+        try:
+            while chunk := os.read(self.reads, _CHUNK_BYTES):
+                self._rest += chunk
+        except BlockingIOError:
+            may_be_more = True
+        *whole, self._rest = self._rest.split(self._end)
+        return whole, may_be_more
+
+
+class _Process:
+    """One worker as the supervisor sees it."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = names
+        self.pid = 0
+        self.phase = ""
+        self.failure: CannotStartError | None = None
+        self.status: int | None = None
+        """Its exit status once it has ended; the negative number of the signal that killed it."""
+        self._orders, self._order = os.pipe()
+        self.words, self.log, self.audit = Pipe(b"\n"), Pipe(END_OF_LINE.encode()), Pipe(b"\n")
+
+    def channels(self) -> Channels:
+        """Returns the worker's ends of the pipes."""
+        return Channels(self._orders, self.words.writes, self.log.writes, self.audit.writes)
+
+    def keep(self) -> None:
+        """Leaves the worker's ends to the worker, so that they end with it."""
+        for each in self.channels():
+            os.close(each)
+
+    def leave(self) -> None:
+        """Closes the supervisor's ends. A worker does, too: it must notice when the supervisor is gone."""
+        for each in (self._order, self.words.reads, self.log.reads, self.audit.reads):
+            os.close(each)
+
+    def tell(self, word: str) -> None:
+        """Sends a word to the worker, unless it is gone."""
+        if self.status is None:
+            with suppress(BrokenPipeError):
+                os.write(self._order, f"{word}\n".encode())
+
+    def hear(self, words: Sequence[bytes]) -> None:
+        """Takes note of what the worker tells."""
+        for word in words:
+            self.phase, *rest = json.loads(word)
+            if self.phase == FAILED:
+                self.failure = CannotStartError(*rest)
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        if self.status is None:
+            os.kill(self.pid, signal.SIGKILL)
+
+    def has_ended(self) -> bool:
+        """Returns whether it has ended since the last call; `status` is then set."""
+        if self.status is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.status = os.waitstatus_to_exitcode(status) if pid else None
+            return self.status is not None
+        return False
+
+    def end_text(self) -> str:
+        """Returns how it ended."""
+        assert self.status is not None
+        return f"exit status {self.status}" if self.status >= 0 else f"killed by {signal.Signals(-self.status).name}"
+
+
+class Supervisor:
+    """The workers of a fleet, from `start` to the end of `run`."""
+
+    def __init__(self, names: Sequence[str], parts: Sequence[range], audit: AuditFile | None = None) -> None:
+        """`names` are the UAVs, `parts` which of them each worker flies. `audit` is written for all of them."""
+        self._names = names
+        self._parts = parts
+        self._audit_file = audit
+        self._processes: list[_Process] = []
+        self._is_serving = self._is_ending = False
+        self._audit: AuditWriter | None = None
+        self._handler: log_output.BackgroundHandler
+        self._all_ended: asyncio.Event
+
+    def start(self) -> Worker | None:
+        """Forks the workers. Returns the worker in each of them, and None in the supervisor.
+
+        To be called while the process has one thread, and before gRPC is imported, which does not survive a fork.
+        """
+        for part in self._parts:
+            process = _Process(self._names[part.start : part.stop])
+            process.pid = os.fork()
+            self._processes.append(process)
+            if not process.pid:
+                self._leave_to_workers()
+                return Worker(part, process.channels())
+            process.keep()
+        return None
+
+    def _leave_to_workers(self) -> None:
+        for each in self._processes:
+            each.leave()
+        if self._audit_file is not None:
+            self._audit_file.leave()
+
+    def run(self, level: str, format: log_output.Format) -> int:  # noqa: A002  as in logging
+        """Waits for the end of all workers. Returns the exit status.
+
+        Raises:
+            CannotStartError: One of them cannot start; all have ended.
+
+        """
+        gc.enable()
+        self._handler = log_output.setup(level, format)
+        with ExitStack() as held:
+            if self._audit_file is not None:
+                from ual_daemon.program.recording.audit_writer import AuditWriter
+
+                self._audit = AuditWriter(self._audit_file)
+                held.callback(self._audit.close)
+            asyncio.run(self._watch())
+        return self._status()
+
+    def _status(self) -> int:
+        for each in self._processes:
+            if each.failure is not None and not self._is_serving:
+                raise each.failure
+        if any(each.status for each in self._processes):
+            return _LEFT_IN_MOTION if self._is_serving else _CANNOT_START
+        logs.event(_log, logging.INFO, "ended")
+        return 0
+
+    async def _watch(self) -> None:
+        self._all_ended = asyncio.Event()
+        signals.on_first(self._end, self._kill)
+        loop = asyncio.get_running_loop()
+        loop.add_signal_handler(signal.SIGCHLD, self._reap)
+        for process in self._processes:
+            for pipe, _ in self._taking(process):
+                loop.add_reader(pipe.reads, self._read, process)
+        self._reap()  # who has ended before this
+        await self._all_ended.wait()
+
+    def _taking(self, process: _Process) -> list[tuple[Pipe, Callable[[Sequence[bytes]], None]]]:
+        """Returns the pipes of a worker, each with who takes what comes through it."""
+        return [(process.log, self._pass_on), (process.audit, self._add_to_audit), (process.words, process.hear)]
+
+    def _read(self, process: _Process) -> None:
+        """Takes what a worker has written."""
+        for pipe, take in self._taking(process):
+            pieces, may_be_more = pipe.pieces()
+            take(pieces)
+            if not may_be_more:
+                asyncio.get_running_loop().remove_reader(pipe.reads)
+        self._decide(process)
+
+    def _pass_on(self, lines: Sequence[bytes]) -> None:
+        for line in lines:
+            self._handler.pass_on(line.decode(errors="replace"))
+
+    def _add_to_audit(self, lines: Sequence[bytes]) -> None:
+        for line in lines:
+            assert self._audit is not None
+            self._audit.put(partial(json.loads, line))
+
+    def _reap(self) -> None:
+        for process in self._processes:
+            if process.has_ended():
+                self._read(process)
+                for pipe, _ in self._taking(process):
+                    asyncio.get_running_loop().remove_reader(pipe.reads)
+                process.leave()
+                self._lose(process)
+        if all(process.status is not None for process in self._processes):
+            self._all_ended.set()
+
+    def _decide(self, process: _Process) -> None:
+        """Decides by what a worker has told."""
+        if process.failure is not None:
+            self._end()
+        if self._is_ending:
+            return
+        if all(each.phase == BOUND for each in self._processes):
+            for each in self._processes:
+                each.tell(GO)
+        if not self._is_serving and all(each.phase == SERVING for each in self._processes):
+            self._is_serving = True
+            log_serving(self._names, len(self._processes))
+
+    def _lose(self, process: _Process) -> None:
+        """Says what is not served any more. Before all were served, the others end, too."""
+        if not self._is_ending:
+            logs.event(
+                _log,
+                logging.ERROR,
+                "worker_ended",
+                how=process.end_text(),
+                pid=process.pid,
+                uavs=span(process.names),
+                count=len(process.names),
+                remedy="these UAVs are not served any more, the others are: end this daemon and start it again",
+            )
+        if not self._is_serving:
+            self._end()
+
+    def _end(self) -> None:
+        """Lets all workers end as by a signal, and kills those that do not."""
+        if not self._is_ending:
+            self._is_ending = True
+            for each in self._processes:
+                each.tell(END)
+            asyncio.get_running_loop().call_later(_END_LIMIT_S, self._kill)
+
+    def _kill(self) -> None:
+        for each in self._processes:
+            each.kill()

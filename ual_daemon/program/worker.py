@@ -1,0 +1,117 @@
+"""One of several processes that fly a fleet (``--workers``): what it tells its `supervisor`, and hears from it.
+
+They speak over pipes, in lines. When the supervisor is gone, in any way, its pipe ends: the worker then ends as by a
+signal, in a way that is safe for its UAVs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import NamedTuple, NoReturn
+
+from typing_extensions import override
+
+from ual_daemon import logs
+from ual_daemon.program import log_output, signals
+from ual_daemon.program.supervision import Supervision
+
+_log = logging.getLogger(__name__)
+
+BOUND, SERVING, FAILED = "bound", "serving", "failed"
+"""The worker's words: all its addresses are open; all its UAVs are served; it cannot start, and why."""
+GO, END = "go", "end"
+"""The supervisor's: serve; end as by a signal."""
+END_OF_LINE = "\0"
+"""Ends each line of a worker's log, which may have several lines of text."""
+
+
+class Channels(NamedTuple):
+    """The worker's ends of its pipes: what it is told, its own words, and the lines of its log and audit."""
+
+    orders: int
+    words: int
+    log: int
+    audit: int
+
+
+class Worker(Supervision):
+    """A worker, in its own process."""
+
+    def __init__(self, part: range, channels: Channels) -> None:
+        """`part` are its UAVs, counted from 0."""
+        self.part = part
+        self.channels = channels
+        self._level = "info"
+        self._format: log_output.Format = "text"
+        self._stop: Callable[[], None] = _nothing
+        self._decided = asyncio.Event()
+        self._may_serve = False
+        self._is_alone = False
+        # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+
+    def set_up_logs(self, level: str, format: log_output.Format) -> None:  # noqa: A002  as in logging
+        """Sends the log to the supervisor, which writes the lines of all workers; to stderr once that is gone."""
+        self._level, self._format = level, format
+        log_output.setup(level, format, os.fdopen(self.channels.log, "w", encoding="utf-8"), END_OF_LINE)
+
+    def fail(self, message: str, status: int) -> NoReturn:
+        """Tells why it cannot start, and ends."""
+        self._tell(FAILED, message, status)
+        sys.exit(status)
+
+    @override
+    def watch(self, stop: Callable[[], None]) -> None:
+        self._stop = stop
+        signals.on_first(self._end, signals=(signal.SIGTERM,))
+        asyncio.get_running_loop().add_reader(self.channels.orders, self._hear)
+
+    @override
+    async def may_serve(self) -> bool:
+        self._tell(BOUND)
+        await self._decided.wait()
+        return self._may_serve
+
+    @override
+    def serves(self, names: Sequence[str]) -> None:
+        self._tell(SERVING)
+
+    @override
+    def ended(self) -> None:
+        if self._is_alone:  # else the supervisor logs the end of all
+            logs.event(_log, logging.INFO, "ended")
+
+    def _tell(self, *words: object) -> None:
+        with suppress(BrokenPipeError):  # the supervisor is gone, which `_hear` finds out
+            os.write(self.channels.words, json.dumps(words).encode() + b"\n")
+
+    def _hear(self) -> None:
+        heard = os.read(self.channels.orders, 1024).decode().split()
+        if GO in heard:
+            self._may_serve = True
+            self._decided.set()
+        if END in heard:
+            self._end()
+        if not heard:
+            asyncio.get_running_loop().remove_reader(self.channels.orders)
+            self._is_alone = True
+            log_output.setup(self._level, self._format)
+            logs.event(_log, logging.ERROR, "supervisor_gone", why="the process that started this one was killed")
+            self._end()
+
+    def _end(self) -> None:
+        self._may_serve = False
+        self._decided.set()
+        self._stop()
+
+
+def _nothing() -> None:
+    pass
