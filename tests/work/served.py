@@ -22,6 +22,7 @@ from ual.geometry import Vector3
 from ual.v1 import ual_pb2 as pb
 from ual_daemon import UAL
 from ual_daemon.program.recording.audit import Audit
+from ual_daemon.program.recording.audit_file import AuditFile
 from ual_daemon.program.recording.recording import Recording
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.call_log import Observer
@@ -123,7 +124,7 @@ def _observers(vehicle: Vehicle, directory: Path, stack: ExitStack) -> list[Obse
     recording = Recording(directory, [vehicle], logging.LogRecord.getMessage, Turnover(), is_raw=True)
     recording.start()
     stack.callback(recording.close)
-    audit = Audit(directory / "audit")
+    audit = Audit(AuditFile(directory / "audit"))
     stack.callback(audit.close)
     of_extension = UAL.over(vehicle, {})
     stack.callback(of_extension.release)
