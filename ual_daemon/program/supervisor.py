@@ -34,6 +34,8 @@ _END_LIMIT_S = 75.0
 _CANNOT_START = 1
 _LEFT_IN_MOTION = 3
 _CHUNK_BYTES = 1 << 16
+_MOST_CHUNKS = 16
+"""So much is read from one worker before the others have their turn. A pipe holds less."""
 
 
 class CannotStartError(Exception):
@@ -56,14 +58,15 @@ class Pipe:
 
     def pieces(self) -> tuple[list[bytes], bool]:
         """Returns the whole pieces that have come since the last call, and whether there may be more later."""
-        may_be_more = False
-        try:
-            while chunk := os.read(self.reads, _CHUNK_BYTES):
+        chunk = None
+        with suppress(BlockingIOError):
+            for _ in range(_MOST_CHUNKS):
+                chunk = os.read(self.reads, _CHUNK_BYTES)
                 self._rest += chunk
-        except BlockingIOError:
-            may_be_more = True
+                if not chunk:
+                    break
         *whole, self._rest = self._rest.split(self._end)
-        return whole, may_be_more
+        return whole, chunk != b""
 
 
 class _Process:

@@ -171,6 +171,18 @@ def test_workers_end_when_the_process_that_started_them_is_killed(start_daemon: 
     assert sum(event.get("event") == "supervisor_gone" for event in daemon.events) == 2
 
 
+def test_a_signal_to_all_processes_is_the_first_for_each(start_daemon: StartDaemon) -> None:
+    """So does systemd: the supervisor's word must not count as a second signal, which would end a worker at once."""
+    daemon = start_daemon(*FLEET)
+    pids = list(workers_of(daemon))
+    with ual.Uav("uav_5") as uav:
+        uav.take_off(2.0, timeout_s=LIMIT_S)
+    for pid in (*pids, daemon.pid):
+        os.kill(pid, signal.SIGTERM)
+    assert daemon.wait() == 0
+    daemon.wait_for("hold_by_autopilot", ns="uav_5")
+
+
 def test_a_second_signal_ends_all_at_once(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--fleet", "5", "--workers", "2", "--auto-arm")
     pids = list(workers_of(daemon))

@@ -10,10 +10,11 @@ import hashlib
 import json
 import logging
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from typing_extensions import override
 
@@ -41,16 +42,22 @@ def time_text(time: datetime) -> str:
     return time.isoformat(timespec="microseconds")
 
 
-class Lines(Protocol):
+class Lines(ABC):
     """Where the lines of an audit go."""
 
     name: str
     """What the log calls it."""
 
+    def __init__(self, file: int) -> None:
+        self._file = file
+        self._unwritten = b""
+
     @property
     def has_unwritten(self) -> bool:
         """Whether something was added that is not written."""
+        return bool(self._unwritten)
 
+    @abstractmethod
     def add(self, entry: dict[str, Any]) -> None:
         """Adds a line, to be written."""
 
@@ -61,9 +68,12 @@ class Lines(Protocol):
             OSError: It cannot be written now; what is left is written the next time.
 
         """
+        while self._unwritten:
+            self._unwritten = self._unwritten[os.write(self._file, self._unwritten) :]
 
     def close(self) -> None:
         """Ends it, once everything is written."""
+        os.close(self._file)
 
 
 class AuditFile(Lines):
@@ -75,9 +85,9 @@ class AuditFile(Lines):
     """
 
     def __init__(self, path: Path, now: Callable[[], datetime] = utc_now) -> None:
+        super().__init__(_opened(path))
         self._path = path
         self.name = str(path)
-        self._file = _opened(path)
         self._head, torn = _head(self._file, path)
         self._unwritten = b"" if torn is None else b"\n"
         self._begin(torn, now())
@@ -92,11 +102,6 @@ class AuditFile(Lines):
         except OSError as error:
             raise AuditError(f"cannot write the audit {self._path}: {error.strerror}") from None
 
-    @property
-    @override
-    def has_unwritten(self) -> bool:
-        return bool(self._unwritten)
-
     @override
     def add(self, entry: dict[str, Any]) -> None:
         text, self._head = audit.line(entry, self._head)
@@ -104,20 +109,18 @@ class AuditFile(Lines):
 
     @override
     def write(self) -> None:
-        if not self._unwritten:
-            return
-        while self._unwritten:
-            self._unwritten = self._unwritten[os.write(self._file, self._unwritten) :]
-        os.fdatasync(self._file)
+        if self._unwritten:
+            super().write()
+            os.fdatasync(self._file)
 
     @override
     def close(self) -> None:
-        self.leave()
+        super().close()
         logs.event(_log, logging.INFO, "audit_ends", file=self.name, head=self._head)
 
     def leave(self) -> None:
         """Closes it in a process that does not write it."""
-        os.close(self._file)
+        super().close()
 
 
 class AuditPipe(Lines):
@@ -125,27 +128,9 @@ class AuditPipe(Lines):
 
     name = "of the supervisor"
 
-    def __init__(self, pipe: int) -> None:
-        self._pipe = pipe
-        self._unwritten = b""
-
-    @property
-    @override
-    def has_unwritten(self) -> bool:
-        return bool(self._unwritten)
-
     @override
     def add(self, entry: dict[str, Any]) -> None:
         self._unwritten += json.dumps(entry).encode() + b"\n"
-
-    @override
-    def write(self) -> None:
-        while self._unwritten:
-            self._unwritten = self._unwritten[os.write(self._pipe, self._unwritten) :]
-
-    @override
-    def close(self) -> None:
-        os.close(self._pipe)
 
 
 def _opened(path: Path) -> int:
