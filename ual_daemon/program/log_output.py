@@ -199,6 +199,7 @@ class BackgroundHandler(logging.Handler):
                     self._stream.write(f"up to {failed_count} log lines lost: {why}{self._end}")
                     failed_count = 0
                 if line is None:
+                    self._stream.flush()
                     return
                 self._stream.write(line + self._end)
                 if self._lines.empty():

@@ -145,6 +145,26 @@ def test_a_blocked_stream_delays_nobody_and_the_loss_is_logged() -> None:
     ]
 
 
+class _Buffered(_Stuck):
+    """A stream that keeps what is written until it is flushed, as a pipe's does."""
+
+    flushed = ""
+
+    def flush(self) -> None:
+        self.flushed = self.getvalue()
+
+
+def test_the_last_line_leaves_the_buffer_also_where_the_end_came_with_it() -> None:
+    stream = _Buffered()
+    handler = log_output.BackgroundHandler(stream)
+    handler.emit(logging.LogRecord("x", logging.INFO, __file__, 1, "last", None, None))
+    assert stream.is_writing.wait(10)
+    handler._lines.put(None)  # the end, while the last line is being written
+    stream.may_write.set()
+    handler._thread.join(10)
+    assert stream.flushed == "last\n"
+
+
 class _Failing(io.StringIO):
     """A stream that cannot be written to as long as it has an error."""
 
