@@ -82,6 +82,19 @@ _FAILSAFES = {
 """The sensor that fails, whether the system status gets CRITICAL, and the texts, as recorded."""
 
 
+_NOT_IN_3_6 = (mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+_GROUPS = {
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (mavlink.MAVLINK_MSG_ID_SYS_STATUS, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (mavlink.MAVLINK_MSG_ID_RC_CHANNELS,),
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,),
+}
+"""The streams of 3.6 (GCS_Mavlink.cpp, STREAM_...)."""
 _MAVLINK, _EXTERNAL_NAVIGATION = 1, 6
 """VISO_TYPE and EK3_SRC1_POSXY with which it uses poses from outside."""
 
@@ -167,6 +180,20 @@ class ArduPilot(Autopilot):
             self.flight_sw_version = 0x040701FF
             for old, (new, per_unit) in renamed.items():
                 self.parameters[new] = self.parameters.pop(old) / per_unit
+
+    def become_3_6(self) -> None:
+        """Makes it an ArduCopter 3.6, which knows only groups of streams, and no message that is newer."""
+        with self.lock:
+            self.flight_sw_version = 0x030600FF
+            self.is_old = True
+            for message_id in _NOT_IN_3_6:
+                del self.builders[message_id]
+            self._handlers[mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM] = self._on_request_data_stream
+
+    def _on_request_data_stream(self, message: Message, sender: Sender) -> None:
+        for message_id in _GROUPS.get(message.req_stream_id, ()):
+            interval_s = 1.0 / message.req_message_rate if message.start_stop else None
+            sender.channel.stream(message_id, interval_s, self.elapsed_s)
 
     def setting(self, name: str) -> float:
         """Returns a parameter of `RENAMED`, by its old name, in SI units and degrees."""

@@ -63,6 +63,7 @@ class Autopilot(ABC):
     """
 
     kind = mavlink.MAV_TYPE_QUADROTOR
+    component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1
     autopilot: int
     flight_sw_version: int
     external_pose_message: int
@@ -117,6 +118,8 @@ class Autopilot(ABC):
         self.sticks = Sticks()
         self.ignored: set[int] = set()
         """Ids of messages and of commands that it ignores, for tests without an answer."""
+        self.is_old = False
+        """Whether it knows no commands for single messages."""
         self.fence = FenceStore(is_strict=self.is_fence_strict)
         self.parameters = dict(self.default_parameters())
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
@@ -268,7 +271,7 @@ class Autopilot(ABC):
         self.external_pose_s = -math.inf
         self.home = self.position if self.is_gps_good and self.has_satellites else None
         for channel in self.channels:
-            channel.boot(self.system_id, self.elapsed_s + self._awake_s)
+            channel.boot(self.system_id, self.elapsed_s + self._awake_s, self.component_id)
 
     # What it knows of itself
 
@@ -409,7 +412,7 @@ class Autopilot(ABC):
             for other in self.channels:
                 if other is not channel:
                     other.port.send(frame.data, self.elapsed_s)
-        is_ours = target[0] in (0, self.system_id) and target[1] in (0, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        is_ours = target[0] in (0, self.system_id) and target[1] in (0, self.component_id)
         if handler is not None and is_ours and frame.message_id not in self.ignored:
             handler(message, Sender(channel, frame.system_id, frame.component_id))
 
@@ -434,8 +437,10 @@ class Autopilot(ABC):
         self.commands.append((self.elapsed_s, command, params, (sender.system_id, sender.component_id)))
         if command in self.ignored:
             return
-        if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-            result: int | None = self._set_interval(int(params[0]), params[1], sender.channel)
+        if self.is_old and command in (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE):
+            result: int | None = UNSUPPORTED
+        elif command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            result = self._set_interval(int(params[0]), params[1], sender.channel)
         elif command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             result = self._request(int(params[0]), sender.channel)
         elif command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:

@@ -24,9 +24,9 @@ class Channel:
         self._session = port.sessions_count
         self.boot(1, 0.0)
 
-    def boot(self, system_id: int, now_s: float) -> None:
+    def boot(self, system_id: int, now_s: float, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> None:
         """Resets it to the state after booting."""
-        self._codec = Codec(mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._codec = Codec(component_id)
         self._codec.join(system_id)
         self._reader = FrameReader()
         self._ground_station_s = -math.inf

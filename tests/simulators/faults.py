@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +17,8 @@ class Faults:
     """The faults of one direction of a link. `loss`, `duplication` and `corruption` are probabilities (0 to 1).
 
     A datagram takes `delay_s`, and up to `jitter_s` more, so that a later one can overtake it; bytes of a stream never
-    overtake each other. With `is_silent` nothing passes.
+    overtake each other. With `is_silent` nothing passes. A radio carries `rate_bytes_s`, and drops what its
+    buffer does not hold. With `cut_bytes` it carries a stream of bytes, and makes datagrams of so many of them.
     """
 
     loss: float = 0.0
@@ -25,9 +27,13 @@ class Faults:
     duplication: float = 0.0
     corruption: float = 0.0
     is_silent: bool = False
+    rate_bytes_s: float = math.inf
+    cut_bytes: int = 0
 
 
 GOOD = Faults()
+BUFFER_BYTES = 500
+"""Of a radio."""
 
 
 class Way:
@@ -39,6 +45,8 @@ class Way:
         self._newest_s = 0.0
         self._count = itertools.count()
         self._queue: list[tuple[float, int, bytes]] = []
+        self._free_s = 0.0
+        self._uncut = b""
 
     @property
     def is_empty(self) -> bool:
@@ -46,6 +54,15 @@ class Way:
         return not self._queue
 
     def put(self, data: bytes, now_s: float, faults: Faults) -> None:
+        if not faults.cut_bytes:
+            self._put(data, now_s, faults)
+            return
+        self._uncut += data
+        while len(self._uncut) >= faults.cut_bytes:
+            self._put(self._uncut[: faults.cut_bytes], now_s, faults)
+            self._uncut = self._uncut[faults.cut_bytes :]
+
+    def _put(self, data: bytes, now_s: float, faults: Faults) -> None:
         noise = self._noise
         if faults.is_silent or noise.random() < faults.loss:
             return
@@ -53,6 +70,11 @@ class Way:
             damaged = bytearray(data)
             damaged[noise.randrange(len(data))] ^= noise.randrange(1, 256)
             data = bytes(damaged)
+        if faults.rate_bytes_s < math.inf:
+            begin_s = max(now_s, self._free_s)
+            if noise.random() * BUFFER_BYTES < (begin_s - now_s) * faults.rate_bytes_s:  # the fuller, the more is lost
+                return
+            now_s = self._free_s = begin_s + len(data) / faults.rate_bytes_s
         for _ in range(2 if noise.random() < faults.duplication else 1):
             time_s = now_s + faults.delay_s + noise.uniform(0.0, faults.jitter_s)
             if self._keeps_order:

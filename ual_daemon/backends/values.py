@@ -221,6 +221,8 @@ class Snapshot(NamedTuple):
     something outside lays it (motion capture).
     `link_trouble` says for people what is wrong with the link, or what is heard instead of the autopilot; empty while
     nothing is wrong. It ends the reason of the state while nothing is heard from the autopilot.
+    `refused` says for people which requests for data the autopilot has refused; it ends the reason of the state while
+    that data is missing.
     `other_sender` says for people what shows that another program sends setpoints, too; empty if nothing does.
     `failsafe` is the failsafe that is active, whatever the mode. `held_by` is who or what holds the control in the
     present mode, where that is not UAL: None where the backend cannot say (it is then taken for the safety pilot).
@@ -255,6 +257,7 @@ class Snapshot(NamedTuple):
     own_pause: str = ""
     other_sender: str = ""
     link_trouble: str = ""
+    refused: str = ""
     health: Health | None = None
     failsafe: Cause | None = None
     held_by: Cause | None = None
@@ -336,8 +339,8 @@ class VehicleInfo:
     speed at which the autopilot itself flies to a goal, where nobody asks for another one. `acceleration_share` is the
     part of the autopilot's acceleration limits that `limits` have: references on the way use no more, a stop uses all.
     `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
-    `limitation` says for people why it has fewer capabilities than others, and `assumption` what is assumed of it,
-    because it does not say; both end the reason of the state.
+    `limitation` says for people why it has fewer capabilities than others, and `note` what is unusual about it
+    (limits that are assumed, a link that carries little); both end the reason of the state.
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
     feed-forward. `has_safety_pilot` says whether a person can take over from UAL at any time (a transmitter, a
@@ -357,7 +360,7 @@ class VehicleInfo:
     has_safety_pilot: bool = True
     identity: str = ""
     limitation: str = ""
-    assumption: str = ""
+    note: str = ""
     cruise_speed_m_s: float = math.inf
     acceleration_share: float = 1.0
     clearance_m: float = 0.5

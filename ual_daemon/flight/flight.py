@@ -125,9 +125,9 @@ class Flight:
 
     @property
     def limitation(self) -> str:
-        """Why the vehicle has fewer capabilities than others, and what is assumed of it; empty if there is nothing."""
+        """Why the vehicle has fewer capabilities than others, and what is unusual about it; empty if nothing is."""
         info = self._backend.info()
-        return "; ".join(filter(None, (info.limitation, info.assumption)))
+        return "; ".join(filter(None, (info.limitation, info.note)))
 
     @property
     def is_busy(self) -> bool:

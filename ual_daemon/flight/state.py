@@ -81,6 +81,11 @@ def _because(held_by: Cause | None) -> str:
     return f": {held_by.value}" if held_by is not None and held_by.value else ""
 
 
+def _unsaid(why: str, snapshot: Snapshot) -> Estimate:
+    refused = f"; it refused to send {snapshot.refused}" if snapshot.refused else ""
+    return Estimate(State.UNINITIALIZED, f"{why}{refused}")
+
+
 def _silent(why: str, snapshot: Snapshot) -> Estimate:
     trouble = f"; {snapshot.link_trouble}" if snapshot.link_trouble else ""
     return Estimate(State.UNINITIALIZED, f"{why}{trouble}", is_link_up=False)
@@ -102,14 +107,14 @@ def _why_uninitialized(snapshot: Snapshot, freshness: Freshness) -> Estimate | N
     for what, sample, limit_s in required:
         why = _why_stale(what, sample, limit_s, snapshot.time_s)
         if why is not None:
-            return Estimate(State.UNINITIALIZED, why)
+            return _unsaid(why, snapshot)
     assert snapshot.estimator is not None
     if not snapshot.estimator.value.is_good:
         return Estimate(State.UNINITIALIZED, f"the autopilot has no good position: {snapshot.estimator.value.why}")
     why = _why_stale("its pose", snapshot.pose, freshness.pose_s, snapshot.time_s)
     if why is None and snapshot.landed is not None:  # an autopilot may have no landed state at all
         why = _why_stale("whether it is landed", snapshot.landed, freshness.landed_s, snapshot.time_s)
-    return None if why is None else Estimate(State.UNINITIALIZED, why)
+    return None if why is None else _unsaid(why, snapshot)
 
 
 def _is_all_fresh(snapshot: Snapshot, freshness: Freshness) -> bool:

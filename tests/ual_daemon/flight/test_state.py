@@ -225,6 +225,13 @@ def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_heard() ->
     assert trouble not in estimate(HEALTHY._replace(link_trouble=trouble), FRESHNESS).why
 
 
+def test_what_the_autopilot_refused_to_send_ends_the_reason_while_it_is_missing() -> None:
+    refused = "EXTENDED_SYS_STATE (UNSUPPORTED)"
+    found = estimate(HEALTHY._replace(refused=refused, landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
+    assert found.why == f"the autopilot has not said whether it is landed; it refused to send {refused}"
+    assert refused not in estimate(HEALTHY._replace(refused=refused), FRESHNESS).why
+
+
 def test_a_value_that_has_not_come_yet_makes_the_state_uninitialized() -> None:
     found = estimate(HEALTHY._replace(landed=Sample(LandedState.UNKNOWN, NEVER_S)), FRESHNESS)
     assert found == Estimate(State.UNINITIALIZED, "the autopilot has not said whether it is landed")

@@ -54,6 +54,11 @@ class Plausibility:
         norm = rotation.norm()
         return abs(norm - 1.0) <= NORM_TOLERANCE or self._drop("attitude", f"with a quaternion of norm {norm:.3g}")
 
+    def accepts_angles(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> bool:
+        """Judges an attitude in angles."""
+        is_possible = all(abs(each) <= math.tau for each in (roll_rad, pitch_rad, yaw_rad))
+        return is_possible or self._drop("attitude", f"of {roll_rad:.3g}, {pitch_rad:.3g}, {yaw_rad:.3g} rad")
+
     def accepts_place(self, latitude_deg: float, longitude_deg: float) -> bool:
         """Judges a place on Earth."""
         is_on_earth = abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0

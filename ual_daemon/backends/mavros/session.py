@@ -195,7 +195,7 @@ class Session:
             is_simulation=self.judge_simulation().is_simulated is True,
             capabilities=autopilot.capabilities - {Capability.EXTERNAL_POSE} if is_multirotor else frozenset(),
             limits=limits,
-            assumption=assumption_text(self._parameters.missing if self._reported_missing else (), limits),
+            note=assumption_text(self._parameters.missing if self._reported_missing else (), limits),
             flies_takeoff_on_setpoints=autopilot.flies_takeoff_on_setpoints,
             identity=f"{autopilot.name} {found.system_id} {found.uid:x}" if found.has_version else "",
             limitation="" if is_multirotor else "it calls itself a multirotor, but is a VTOL: UAL only watches it",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ual_daemon.backends.mavlink.wire.frames import Source
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_name
 from ual_daemon.backends.values import LandedState, Snapshot
 
 _PARAMS_COUNT = 7
+LEAST_RATE_HZ = 4.0
+"""No stream that is used is requested more slowly: a landed state counts for 1.5 s (`Freshness`), and some are lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +88,20 @@ def shows_landed(*states: LandedState) -> Callable[[Snapshot, float], bool]:
 def set_message_interval(message_id: int, rate_hz: float) -> CommandLong:
     """Requests a stream of a message."""
     return CommandLong(
-        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz), f"stream message {message_id}"
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz), f"stream {message_name(message_id)}"
     )
+
+
+def default_interval(stream: CommandLong) -> CommandLong:
+    """Returns the request for the autopilot's own rate of a stream."""
+    return replace(stream, params=(stream.params[0], 0.0))
+
+
+def slower(stream: CommandLong, share: float) -> CommandLong:
+    """Returns the request for a part of a stream's rate, not below `LEAST_RATE_HZ`."""
+    interval_us = stream.params[1]
+    longest_us = max(interval_us, 1e6 / LEAST_RATE_HZ)
+    return replace(stream, params=(stream.params[0], min(interval_us / share, longest_us)))
 
 
 def pose_streams(rate_hz: float) -> list[CommandLong]:
@@ -109,4 +123,4 @@ def slow_streams() -> list[CommandLong]:
 
 def request_message(message_id: int) -> CommandLong:
     """Requests a message once."""
-    return CommandLong(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),), f"send message {message_id}")
+    return CommandLong(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),), f"send {message_name(message_id)}")

@@ -129,6 +129,10 @@ class CommandSender:
         """Drops all commands but requests for data: their vehicle may be another one now. Their futures stay open."""
         self._drop(lambda pending: bool(pending.command.group), now_s)
 
+    def drop_requests(self, command_id: int, now_s: float) -> None:
+        """Drops the requests for data with this command: others take their place. Their futures stay open."""
+        self._drop(lambda pending: not pending.command.group and pending.command.id == command_id, now_s)
+
     @property
     def is_any_under_way(self) -> bool:
         """Whether a command other than a request for data is queued or unanswered."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -18,7 +19,16 @@ from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
 from ual_daemon.backends.autopilots.sender_watch import SenderWatch
 from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.autopilots.axes import ned_to_enu
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.command_long import (
+    LEAST_RATE_HZ,
+    CommandLong,
+    default_interval,
+    request_message,
+    set_message_interval,
+    slow_streams,
+    slower,
+)
+from ual_daemon.backends.mavlink.autopilots.data_streams import request_group
 from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
@@ -29,6 +39,7 @@ from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
 from ual_daemon.backends.mavlink.session.identity import Identity
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
+from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.supervision import LinkState, Supervision
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
@@ -49,6 +60,12 @@ HOME_REQUEST_S = 0.2
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
+QUATERNION_S = 3.0
+"""After so long without a quaternion the attitude is taken from the angles that many autopilots send."""
+UNUSED_RATE_HZ = 1.0
+"""How often a message that UAL does not use may come on a link that is overrun. Others on the link may use it."""
+PACE_S = 0.1
+"""The interval of requests that leave whatever the answers are."""
 ALL_SYSTEMS = 0
 """The system id that addresses every vehicle: nothing is sent to it."""
 ORIGIN_S = 0.5
@@ -95,6 +112,13 @@ class Session:
         self._supervision = supervision
         self._commands = CommandSender(dialect.name, self._send_command, setpoints.duration_s, self.telemetry.snapshot)
         self._reported_missing: tuple[str, ...] = ()
+        self._fit = RateFit()
+        self._unused_ids: set[int] = set()
+        """Of messages that are not used, and came while the link lost much."""
+        self._paced: deque[Message] = deque()
+        """What leaves one message at a time, as a slow link would lose it otherwise."""
+        self._next_paced_s = -math.inf
+        self._began_s: float | None = None
         self._setup = self._new_setup()
         self._fence_download = self._new_fence_download() if dialect.has_zones else None
         self._next_setup_s = -math.inf
@@ -213,6 +237,9 @@ class Session:
         self.telemetry.conflict = self.identity.conflict
         self._check_multirotor()
         self._setup.tick(now_s)
+        self._take_attitude_as_it_comes(now_s)
+        self._fit_rates(now_s)
+        self._send_paced(now_s)
         if self._fence_download is not None:
             self._fence_download.tick(now_s, is_armed=self.telemetry.is_armed)
         self._commands.tick(now_s)
@@ -289,7 +316,7 @@ class Session:
             is_simulation=telemetry.is_hardware_in_the_loop or self.judge_simulation().is_simulated is True,
             capabilities=dialect.capabilities,
             limits=limits,
-            assumption=assumption_text(self._setup.missing, limits),
+            note="; ".join(filter(None, (self.note, assumption_text(self._setup.missing, limits)))),
             flies_takeoff_on_setpoints=dialect.flies_takeoff_on_setpoints,
             identity=self._identity(),
             limitation=dialect.limitation,
@@ -342,6 +369,8 @@ class Session:
     def _on_undecoded(self, frame: Frame, now_s: float) -> None:
         """Takes a message that no dialect of pymavlink has, or that is not used."""
         self.telemetry.on_frame(frame.sequence, now_s)
+        if self._fit.is_high and frame.message_id != EVENT_ID:
+            self._unused_ids.add(frame.message_id)
         event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
         # PX4 repeats its last events when any program requests them, and every listener receives the repetitions.
         if event is not None and event.boot_s >= self._supervision.boot_s - OLD_EVENT_S:
@@ -405,16 +434,80 @@ class Session:
         else:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
+    def _take_attitude_as_it_comes(self, now_s: float) -> None:
+        """Takes angles where no quaternion comes. PX4 sends them a hundred times a second beside it, for others."""
+        began_s = self._began_s = now_s if self._began_s is None else self._began_s
+        if self.telemetry.attitude_time_s is None and now_s - began_s > QUATERNION_S:
+            self._own_decoded_ids |= {mavlink.MAVLINK_MSG_ID_ATTITUDE}
+
+    def _fit_rates(self, now_s: float) -> None:
+        """Asks for less where the link carries less than the autopilot sends; see `RateFit`."""
+        fit, before_hz = self._fit, self._position_rate_hz
+        if not fit.is_due(now_s):
+            return
+        loss, is_armed = self._supervision.loss(now_s), bool(self.telemetry.is_armed)
+        if fit.update(now_s, loss, is_armed=is_armed, has_unused=bool(self._unused_ids)):
+            streams = self._streams()
+            self._commands.drop_requests(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, now_s)
+            self._setup.change_streams(streams)
+            unused = [set_message_interval(each, UNUSED_RATE_HZ) for each in sorted(self._unused_ids)]
+            if not fit.level:
+                unused = [default_interval(each) for each in unused]
+            # Whatever the answer: on an overrun link it would not come.
+            self._paced = deque(each.encode(self.source, 0) for each in (*unused, *streams))
+            logs.event(
+                _log, logging.WARNING, "stream_rates_changed", loss=round(fit.loss, 2), unused=len(unused),
+                position_hz=round(self._position_rate_hz, 1), before_hz=round(before_hz, 1),
+            )  # fmt: skip
+
+    def _send_paced(self, now_s: float) -> None:
+        if self._paced and now_s >= self._next_paced_s:
+            self._next_paced_s = now_s + PACE_S
+            self._sender.send(self._paced.popleft())
+
+    @property
+    def _position_rate_hz(self) -> float:
+        """How often the position is asked for."""
+        return max(LEAST_RATE_HZ, self._pose_rate_hz * self._fit.share)
+
+    def _streams(self) -> list[CommandLong]:
+        """The requests for all streams, at the rates that the link carries."""
+        streams = self.dialect.streams(self._pose_rate_hz)
+        if not self._fit.level or not streams:
+            return streams
+        usual = {round(each.params[0]): each for each in (*slow_streams(), *streams)}
+        return [slower(each, self._fit.share) for each in usual.values()]
+
+    @property
+    def note(self) -> str:
+        """What is unusual about the link, for people: it loses much, or less is asked for; empty if nothing is."""
+        fit, words = self._fit, []
+        if fit.is_high:
+            words.append(f"the link loses {fit.loss * 10.0:.0f}0 % of its messages")
+        if fit.level:
+            less = f"{self._position_rate_hz:.3g} positions a second" if fit.level > 1 else "only what is used"
+            words.append(f"it is asked for {less}, as the link carries no more")
+        return "; ".join(words)
+
+    @property
+    def refused(self) -> str:
+        """Which requests for streams were refused, for people; empty if none was."""
+        return ", ".join(f"{name} ({result})" for name, result in self._setup.refused.items())
+
     def _new_setup(self) -> SetupRequests:
         return SetupRequests(
             self.dialect,
             self.telemetry,
             self._commands,
             self._request_parameter,
-            self._pose_rate_hz,
+            self._streams(),
             self._supervision.loss,
             self._report_missing,
+            self._request_group,
         )
+
+    def _request_group(self, group: int, rate_hz: int) -> None:
+        self._sender.send(request_group(self.source, group, rate_hz))
 
     def _new_fence_download(self) -> FenceDownload:
         fence, name = self.telemetry.fence, self.dialect.name
@@ -452,8 +545,9 @@ class Session:
 
     def release(self) -> None:
         """Requests the default rates of all messages, as nobody needs ours any more; does not wait for answers."""
-        for stream in self.dialect.streams(self._pose_rate_hz):
-            self._send_command(replace(stream, params=(stream.params[0], 0.0)), 0)
+        unused = (set_message_interval(each, UNUSED_RATE_HZ) for each in self._unused_ids)
+        for stream in (*self._streams(), *(unused if self._fit.level else ())):
+            self._send_command(default_interval(stream), 0)
 
     def _request_origin(self, now_s: float) -> None:
         request = request_message(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 
 from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.autopilots.data_streams import group_rates_hz
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+from ual_daemon.backends.mavlink.wire.messages import mavlink, message_name
 
 ROUND_S = 1.0
 FAST_ROUNDS_COUNT = 10
@@ -20,6 +22,8 @@ answer that it has no parameter of the name, as a real ArduPilot has no SIM_SPEE
 DROPPED_SHARE = 0.6
 """A stream that comes at less than this part of the best rate seen, with the losses of the link taken into account, was
 lowered by another program (REQUEST_DATA_STREAM of a ground station on the same link) and is requested again."""
+REFUSED_COUNT = 3
+"""After so many requests for single streams without one that was accepted, whole groups are requested."""
 FLOWS_SHARE, SPARSE_FLOWS_SHARE = 0.25, 0.05
 """A stream flows if at least this part of the requested rate comes. The second one is for messages that are sent on a
 change and else seldom (`Dialect.sparse_messages`). Acknowledgements do not show which of these requests they are for:
@@ -38,18 +42,25 @@ class SetupRequests:
         telemetry: Telemetry,
         commands: CommandSender,
         request_parameter: Callable[[str], None],
-        pose_rate_hz: float,
+        streams: Iterable[CommandLong],
         loss: Callable[[float], float] = lambda _: 0.0,
         on_missing: Callable[[tuple[str, ...]], None] = lambda _: None,
+        request_group: Callable[[int, int], None] = lambda *_: None,
     ) -> None:
         """`loss` returns the part of the messages that the link loses now (0 to 1). `on_missing` takes the names of the
-        parameters that were requested several times and have not come.
+        parameters that were requested several times and have not come. `request_group` requests a group of streams at a
+        rate in Hz, where the autopilot does not know the request for single ones.
         """
+        self.refused: dict[str, str] = {}
+        """The streams that were refused, or not answered, and do not come: their names, and the results for people."""
         self._dialect = dialect
         self._telemetry = telemetry
         self._commands = commands
         self._request_parameter = request_parameter
-        self._streams: dict[CommandLong, Future[None] | None] = dict.fromkeys(dialect.streams(pose_rate_hz))
+        self._request_group = request_group
+        self._streams: dict[CommandLong, Future[None] | None] = dict.fromkeys(streams)
+        self._unanswered: set[CommandLong] = set()
+        self._takes_single_requests = False
         self._rounds_count = 0
         self._round_s = 0.0
         self._next_s: float | None = None
@@ -83,12 +94,23 @@ class SetupRequests:
             doublings_count = max(0, self._parameter_rounds_count - FAST_PARAMETER_ROUNDS_COUNT)
             self._next_parameters_s = now_s + ROUND_S * 2.0**doublings_count
 
+    def change_streams(self, streams: Iterable[CommandLong]) -> None:
+        """Requests these from now on, instead of those before."""
+        self._streams = dict.fromkeys(streams)
+        self._unanswered.clear()
+        self._best_hz.clear()
+        self._rounds_count, self._next_s = 0, None
+
     def _request_messages(self, now_s: float) -> None:
+        self._note_refused()
         for command, future in self._streams.items():
             is_settled = future is not None and future.done() and (self._flows(command) or future.exception())
             is_settled = is_settled and not self._has_dropped(command, now_s)
             if not (is_settled or self._commands.is_under_way(command)):
+                if future is not None and not future.done():
+                    self._unanswered.add(command)
                 self._streams[command] = self._commands.submit(command, now_s)
+        self._request_groups()
         counts = self._counts_before_round = self._telemetry.message_counts.copy()
         for message_id in self._dialect.wanted_messages:
             request = request_message(message_id)
@@ -97,14 +119,44 @@ class SetupRequests:
             if not (is_settled or self._commands.is_under_way(request)):
                 self._commands.submit(request, now_s)
 
+    def _note_refused(self) -> None:
+        """Notes what became of the requests for streams."""
+        self.refused = {}
+        for command, future in self._streams.items():
+            result = self._result(command, future)
+            if future is not None and result == "":
+                self._takes_single_requests = True
+            elif result and not self._flows(command):
+                self.refused[message_name(round(command.params[0]))] = result
+
+    def _result(self, command: CommandLong, future: Future[None] | None) -> str | None:
+        """Returns how a request for a stream was answered: empty if accepted, None if it is not answered yet."""
+        if future is None or not future.done():
+            return "no answer" if command in self._unanswered else None
+        error = future.exception()
+        return "" if error is None else str(getattr(error, "metadata", {}).get("result", error))
+
+    def _request_groups(self) -> None:
+        """Requests groups of streams from an autopilot that has taken none of several requests for single ones."""
+        if self._takes_single_requests or len(self.refused) < REFUSED_COUNT:
+            return
+        silent = [command for command in self._streams if not self._flows(command)]
+        for group, rate_hz in group_rates_hz(silent).items():
+            self._request_group(group, rate_hz)
+
     def _flows(self, command: CommandLong) -> bool:
         """Whether the requested stream came in the last round, or need not come."""
         message_id, interval_us = round(command.params[0]), command.params[1]
         if message_id in self._dialect.optional_messages:
             return True
-        came_count = self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
+        came_count = self._came_count(message_id)
+        if message_id == mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION:  # either of them will do
+            came_count += self._came_count(mavlink.MAVLINK_MSG_ID_ATTITUDE)
         share = SPARSE_FLOWS_SHARE if message_id in self._dialect.sparse_messages else FLOWS_SHARE
         return came_count >= share * self._round_s / (interval_us * 1e-6)
+
+    def _came_count(self, message_id: int) -> int:
+        return self._telemetry.message_counts[message_id] - self._counts_before_round[message_id]
 
     def _has_dropped(self, command: CommandLong, now_s: float) -> bool:
         """Whether the stream came far more slowly in the last round than it did before."""

@@ -91,6 +91,7 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_extended_sys_state,
             dialect.estimator_message: self._on_estimator,
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._on_attitude_quaternion,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_local_position_ned,
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_global_position_int,
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._on_gps_global_origin,
@@ -125,8 +126,8 @@ class Telemetry:
 
     @property
     def decoded_ids(self) -> frozenset[int]:
-        """Ids of the messages that are worth decoding."""
-        return frozenset(self._handlers)
+        """Ids of the messages that are worth decoding. `ATTITUDE` is, where no quaternion comes."""
+        return frozenset(self._handlers) - {mavlink.MAVLINK_MSG_ID_ATTITUDE}
 
     def update(self, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a decoded message of this autopilot."""
@@ -259,6 +260,17 @@ class Telemetry:
         rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
         if self.plausibility.accepts_rotation(Quaternion(x, y, z, w)) and self.plausibility.accepts_rates(rates):
             self._attitude = Sample((orientation_to_enu(w, x, y, z), rates), now_s)
+
+    def _on_attitude(self, message: Message, now_s: float, _: float) -> None:
+        quaternion, judge = self._sources.get("attitude"), self.plausibility
+        has_quaternion = quaternion is not None and now_s - quaternion[1] <= ATTITUDE_LIMIT_S
+        if has_quaternion or not self._is_newest("angles", now_s):
+            return
+        angles = message.roll, message.pitch, message.yaw
+        rates = frd_to_flu(message.rollspeed, message.pitchspeed, message.yawspeed)
+        if judge.accepts_angles(*angles) and judge.accepts_rates(rates):
+            to_ned = Quaternion.from_euler(*angles)
+            self._attitude = Sample((orientation_to_enu(to_ned.w, to_ned.x, to_ned.y, to_ned.z), rates), now_s)
 
     def _on_local_position_ned(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if not self._is_newest("position", now_s):

@@ -13,7 +13,7 @@ from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, Frame
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
-__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "mavlink"]
+__all__ = ["EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "mavlink", "message_name"]
 
 Message = Any
 """A message of pymavlink; its classes are generated without types."""
@@ -62,6 +62,12 @@ class TargetMessage(NamedTuple):
         ids = (mav.seq, mav.srcSystem, mav.srcComponent, _Target.id, 0)
         covered = _TARGET.pack(_TARGET_SIZE, 0, 0, *ids, time_ms, *motion, mask, system, component, frame)
         return b"".join((_MAGIC, covered, checksum.compute(covered, _Target.crc_extra)))
+
+
+def message_name(message_id: int) -> str:
+    """Returns the name of a message, for people."""
+    kind = mavlink.mavlink_map.get(message_id)
+    return f"message {message_id}" if kind is None else str(kind.msgname)
 
 
 class CorruptFrameError(Exception):

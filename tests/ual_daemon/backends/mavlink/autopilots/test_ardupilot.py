@@ -280,14 +280,14 @@ def test_what_is_assumed_ends_the_reason_of_the_state_until_the_parameters_come(
     for name in COPTER.parameters:
         if name.startswith("FENCE_"):
             harness.receive(mavlink.MAVLink_param_value_message(name.encode(), 0.0, 9, 1, 0))
-    assert harness.session.info().assumption == ""
+    assert harness.session.info().note == ""
     harness.run(6.0)
-    assert harness.session.info().assumption == (
+    assert harness.session.info().note == (
         "it has not sent WP_ACC or WPNAV_ACCEL: assumed are at most 10 m/s, 2.5 m/s up and 1.5 m/s down, 0.6 m/s^2 "
         "and vertically 0.6 m/s^2, 1.05 rad/s; no fence of its own but what was read"
     )
     harness.receive(mavlink.MAVLink_param_value_message(b"WP_ACC", 2.5, 9, 1, 0))
-    assert harness.session.info().assumption == ""
+    assert harness.session.info().note == ""
 
 
 def test_a_fence_whose_parameters_did_not_come_is_told() -> None:

@@ -18,7 +18,8 @@ from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
-from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.mavlink.wire.frames import split
+from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
 STEP_S = 0.01
 INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -40,7 +41,9 @@ def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 6
             done.set_result(None)
             return done
 
-    setup = SetupRequests(dialect, cast("Any", telemetry), cast("Any", Acknowledged()), lambda _: None, 50.0)
+    setup = SetupRequests(
+        dialect, cast("Any", telemetry), cast("Any", Acknowledged()), lambda _: None, dialect.streams(50.0)
+    )
     due = dict.fromkeys(rates_hz, 0.0)
     for index in range(round(duration_s / STEP_S)):
         for message_id, rate_hz in rates_hz.items():
@@ -219,3 +222,70 @@ def test_after_a_silence_everything_is_asked_anew() -> None:
     harness.run(10.0)
     harness.receive(heartbeat())
     assert _asked_streams(harness, until_s=20.0) == STREAMS
+
+
+# --- Autopilots that do not know the request for single streams ------------------------------------------------------
+
+GENERIC = heartbeat(5, autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
+
+
+def _angles(roll_rad: float = 0.0, yaw_rad: float = 0.0, boot_ms: int = 0) -> Any:
+    return mavlink.MAVLink_attitude_message(boot_ms, roll_rad, 0.0, yaw_rad, 0.1, 0.2, 0.3)
+
+
+def _answering(harness: Harness, result: int | None, duration_s: float) -> list[Any]:
+    """An autopilot that answers all requests in the same way. Returns which groups of streams it is asked for."""
+    groups: list[Any] = []
+    for _ in range(round(duration_s / 0.1)):
+        harness.run(0.1)
+        sent = [Codec(1).decode(frame) for data in harness.link.sent for frame in split(data)[0]]
+        harness.link.sent.clear()
+        groups += [each for each in sent if each.get_type() == "REQUEST_DATA_STREAM"]
+        said: list[Any] = [GENERIC]
+        if result is not None:
+            said += [ack(each.command, result) for each in sent if each.get_type() == "COMMAND_LONG"]
+        harness.receive(*said)
+    return groups
+
+
+@pytest.mark.parametrize(("result", "told"), [(mavlink.MAV_RESULT_UNSUPPORTED, "UNSUPPORTED"), (None, "no answer")])
+def test_where_no_request_for_a_stream_is_taken_groups_are_asked_for_and_it_is_told(
+    result: int | None, told: str
+) -> None:
+    harness = Harness()
+    harness.receive(GENERIC)
+    groups = _answering(harness, result, 30.0)
+    assert {(each.req_stream_id, each.req_message_rate, each.start_stop) for each in groups} >= {
+        (mavlink.MAV_DATA_STREAM_EXTRA1, 50, 1),
+        (mavlink.MAV_DATA_STREAM_POSITION, 50, 1),
+        (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 5, 1),
+    }
+    assert {(each.target_system, each.target_component) for each in groups} == {(1, 1)}
+    assert f"LOCAL_POSITION_NED ({told})" in harness.session.refused
+
+
+def test_where_some_requests_are_taken_no_group_is_asked_for() -> None:
+    """On ArduPilot that would lower the rates of other messages."""
+    harness = Harness()
+    harness.receive(GENERIC)
+    assert _answering(harness, mavlink.MAV_RESULT_ACCEPTED, 20.0) == []
+    assert harness.session.refused == ""
+
+
+def test_angles_are_the_attitude_where_no_quaternion_comes() -> None:
+    harness = Harness()
+    harness.receive(GENERIC, _angles(), position(0.0))
+    assert harness.snapshot().pose is None, "a quaternion may come yet"
+    _answering(harness, mavlink.MAV_RESULT_UNSUPPORTED, 4.0)
+    harness.receive(_angles(0.2, math.pi / 2), position(harness.now_s))
+    pose, rates = harness.snapshot().pose.value, harness.snapshot().velocity.value.angular
+    roll_rad, pitch_rad, yaw_rad = pose.orientation.to_euler()
+    assert (roll_rad, pitch_rad, yaw_rad) == pytest.approx((0.2, 0.0, 0.0), abs=1e-6)  # to the east: along x
+    assert tuple(rates) == pytest.approx((0.1, -0.2, -0.3))
+    for bad in (math.nan, math.inf, 1e6):
+        harness.receive(_angles(bad, 0.5), position(harness.now_s))
+        assert harness.snapshot().pose.value.orientation.to_euler()[2] == pytest.approx(0.0, abs=1e-6)
+    harness.receive(attitude(), _angles(0.0, 1.0), position(harness.now_s))
+    assert harness.snapshot().pose.value.orientation.to_euler()[2] == pytest.approx(math.pi / 2), (
+        "the quaternion counts"
+    )
