@@ -38,7 +38,7 @@ def stub(daemon: DaemonProcess) -> Any:
 
 def far_away() -> pb.GoToWaypointRequest:
     request = pb.GoToWaypointRequest()
-    request.waypoint.pose.position.x = 10_000.0
+    request.waypoint.pose.position.x, request.waypoint.pose.position.z = 9_000.0, 2.0
     return request
 
 

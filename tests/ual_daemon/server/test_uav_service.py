@@ -35,7 +35,8 @@ def test_an_abort_gets_through_while_a_path_is_planned_and_the_path_does_not_beg
 
         monkeypatch.setattr(uav.vehicle.commands, "prepare", slowly)
         request = pb.FollowPathRequest(non_blocking=True)
-        request.waypoints.add().pose.position.x = 9.0
+        goal = request.waypoints.add().pose.position
+        goal.x, goal.z = 9.0, 3.0
 
         async def run() -> None:
             service = UalServicer(uav.vehicle, Updates(uav.vehicle, lambda _: None))
