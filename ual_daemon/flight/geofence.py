@@ -79,7 +79,7 @@ class _Now(NamedTuple):
         floor_z_m: z of the floor with its clearance, without what the estimated height may be off; minus infinity if
             there is none.
         ceiling_z_m: z of the ceiling, likewise.
-        rooms: Parts of the fence in which the last setpoints were found; the newest first.
+        rooms: Parts of `low_fence` in which the last setpoints were found; the newest first.
 
     """
 
@@ -179,7 +179,7 @@ class Geofence:
         if now is None or now.key != key:  # of a pair of tuples, only those members are compared that are not the same
             datum = self._datum(snapshot)
             (fence, low_fence), (floor_z_m, ceiling_z_m) = self._find(snapshot, datum), self._edges(datum)
-            rooms = now.rooms if now is not None and now.fence is fence else ()
+            rooms = now.rooms if now is not None and now.low_fence is low_fence else ()
             now = self._last = _Now(key, fence, low_fence, floor_z_m, ceiling_z_m, rooms)
         return now
 
@@ -334,7 +334,7 @@ class Geofence:
         """Raises `GeofenceError` if a goal, or the straight way there from where the UAV is, leaves the fence."""
         now, here = self._now(snapshot), measured_motion(snapshot).position
         points = (here.x, here.y, here.z), (goal.x, goal.y, goal.z)
-        if not now.has(points):
+        if min(here.z, goal.z) < now.fence.lowest_m or not now.has(points):
             self.require_inside([here, goal], what, snapshot)
             self._find_room(now, points)
 
@@ -364,7 +364,7 @@ class Geofence:
             if not now.floor_z_m <= points.commanded_stop[2] <= now.ceiling_z_m:
                 self._require_stop_between(now, points, velocity)
             return
-        question = (now.fence, now.floor_z_m, now.ceiling_z_m, here, own, velocity, limits)
+        question = (now.low_fence, now.floor_z_m, now.ceiling_z_m, here, own, velocity, limits)
         if self._admitted != question:
             self._require_stop(now, points, own, velocity, limits, snapshot)
             self._admitted = question
@@ -393,7 +393,7 @@ class Geofence:
 
     def _find_room(self, now: _Now, points: Sequence[Point3]) -> None:
         """Keeps a part of the fence that contains points that were just admitted, if there is one."""
-        room = now.fence.room_around(points)
+        room = now.low_fence.room_around(points)
         if room is not None:
             self._last = now._replace(rooms=(room, *now.rooms[: _MOST_ROOMS - 1]))
 

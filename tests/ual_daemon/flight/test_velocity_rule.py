@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from tests.strategies import vectors
 from tests.ual_daemon.flight import exact_rule
 from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS
+from tests.work.counting import counted
 from ual.errors import GeofenceError
 from ual.geometry import IDENTITY, Pose, Twist, Vector3
 from ual.types import GeoPoint, Limits, State
@@ -23,6 +25,7 @@ from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import FlatProjection
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
+from ual_daemon.tracker.references import Hold
 from ual_daemon.trajectory import Motion
 
 ORIGIN = FlatProjection(47.4, 8.5, 488.0)
@@ -103,7 +106,10 @@ def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geo
 
 def is_close(fence: Fence, moment: Moment, limits: Limits) -> bool:
     """Whether the answer depends on roundings: a corner of a way is right at an edge."""
-    points = (Vector3(*point) for point in reach(*moment, limits))
+    return is_near(fence, *(Vector3(*point) for point in reach(*moment, limits)))
+
+
+def is_near(fence: Fence, *points: Vector3) -> bool:
     return any(abs(fence.signed_distance_m(point)) < CLOSE_M for point in points)
 
 
@@ -132,6 +138,38 @@ def test_a_velocity_is_admitted_where_the_rule_admits_it_and_nowhere_else(
             except GeofenceError:
                 is_admitted = False
             assert is_admitted == expected or is_close(fence, moment, limits)
+
+
+@pytest.mark.parametrize("settings", CONFIGURED)
+@pytest.mark.parametrize("own_fence", OWN_FENCES)
+@given(flight=flights(), goals=st.lists(vectors(6.0), min_size=13, max_size=13))
+def test_a_goal_is_admitted_where_the_straight_way_to_it_is_inside(
+    settings: GeofenceSettings | None, own_fence: OwnFence | None, flight: list[Moment], goals: list[Vector3]
+) -> None:
+    """Between velocities, which may lead lower than a goal."""
+    tested, limits = geofence(settings, 0.5), Limits()
+    for moment, offset in zip(flight, goals, strict=False):
+        snapshot, goal = moment.snapshot(own_fence), moment.here + offset
+        with suppress(GeofenceError):
+            tested.require_velocity(moment.velocity, limits, snapshot)
+        expected = tested.fence(snapshot).exit([moment.here, goal]) is None
+        for _ in range(2):
+            try:
+                tested.admit("set_pose", Hold(goal, 0.0), limits, snapshot)
+                is_admitted = True
+            except GeofenceError:
+                is_admitted = False
+            assert is_admitted == expected or is_near(tested.fence(snapshot), moment.here, goal)
+
+
+def test_a_hover_below_the_clearance_is_flown_without_asking_for_polygons_each_time() -> None:
+    tested, limits = geofence(CONFIGURED[1], 3.0), Limits()
+    low = HIGH._replace(pose=Sample(Pose(Vector3(0.0, 0.0, 1.5), IDENTITY), 0.0))
+    tested.require_velocity(Vector3(1.0, 0.0, 0.0), limits, low)
+    asked = counted(lambda: tested.require_velocity(Vector3(0.0, 1.0, 0.0), limits, low))
+    assert asked.calls < 40
+    with pytest.raises(GeofenceError):
+        tested.admit("set_pose", Hold(Vector3(1.0, 0.0, 1.5), 0.0), limits, low)
 
 
 @given(moment=moments, limits=LIMIT_SETS)
