@@ -106,7 +106,7 @@ def main() -> None:
         url = json.loads(view.popen.stdout.readline())["url"]
         page = stack.enter_context(browser(directory / "profile"))
         page.open(url)
-        page.wait_for(names[-1], "FLYING_AUTO")
+        page.wait_for(f"{names[-1]}\tFLYING_AUTO")
         time.sleep(options.after)  # long trails are what costs: how long they are is part of what is measured
         print(f"{options.uavs} UAVs; {priority_text()}")
         measure(page, {"daemon": daemon.pid, "ual view": view.pid, "browser": page.pid}, options.duration)

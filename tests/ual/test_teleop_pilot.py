@@ -267,7 +267,7 @@ def test_keys_that_waited_can_only_end_a_motion() -> None:
     assert flight.crafts[0].commands == ["stop", "land"]
 
 
-@pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 20), (100, 40), (20, 5)])
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 20), (60, 16), (40, 24), (100, 40), (20, 5)])
 def test_the_screen_fits(width: int, height: int) -> None:
     flight = Flight(3)
     craft = flight.crafts[0]
@@ -291,6 +291,10 @@ def test_the_screen_fits(width: int, height: int) -> None:
     assert len(shown) <= height
     assert max(len(line.text) for line in shown) <= width
     text = "\n".join(line.text for line in shown)
+    if width >= 40:  # all keys are told on a small screen, too
+        for keys_text, what in keys.help:
+            assert " ".join(keys_text.split()) in " ".join(text.split())
+            assert what in " ".join(text.split())
     if (width, height) == (80, 24):
         known = (
             "uav_1 (1 of 3, Tab)",

@@ -95,6 +95,20 @@ def test_a_new_token_is_printed_once_and_its_file_is_private(file: Path) -> None
     assert secret not in done("token", "list", "--file", str(file))
 
 
+def test_a_new_token_is_written_for_its_owner_only_and_nothing_is_overwritten(file: Path, tmp_path: Path) -> None:
+    target = tmp_path / "laptop.token"
+    words = ("token", "new", "--role", "pilot", "--file", str(file), "--output", str(target), "--name")
+    said = done(*words, "laptop")
+    secret = target.read_text("ascii").strip()
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+    assert tokens.find(tokens.read(file.read_bytes()), secret) is not None
+    assert secret not in said
+    result = run(*words, "tablet")
+    assert (result.exit_code, "is there already" in result.stderr) == (1, True)
+    assert [each.name for each in tokens.read(file.read_bytes())] == ["laptop"]
+    assert target.read_text("ascii").strip() == secret
+
+
 def test_they_are_listed_and_revoked(file: Path) -> None:
     for name in ("laptop", "tablet"):
         done("token", "new", "--role", "observer", "--name", name, "--file", str(file))

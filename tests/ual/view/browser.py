@@ -107,13 +107,19 @@ class Page:
         return [label for label in found if label]
 
     def choose(self, option: str) -> None:
-        """Chooses in the page's first list."""
-        self.evaluate("document.querySelector('input[aria-haspopup=listbox]').click()")
-        wanted = (
-            f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === {json.dumps(option)})"
-        )
-        self.wait_until(lambda: self.evaluate(f"!!{wanted}"), f"the option {option}")
-        self.evaluate(f"{wanted}.click()")
+        """Chooses a UAV by its line of the table."""
+        line = f"document.querySelector('[data-ual-ns={json.dumps(option)}]')"
+        self.wait_until(lambda: self.evaluate(f"!!{line}"), f"the line of {option}")
+        self.evaluate(f"{line}.click()")
+
+    def choose_too(self, option: str) -> None:
+        """Chooses a UAV beside those that are chosen already."""
+        self.evaluate(f"document.querySelector('[data-ual-ns={json.dumps(option)}] [data-ual-mark]').click()")
+
+    def chosen(self) -> list[str]:
+        """The UAVs whose lines say that they are chosen."""
+        found: list[str] = self.evaluate("[...document.querySelectorAll('.ual-chosen')].map(e => e.dataset.ualNs)")
+        return sorted(found)
 
     def _press(self, condition: str, label: str) -> None:
         script = f"""(() => {{

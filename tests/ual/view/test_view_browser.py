@@ -33,7 +33,7 @@ def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, s
         daemon.wait_for("state", new="LANDED_ARMED")
     page.open(start_view("--control"))
     for ns in ("uav_1", "uav_2", "uav_3"):
-        page.wait_for(f"{ns} LANDED_ARMED")
+        page.wait_for(f"{ns}\tLANDED_ARMED")
 
     # A take-off: asked first, then confirmed.
     page.choose("uav_2")
@@ -41,6 +41,19 @@ def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, s
     page.wait_for("uav_2: take off to 3 m: would be accepted, 3.00 m")
     page.press("Confirm: uav_2: take off to 3 m")
     page.wait_for("uav_2: FLYING_AUTO")
+    assert page.evaluate("document.title") == "UAL - CONTROL"
+
+    # Several are chosen by their marks, and all by a second click.
+    assert page.chosen() == ["uav_2"]
+    page.choose_too("uav_1")
+    page.wait_for("Land uav_1, uav_2")
+    page.wait_until(lambda: page.chosen() == ["uav_1", "uav_2"], "two that are chosen")
+    page.choose_too("uav_1")
+    page.wait_until(lambda: page.chosen() == ["uav_2"], "one that is chosen")
+    page.choose("uav_2")
+    page.wait_for("Land all 3")
+    page.choose("uav_2")
+    page.wait_for("Take off uav_2")
 
     # A go-to by a click on the ground.
     page.click(300, 500)
@@ -58,7 +71,8 @@ def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, s
     # A killed daemon.
     daemons[1].signal(signal.SIGKILL)
     killed_s = time.monotonic()
-    page.wait_for("uav_2: LOST since", "it was FLYING_AUTO")
+    page.wait_for("uav_2: LOST since", "it was FLYING_AUTO", "uav_2\tLOST")
+    page.wait_until(lambda: page.evaluate("document.title") == "1 alarm - UAL - CONTROL", "the title")
     assert time.monotonic() - killed_s < LIMIT_S
     assert not page.problems
 

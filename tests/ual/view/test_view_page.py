@@ -15,7 +15,7 @@ from websockets.exceptions import InvalidStatus
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.ual.recording.waiting import wait_until
 from tests.ual.view.conftest import StartView
-from ual import LeaseHeldError, State, Uav
+from ual import LeaseHeldError, State, Team, Uav
 from ual.simulation import LinkLost
 
 pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
@@ -62,14 +62,14 @@ def test_a_page_without_control_cannot_fly(daemon: DaemonProcess, start_view: St
     daemon.wait_for("state", new="LANDED_ARMED")
     with forger(start_view()) as page:
         page.read_until("Log")
-        page.read_until_text("LANDED\\_ARMED")
+        page.read_until_text("<td>LANDED_ARMED</td>")
         labels = {each.get("label") for each in page.elements.values()}
         assert labels - {None, "UAV", "Show", "Frames", "Look at it", "Log"} == set()
         assert page.enabled_clicks == []
         forge_everything(page)
         # It answers in order: so it has done with all of that once it has answered to what is sent last.
-        page.send(type="GuiUpdateMessage", uuid=page.read_until("UAV"), updates={"value": "all UAVs"})
-        page.read_until_text(f"- {daemon.ns}".replace("_", "\\_"))
+        page.send(type="GuiUpdateMessage", uuid=page.read_until("UAV"), updates={"value": "none"})
+        page.read_until_text(f"<tr class='' data-ual-ns='{daemon.ns}'>")
     assert commands_in(daemon) == []
     with Uav(daemon.ns) as uav:
         assert uav.state() is State.LANDED_ARMED
@@ -84,6 +84,41 @@ def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, s
         assert commands_in(daemon) == []  # a dry run begins nothing
         page.send(type="GuiUpdateMessage", uuid=confirm, updates={"value": True})
         daemon.wait_for("command", command="take_off")
+
+
+def test_a_page_lands_all_and_those_that_are_chosen(start_daemon: StartDaemon, start_view: StartView) -> None:
+    names = ("uav_1", "uav_2", "uav_3")
+    daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")
+    for ns in names:
+        daemon.wait_for("state", ns=ns, new="LANDED_ARMED")
+    with Team(names) as team:
+        team.take_off(2.0)
+        with forger(start_view("--control")) as page:
+            choice = page.read_until("UAV")
+            land = page.read_until("Land all 3")
+            page.send(type="GuiUpdateMessage", uuid=choice, updates={"value": "uav_3, uav_1"})
+            page.read_until("Land uav_1, uav_3")
+            page.send(type="GuiUpdateMessage", uuid=land, updates={"value": True})
+            page.read_until_text("land\\: 2 of 2 done")
+            assert team["uav_2"].state() is State.FLYING_AUTO
+            page.send(type="GuiUpdateMessage", uuid=choice, updates={"value": "all UAVs"})
+            page.read_until("Land all 3")
+            page.send(type="GuiUpdateMessage", uuid=land, updates={"value": True})
+            page.read_until_text("land\\: 3 of 3 done")
+        landed = {each["ns"] for each in daemon.events if each["event"] == "command" and each["command"] == "land"}
+        assert landed == set(names)
+        team.wait_for(State.LANDED_ARMED, State.LANDED_DISARMED)
+
+
+def test_what_one_refuses_is_said_beside_what_the_others_did(start_daemon: StartDaemon, start_view: StartView) -> None:
+    names = ("uav_1", "uav_2", "uav_3")
+    daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")
+    for ns in names:
+        daemon.wait_for("state", ns=ns, new="LANDED_ARMED")
+    with forger(start_view("--control")) as page:
+        hold = page.read_until("Hold all 3")
+        page.send(type="GuiUpdateMessage", uuid=hold, updates={"value": True})
+        page.read_until_text("hold\\: 0 of 3 done; REFUSED\\: uav")
 
 
 def test_a_page_takes_and_releases_the_lease_after_it_was_confirmed(
@@ -141,7 +176,7 @@ def test_the_way_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDae
     with forger(start_view()) as page, Uav(daemon.ns) as uav:
         corners = page.read_until_lines("/fence/0")
         assert len(corners) == 24
-        assert {point[2] for point in corners} == {0.0, 8.0}
+        assert {point[2] for point in corners} == {0.5, 8.0}
         assert {point[:2] for point in corners} == {(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)}
         uav.take_off(2.0, blocking=False)
         ends = page.read_until_lines("/uav/0/way")
@@ -217,6 +252,5 @@ def test_uavs_of_this_computer_and_of_an_address(start_daemon: StartDaemon, star
     for each in (here, there):
         each.wait_for("listening")
     with forger(start_view("--ns", "uav_1", "--address", there.address)) as page:
-        choice = page.read_until("UAV")
-        while page.elements[choice]["options"] != ["all UAVs", "uav_1", "uav_2"]:
-            page.read(60.0)
+        page.read_until_text("data-ual-ns='uav_1'")
+        page.read_until_text("data-ual-ns='uav_2'")

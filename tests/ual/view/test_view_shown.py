@@ -55,7 +55,7 @@ def test_all_is_drawn_in_map() -> None:
     assert uav.is_armed
     assert not uav.is_lost
     assert uav.label == "uav_1 FLYING_AUTO"
-    assert panel.everyone([uav]) == r"- uav\_1 FLYING\_AUTO\: goes to 4 2 3"
+    assert uav.task == "goes to 4 2 3"
     assert (uav.height_m, uav.speed_m_s, uav.off_reference_m) == (3.0, 5.0, 2.0)
 
 

@@ -40,12 +40,17 @@ def token() -> None:
 @click.option("--name", required=True, help="Whose it is: by this it appears in logs and in the audit.")
 @click.option("--role", type=click.Choice(_ROLES), required=True, help="What it permits.")
 @click.option("--days", type=Number(0.0, _LONGEST_DAYS, min_open=True), help="How long it is valid.  [for ever]")
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the token into this new file, which only you can read, instead of printing it.",
+)
 @_file
 @pass_session
-def new(session: Session, name: str, role: str, days: float | None, file: Path) -> None:
-    """Make a token and print it.
+def new(session: Session, name: str, role: str, days: float | None, output: Path | None, file: Path) -> None:
+    """Make a token and print it, or write it into a file of its own.
 
-    It is shown only this once: the file has a hash of it.
+    It is shown only this once: the daemon's file has a hash of it.
     """
     known = _read(file, may_be_missing=True)
     if any(each.name == name for each in known):
@@ -56,10 +61,14 @@ def new(session: Session, name: str, role: str, days: float | None, file: Path) 
         secret, made = tokens.make(name, roles.parse(role), expires, now)
     except ValueError as error:
         raise InvalidArgumentError(str(error)) from None
+    told = {"name": name, "role": role, "expires": None if expires is None else _text(expires)}
+    if output is not None:
+        _create(output, secret)  # first: a token that is lost must not be valid
     _write(file, (*known, made))
-    session.emit(
-        {"name": name, "role": role, "expires": None if expires is None else _text(expires), "token": secret}, secret
-    )
+    if output is None:
+        session.emit({**told, "token": secret}, secret)
+    else:
+        session.emit({**told, "output": str(output)}, f"{output}: the token of {name}, for you only (mode 0600)")
 
 
 @command("list", "ual token list", section=Section.ACCESS)
@@ -106,6 +115,15 @@ def _read(file: Path, *, may_be_missing: bool = False) -> tuple[Token, ...]:
         raise InvalidArgumentError(f"{file} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise InvalidArgumentError(f"{file}: {error}") from None
+
+
+def _create(file: Path, secret: str) -> None:
+    try:
+        private_file.create(file, f"{secret}\n".encode())
+    except FileExistsError:
+        raise InvalidArgumentError(f"{file} is there already: it may have a token that is in use") from None
+    except OSError as error:
+        raise InvalidArgumentError(f"{file} cannot be written: {error.strerror}") from None
 
 
 def _write(file: Path, all_tokens: tuple[Token, ...]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from textwrap import wrap
 
+from ual._cli import condition
+from ual._cli.condition import STYLES
 from ual._cli.output import pose_text, running_text
 from ual._cli.teleop.pilot import OLD_S, Mode, View
 from ual._cli.teleop.speeds import LEVELS, Level
@@ -25,27 +27,47 @@ def lines(
     """Returns the lines of the screen: `height` at most, each `width` characters at most."""
     which = f" ({view.number} of {view.count}, Tab)" if view.count > 1 else ""
     head = [Line(f"ual teleop {title}: {view.name}{which}", "bold")]
-    shown = head + _uav(view, width) + [Line("")] + _sticks(view, question, width)
-    keys = _keys(help_text, width)
-    gap = max(0, height - len(shown) - len(keys))
-    all_lines = shown + [Line("")] * min(1, gap) + keys
-    return [Line(line.text[:width], line.style) for line in all_lines[:height]]
+    for most_lines, names in ((_MOST_LINES, _ALL), (1, _ALL), (1, _FEW), (1, _FEWEST)):
+        uav = _named(_uav(view), names, most_lines, width)
+        sticks = _named(_sticks(view, question), names, most_lines, width)
+        for keys in (_keys(help_text, width), _folded(help_text, width)):
+            gap = height - len(head) - len(uav) - len(sticks) - len(keys)
+            if gap >= 0 and all(len(line.text) <= width for line in keys):
+                blanks = [Line("")] * 2 if gap >= 2 else [Line("")] * 0
+                parts = (*head, *uav, *blanks[:1], *sticks, *blanks[1:], *keys)
+                return [Line(line.text[:width], line.style) for line in parts]
+    parts = (*head, *uav, *sticks, *_folded(help_text, width))
+    return [Line(line.text[:width], line.style) for line in parts[:height]]
 
 
-def _uav(view: View, width: int) -> list[Line]:
+_Row = tuple[str, str, str]
+_ALL: Container[str] | None = None
+_FEW = ("state", "position", "battery", "telemetry", "flies", "done", "refused")
+"""What a small screen shows, so that there is room for the keys."""
+_FEWEST = ("state", "done", "refused")
+
+
+def _named(rows: Sequence[_Row], names: Container[str] | None, most_lines: int, width: int) -> list[Line]:
+    """Returns the rows of some names as lines, each text in so many at most."""
+    chosen = [row for row in rows if names is None or row[0] in names]
+    return [line for name, text, style in chosen for line in _row(name, text, style, width, most_lines)]
+
+
+def _uav(view: View) -> list[_Row]:
     t = view.telemetry or Telemetry(State.UNINITIALIZED)
     is_old = view.age_s > OLD_S
+    level = condition.battery_level(t.battery)
     rows = [
         ("state", "" if view.telemetry is None else t.state.name, STATE_STYLES.get(t.state, "")),
         ("because", t.state_reason, "dim"),
         ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
         ("position", "" if t.pose is None else f"{pose_text(t.pose)}  in {t.frame_id}", ""),
         ("speed", _speed(t), ""),
-        ("battery", _battery(t), ""),
+        ("battery", _battery(t), STYLES[level]),
         ("task", "" if t.task is None else running_text(t.task), ""),
         ("telemetry", _age(view), ""),
     ]
-    return [line for name, text, style in rows for line in _row(name, text, "red" if is_old else style, width)]
+    return [(name, text, "red" if is_old else style) for name, text, style in rows]
 
 
 def _speed(t: Telemetry) -> str:
@@ -58,9 +80,8 @@ def _speed(t: Telemetry) -> str:
 def _battery(t: Telemetry) -> str:
     if t.battery is None:
         return ""
-    percent, voltage = t.battery.remaining_percent, t.battery.voltage_v
-    known = ("" if percent is None else f"{percent:.0f} %", "" if voltage is None else f"{voltage:.1f} V")
-    return " ".join(filter(None, known))
+    voltage = None if t.battery.remaining_percent is None else t.battery.voltage_v
+    return f"{condition.battery_text(t.battery)}{'' if voltage is None else f' {voltage:.1f} V'}"
 
 
 def _age(view: View) -> str:
@@ -69,15 +90,15 @@ def _age(view: View) -> str:
     return f"NONE FOR {view.age_s:.0f} s: the sticks do nothing"
 
 
-def _sticks(view: View, question: str, width: int) -> list[Line]:
+def _sticks(view: View, question: str) -> list[_Row]:
     s = view.sticks
     is_fresh = view.refusal.text and view.now_s - view.refusal.time_s < _SHOWN_S
     deflections = f"forward {s.forward:+.2f}   left {s.left:+.2f}   up {s.up:+.2f}   turn {s.turn:+.2f}"
     return [
-        *_row("flies", _meaning(view), "bold", width),
-        *_row("sticks", deflections, "" if s.is_centred() else "bold green", width),
-        *_row("done", question or view.done.text, "bold yellow" if question else "", width),
-        *_row("refused", _refused(view), "bold red" if is_fresh else "dim", width),
+        ("flies", _meaning(view), "bold"),
+        ("sticks", deflections, "" if s.is_centred() else "bold green"),
+        ("done", question or view.done.text, "bold yellow" if question else ""),
+        ("refused", _refused(view), "bold red" if is_fresh else "dim"),
     ]
 
 
@@ -101,9 +122,9 @@ def _refused(view: View) -> str:
     return f"{view.refusal.text} ({max(0.0, view.now_s - view.refusal.time_s):.0f} s ago)"
 
 
-def _row(name: str, text: str, style: str, width: int) -> list[Line]:
+def _row(name: str, text: str, style: str, width: int, most_lines: int) -> list[Line]:
     """Returns a row, which goes on in further lines if the text is long."""
-    first, *others = wrap(text, max(8, width - _NAME), max_lines=_MOST_LINES, placeholder=" …") or [""]
+    first, *others = wrap(text, max(8, width - _NAME), max_lines=most_lines, placeholder=" …") or [""]
     return [Line(f"{name:<{_NAME}}{first}", style), *(Line(f"{'':<{_NAME}}{each}", style) for each in others)]
 
 
@@ -112,4 +133,11 @@ def _keys(help_text: Sequence[tuple[str, str]], width: int) -> list[Line]:
     cells = [f"{keys:<9} {text}" for keys, text in help_text]
     half = math.ceil(len(cells) / 2)
     left, right = cells[:half], [*cells[half:], ""]
-    return [Line(f"{a:<{width // 2}}{b}".rstrip(), "dim") for a, b in zip(left, right, strict=False)]
+    column = max([width // 2, *(len(cell) + 2 for cell in left)])
+    return [Line(f"{a:<{column}}{b}".rstrip(), "dim") for a, b in zip(left, right, strict=False)]
+
+
+def _folded(help_text: Sequence[tuple[str, str]], width: int) -> list[Line]:
+    """Returns the keys one after the other, where two columns have no room."""
+    text = "; ".join(f"{' '.join(keys.split())}: {what}" for keys, what in help_text)
+    return [Line(line, "dim") for line in wrap(text, max(8, width))]

@@ -1,17 +1,21 @@
-"""The chart of a page: height, speed and distance to the reference over the last minute."""
+"""The chart of a page: what UAVs did over the last minute."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 from viser import uplot
 
+from ual._cli.view.palette import Colour, css
 from ual._cli.view.track import CHART_S, Sample, Track
 
 _EVERY_S = 0.5
+_MOST_UAVS = 10
+_HEIGHT_PX = 240
 _STEPS = (1.0, 2.0, 5.0)
 Columns = tuple[NDArray[np.float64], ...]
 Range = tuple[float, float]
@@ -33,35 +37,64 @@ _SERIES = (
 
 
 class Chart:
-    """The chart. It is drawn twice a second, and not at all while no single UAV is looked at."""
+    """The chart: of one UAV height, speed and distance to the reference; of several the height of each.
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    It is drawn twice a second.
+    """
+
+    def __init__(self, gui: viser.GuiApi, tab: viser.GuiTabHandle) -> None:
+        self._gui = gui
+        self._tab = tab
         self._drawn_s = 0.0
+        self._shown: tuple[str, ...] = ()
         self._limits = limits(columns([]))
-        self._handle = gui.add_uplot(
-            columns([]),
-            _SERIES,
-            scales=_scales(self._limits),
-            legend=uplot.Legend(show=True),
-            padding=(10, 24, 0, 0),
-            height=200,
-            visible=False,
-        )
+        self._handle = self._made(_SERIES, columns([]))
 
-    def update(self, track: Track | None, now_s: float) -> None:
-        """Shows the last minute of a UAV, or nothing."""
-        if self._handle.visible != (track is not None):
-            self._handle.visible = track is not None
-        if track is not None and now_s - self._drawn_s >= _EVERY_S:
-            self._drawn_s = now_s
-            self._draw(columns(track.chart(now_s)))
+    def update(self, tracks: Mapping[str, Track], marks: Mapping[str, Colour], now_s: float) -> None:
+        """Shows the last minute of some UAVs, of the first ones where they are many."""
+        if now_s - self._drawn_s < _EVERY_S and tuple(tracks) == self._shown:
+            return
+        self._drawn_s = now_s
+        if len(tracks) <= 1:
+            samples = [each for track in tracks.values() for each in track.chart(now_s)]
+            self._draw(tuple(tracks), _SERIES, columns(samples))
+            return
+        names = tuple(tracks)[:_MOST_UAVS]
+        series = (_SERIES[0], *(_series(f"{ns} (m)", css(marks[ns])) for ns in names))
+        self._draw(tuple(tracks), series, heights([tracks[ns].chart(now_s) for ns in names]))
 
-    def _draw(self, data: Columns) -> None:
+    def _draw(self, shown: tuple[str, ...], series: tuple[uplot.Series, ...], data: Columns) -> None:
+        if shown != self._shown:
+            self._shown = shown
+            self._handle.remove()
+            self._limits = limits(data)
+            self._handle = self._made(series, data)
+            return
         new = limits(data)
         if new != self._limits:
             self._limits = new
             self._handle.scales = _scales(new)
         self._handle.data = data
+
+    def _made(self, series: tuple[uplot.Series, ...], data: Columns) -> viser.GuiUplotHandle:
+        """Returns a new one: it has other lines."""
+        with self._tab:
+            return self._gui.add_uplot(
+                data,
+                series,
+                scales=_scales(self._limits),
+                legend=uplot.Legend(show=True),
+                padding=(10, 24, 0, 0),
+                height=_HEIGHT_PX,
+            )
+
+
+def heights(samples: Sequence[Sequence[Sample]]) -> Columns:
+    """Returns the columns of a chart with the heights of several UAVs."""
+    times = sorted({-CHART_S, 0.0, *(each.time_s for of_one in samples for each in of_one)})
+    found = [{each.time_s: each.height_m for each in of_one} for of_one in samples]
+    lines = [np.array([of_one.get(time_s, np.nan) for time_s in times], np.float64) for of_one in found]
+    return np.array(times, np.float64), *lines
 
 
 def columns(samples: list[Sample]) -> Columns:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ual._cli.output import error_text
-from ual._cli.view.fleet import Fleet
+from ual._cli.view.fleet import Fleet, Member
 from ual._cli.view.journal import Journal
 from ual._cli.view.orders import Order
 from ual._client import Uav
@@ -92,6 +92,22 @@ class Desk:
 
         self._start(ns, what, do, self._running)
 
+    def run_all(self, names: Sequence[str], what: str, act: Callable[[Uav], object]) -> None:
+        """Does something with several UAVs at once: what stops a flight. Each has a thread of its own."""
+        report = _TeamReport(what, len(names))
+
+        def do(ns: str) -> None:
+            why = ""
+            try:
+                act(self._member(ns).uav)
+            except UalError as error:
+                self._journal.refused(ns, what, error, time.time())
+                why = error_text(error)
+            self._say(report.add(ns, why))
+
+        for ns in names:
+            threading.Thread(target=do, args=(ns,), name=f"ual view {ns}", daemon=True).start()
+
     def _begin(self, proposal: Proposal, uav: Uav) -> None:
         task = proposal.order.begin(uav)
         self._report(proposal.ns, f"{proposal.order.what}: {'accepted' if task is not None else 'done'}")
@@ -104,15 +120,18 @@ class Desk:
 
     def _do(self, ns: str, what: str, do: Callable[[Uav], None], free: threading.Semaphore) -> None:
         try:
-            member = self._fleet.members().get(ns)
-            if member is None:
-                raise DaemonUnreachableError(f"{ns} is not connected")
-            do(member.uav)
+            do(self._member(ns).uav)
         except UalError as error:
             self._journal.refused(ns, what, error, time.time())
             self._say(f"{ns}: {what}: REFUSED: {error_text(error)}")
         finally:
             free.release()
+
+    def _member(self, ns: str) -> Member:
+        member = self._fleet.members().get(ns)
+        if member is None:
+            raise DaemonUnreachableError(f"{ns} is not connected")
+        return member
 
     def _report(self, ns: str, text: str) -> None:
         self._journal.write(ns, text, time.time())
@@ -132,3 +151,24 @@ class Desk:
             self.proposal, self.said, self.count = None, text, self.count + 1
             self._asked += 1
             return self._asked
+
+
+class _TeamReport:
+    """How an order to several UAVs goes."""
+
+    def __init__(self, what: str, count: int) -> None:
+        self._what = what
+        self._count = count
+        self._done = 0
+        self._refused: dict[str, str] = {}
+        self._lock = threading.Lock()
+
+    def add(self, ns: str, why_not: str) -> str:
+        """Takes note of an answer, and returns how it goes."""
+        with self._lock:
+            if why_not:
+                self._refused[ns] = why_not
+            else:
+                self._done += 1
+            refused = "; ".join(f"{name}: {why}" for name, why in self._refused.items())
+            return f"{self._what}: {self._done} of {self._count} done{f'; REFUSED: {refused}' if refused else ''}"

@@ -6,8 +6,8 @@ import viser
 
 from ual._cli.view.fence import lines
 from ual._cli.view.fleet import Fleet
+from ual._cli.view.palette import Colour
 from ual._cli.view.scene import Lines
-from ual._cli.view.shown import Colour
 
 _RED: Colour = (200, 30, 30)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 
+from ual._cli.condition import Level
 from ual._cli.output import error_text, running_text
 from ual._cli.view.shown import Shown, clock_text
 from ual._cli.watch_board import Seen
@@ -24,6 +25,7 @@ class Journal:
         self._lines: deque[tuple[str, str]] = deque(maxlen=_MOST_LINES)
         self._states: dict[str, str] = {}
         self._words: dict[str, str] = {}
+        self._levels: dict[str, Level] = {}
 
     def look(self, uav: Shown, seen: Seen, utc_s: float) -> None:
         """Writes what has changed of a UAV since the last look."""
@@ -36,6 +38,7 @@ class Journal:
         reason = f" ({telemetry.state_reason})" if telemetry.state_reason else ""
         self._note_state(uav.ns, telemetry.state.name, f"{telemetry.state.name}{reason}", utc_s)
         self._note_words(uav.ns, telemetry, utc_s)
+        self._note_alarm(uav, utc_s)
 
     def ended(self, ns: str, task: TaskInfo, utc_s: float) -> None:
         """Writes how a task ended."""
@@ -64,6 +67,13 @@ class Journal:
         if self._states.get(ns) != state:
             self._states[ns] = state
             self.write(ns, text, utc_s)
+
+    def _note_alarm(self, uav: Shown, utc_s: float) -> None:
+        """Writes when it becomes worse, with what is wrong then."""
+        before = self._levels.get(uav.ns, Level.FINE)
+        self._levels[uav.ns] = uav.how.level
+        if uav.how.level > before:
+            self.write(uav.ns, f"{uav.how.level.name}: {uav.how.words}", utc_s)
 
     def _note_words(self, ns: str, telemetry: Telemetry, utc_s: float) -> None:
         words = telemetry.status_text

@@ -1,21 +1,24 @@
-"""The panel of one browser page: which UAV is looked at, what is known of it, its chart, its frames, and the log."""
+"""One browser's page: its table and choice of UAVs, what is known of one, its chart, its labels, and its camera."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Sequence
+
 import viser
 
-from ual._cli.view import panel, tree
+from ual._cli.view import chosen, fleet_table, panel, shell, tree
+from ual._cli.view.camera import framing
 from ual._cli.view.chart import Chart
 from ual._cli.view.control_panel import ControlPanel
+from ual._cli.view.desk import Desk
 from ual._cli.view.fleet import Fleet
 from ual._cli.view.journal import Journal
+from ual._cli.view.labels import Labels, seen_by
 from ual._cli.view.picture import Moment
 from ual._cli.view.scene import wxyz, xyz
+from ual._cli.view.shown import Shown
+from ual._cli.view.team_panel import TeamPanel
 from ual.geometry import Transform
-
-ALL = "all UAVs"
-_LOOK_FROM = np.array([-4.0, -6.0, 4.0])
 
 
 class Page:
@@ -25,32 +28,53 @@ class Page:
         client: The browser.
         fleet: The UAVs.
         journal: The log.
-        control: What may be ordered from the page; None: nothing.
+        top_m: Returns how far above a UAV its label is.
+        title: Of the page.
+        desk: Takes its orders; None: it gives none.
 
     """
 
     def __init__(
-        self, client: viser.ClientHandle, fleet: Fleet, journal: Journal, control: ControlPanel | None
+        self,
+        client: viser.ClientHandle,
+        fleet: Fleet,
+        journal: Journal,
+        top_m: Callable[[str], float],
+        title: str,
+        desk: Desk | None,
     ) -> None:
         self._client = client
         self._fleet = fleet
         self._journal = journal
-        self._control = control
+        self._title = title
+        self._control = None if desk is None else ControlPanel(desk, fleet)
+        self._team = None if desk is None else TeamPanel(desk)
         self._names: tuple[str, ...] = ()
         self._frames: dict[str, viser.FrameHandle] = {}
+        self._is_framed = False
+        self._labelled = ""
+        self._labels = Labels(client, top_m)
+        self._moment: Moment | None = None
         gui = client.gui
         self._curtain = _Text(gui.add_html(""))
         self._head = _Text(gui.add_markdown(""))
-        self._choice = gui.add_dropdown("UAV", [ALL], initial_value=ALL)
+        self._table = _Text(gui.add_html(""))
+        self._choice = gui.add_text(
+            shell.CHOICE_LABEL,
+            chosen.ALL,
+            hint="One, several (uav_1, uav_3), or all: a click on a line chooses it.",
+        )
+        self._look_at = gui.add_button("Look at it")
+        if self._team is not None:
+            self._team.build(gui)
         self._details = _Text(gui.add_markdown(""))
-        if control is not None:
-            control.build(client)
-        self._chart = Chart(gui)
+        if self._control is not None:
+            self._control.build(client)
         with gui.add_folder("Show"):
             self._wants_frames = gui.add_checkbox("Frames", initial_value=False, hint="The tree of frames of the UAV")
-            self._look_at = gui.add_button("Look at it")
         with gui.add_folder("Log"):
             self._log = _Text(gui.add_markdown(""))
+        self._chart = _chart(gui)
         self._listen()
 
     @property
@@ -58,59 +82,85 @@ class Page:
         """Whether the frames are looked at."""
         return bool(self._wants_frames.value)
 
+    def draw(self, moment: Moment) -> None:
+        """Draws what follows the camera: with each picture, because labels must stay at their UAVs."""
+        self._moment = moment
+        if not self._is_framed:
+            self._frame_those_that_fly(moment)
+        self._labels.update(moment.uavs.values(), frozenset(self._chosen))
+
     def update(self, moment: Moment) -> None:
-        """Shows the moment."""
+        """Shows the moment in the panel."""
         self._offer(tuple(moment.uavs))
-        ns = self._ns
+        found, ns = self._chosen, self._ns
         self._curtain.set(panel.curtain(moment.utc_s))
         self._head.set(panel.head(moment.utc_s, len(moment.uavs)))
-        if ns:
-            self._details.set(panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s))
-        else:
-            self._details.set(panel.everyone(moment.uavs.values()))
-        self._chart.update(moment.tracks.get(ns), moment.now_s)
+        title = fleet_table.with_alarms(self._title, moment.uavs.values())
+        self._table.set(fleet_table.table(moment.uavs.values(), found, title))
+        self._label(title)
+        self._details.set(panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s) if ns else "")
+        marks = {each: uav.mark for each, uav in moment.uavs.items()}
+        self._chart.update({each: moment.tracks[each] for each in found}, marks, moment.now_s)
         self._log.set(panel.log(self._journal.lines()))
         self._draw_frames(ns if ns and not moment.uavs[ns].is_lost else "")
-        if self._control is not None:
+        if self._control is not None and self._team is not None:
             self._control.update(moment, ns)
+            self._team.update()
+
+    def _label(self, title: str) -> None:
+        """Heads the panel by the title: that is all that is left of it where it is folded."""
+        if title != self._labelled:
+            self._labelled = title
+            self._client.gui.set_panel_label(title)
+
+    @property
+    def _chosen(self) -> tuple[str, ...]:
+        """The UAVs that are chosen."""
+        return chosen.chosen(str(self._choice.value), self._names)
 
     @property
     def _ns(self) -> str:
-        """The UAV that is looked at; empty: all of them."""
-        chosen = str(self._choice.value)
-        return chosen if chosen in self._names else ""
+        """The only UAV that is chosen; empty: none, or several."""
+        found = self._chosen
+        return found[0] if len(found) == 1 else ""
 
     def _offer(self, names: tuple[str, ...]) -> None:
-        """Offers the UAVs that there are. A page with a single UAV looks at it."""
-        if names == self._names:
-            return
-        is_first = not self._names
-        chosen = self._ns
-        self._names = names
-        self._choice.options = (ALL, *names)
-        wanted = names[0] if is_first and len(names) == 1 else chosen
-        self._choice.value = wanted if wanted in names else ALL  # type: ignore[misc]
-        if self._control is not None:
+        """Takes the UAVs that there are."""
+        if names != self._names:
+            self._names = names
+            self._tell_choice()
+
+    def _tell_choice(self) -> None:
+        if self._control is not None and self._team is not None:
             self._control.choose(self._ns)
+            self._team.choose(self._chosen, self._names)
 
     def _listen(self) -> None:
         # Callbacks that are coroutines run in the order in which the browser sent what they answer to.
         @self._choice.on_update
         async def _(_: object) -> None:
-            if self._control is not None:
-                self._control.choose(self._ns)
+            self._tell_choice()
 
         @self._look_at.on_click
         async def _(_: object) -> None:
-            self._turn_camera()
+            if self._moment is not None:
+                self._frame([uav for ns, uav in self._moment.uavs.items() if ns in self._chosen])
 
-    def _turn_camera(self) -> None:
-        seen = self._fleet.board.seen().get(self._ns)
-        transform = None if seen is None or seen.telemetry is None else seen.telemetry.transform
-        if transform is not None:
-            place = np.array(xyz(transform.translation))
-            self._client.camera.position = place + _LOOK_FROM
-            self._client.camera.look_at = place
+    def _frame_those_that_fly(self, moment: Moment) -> None:
+        """Looks at all UAVs that fly when the page is opened, or at all where none flies."""
+        flying = [uav for uav in moment.uavs.values() if uav.is_flying]
+        self._is_framed = self._frame(flying or list(moment.uavs.values()))
+
+    def _frame(self, uavs: Sequence[Shown]) -> bool:
+        """Turns the camera to some UAVs. Returns whether it could."""
+        camera, places = seen_by(self._client), [uav.body.position for uav in uavs if uav.body is not None]
+        if camera is None or not places:
+            return False
+        position, look_at = framing(places, camera.fov_rad, camera.width_px / camera.height_px)
+        with self._client.atomic():
+            self._client.camera.position = xyz(position)
+            self._client.camera.look_at = xyz(look_at)
+        return True
 
     def _draw_frames(self, ns: str) -> None:
         member = self._fleet.members().get(ns) if self.wants_frames else None
@@ -141,3 +191,11 @@ class _Text:
         """Shows a text."""
         if text != self._text:
             self._text = self._handle.content = text
+
+
+def _chart(gui: viser.GuiApi) -> Chart:
+    """Adds the chart in a panel of its own below the other one: it stays in sight whatever is scrolled there."""
+    below = gui.add_panel()
+    chart = Chart(gui, below.add_tab("The last minute"))
+    below.dock_below(gui.main_panel)
+    return chart

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from ual._cli import watch_screen
 from ual._cli.view.shown import Shown, clock_text
@@ -48,11 +48,6 @@ def details(uav: Shown, seen: Seen, *, now_s: float) -> str:
     if uav.is_lost:
         return f"### {plain(uav.label)}\n\nWhat was known then ({uav.age_s:.1f} s old):\n\n{_table(lines)}"
     return f"### {plain(uav.ns)}: {plain(telemetry.state.name)}\n\n{_table(lines)}"
-
-
-def everyone(uavs: Iterable[Shown]) -> str:
-    """Returns one line for each UAV."""
-    return "\n".join(f"- {plain(uav.label + (f': {uav.task}' if uav.task else ''))}" for uav in uavs)
 
 
 def log(lines: Sequence[str]) -> str:

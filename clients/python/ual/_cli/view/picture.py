@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ual._cli.view import palette
 from ual._cli.view.journal import Journal
 from ual._cli.view.pose_times import PoseTimes
 from ual._cli.view.shown import Shown, shown
@@ -31,6 +32,7 @@ class Picture:
         self._journal = journal
         self._poses = PoseTimes()
         self._tracks: dict[str, Track] = {}
+        self._numbers: dict[str, int] = {}
 
     def look(self, now_s: float, utc_s: float) -> Moment:
         """Returns the moment. A UAV that is not on the board any more is forgotten."""
@@ -51,4 +53,5 @@ class Picture:
             utc_s=utc_s,
             lost_after_s=self._board.lost_after_s,
             pose_since_s=self._poses.since_s(ns, seen, now_s),
+            mark=palette.colour(self._numbers.setdefault(ns, len(self._numbers))),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ual._cli.view import models
 from ual._cli.view.meshes import Mesh
 from ual._cli.view.models import MODELS, Model
+from ual._cli.view.palette import Colour
 from ual._cli.view.picture import Moment
-from ual._cli.view.shown import GREY, Colour, Shown
+from ual._cli.view.shown import GREY, Shown
 from ual.geometry import Pose, Quaternion, Transform, Vector3
 
 _BLACK: Colour = (40, 40, 40)
@@ -29,6 +30,7 @@ _TRAIL_EVERY = 5
 """The trail is sent with each fifth picture: it is long, and two of them a second are enough."""
 
 Points = NDArray[np.float32]
+Line = tuple[Vector3, Vector3]
 
 
 def draw_ground(scene: viser.SceneApi) -> None:
@@ -63,6 +65,7 @@ class Scene:
         self._squadrons = {name: Squadron(scene, f"/models/{name}", make()) for name, make in MODELS.items()}
         self._homes = Batch(scene, "/homes", models.helipad())
         self._goals = Batch(scene, "/goals", models.goal())
+        self._drops = Drops(scene)
         self._marks: dict[str, Marks] = {}
         draw_ground(scene)
 
@@ -76,18 +79,23 @@ class Scene:
         ways = {ns: () if uav.is_lost else self._way_of(ns) for ns, uav in moment.uavs.items()}
         goals = [Pose(way[-1]) for way in ways.values() if way]
         self._goals.draw(goals, [_ORANGE] * len(goals))
-        self._draw_marks(moment, names, ways)
+        self._drops.draw(moment.uavs.values())
+        self._draw_marks(moment, ways)
 
-    def _draw_marks(self, moment: Moment, names: Mapping[str, str], ways: Mapping[str, Sequence[Vector3]]) -> None:
+    def top_m(self, ns: str) -> float:
+        """Returns how far above a UAV its label is."""
+        return self._squadrons[self._model_of(ns)].model.top_m
+
+    def _draw_marks(self, moment: Moment, ways: Mapping[str, Sequence[Vector3]]) -> None:
         for ns in self._marks.keys() - moment.uavs.keys():
             self._marks.pop(ns).remove()
         most = max(_FEWEST_PIECES, _ALL_PIECES // max(1, len(moment.uavs)))
         for ns, uav in moment.uavs.items():
             if ns not in self._marks:
                 # A UAV that is back gets its old path: viser remembers each path that was ever used.
-                self._marks[ns] = Marks(self._scene, f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}")
-            top_m = self._squadrons[names[ns]].model.top_m
-            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], most // 2, top_m)
+                path = f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}"
+                self._marks[ns] = Marks(self._scene, path, uav.mark)
+            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], most // 2)
 
 
 class Squadron:
@@ -169,21 +177,16 @@ class Batch:
 
 
 class Marks:
-    """What one UAV has of its own: its label, its trail, and the way that it flies."""
+    """What one UAV has of its own: its trail, and the way that it flies."""
 
-    def __init__(self, scene: viser.SceneApi, path: str) -> None:
+    def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:
         self._root = scene.add_frame(path, show_axes=False)
-        self._label = scene.add_label(f"{path}/label", "", anchor="bottom-center", visible=False)
-        self._trail = Lines(scene, f"{path}/trail", _GHOST)
+        self._trail = Lines(scene, f"{path}/trail", colour)
         self._way = Lines(scene, f"{path}/way", _ORANGE)
-        self._shown: Pose | None = None
         self._count = 0
 
-    def update(
-        self, uav: Shown, trail: list[tuple[Vector3, Vector3]], way: Sequence[Vector3], most: int, top_m: float
-    ) -> None:
+    def update(self, uav: Shown, trail: list[Line], way: Sequence[Vector3], most: int) -> None:
         """Draws them as they are now: at most so many pieces of the way, those ahead of it."""
-        self._name(uav, top_m)
         self._count += 1
         if self._count % _TRAIL_EVERY:
             return
@@ -194,16 +197,44 @@ class Marks:
         """Takes them out of the scene."""
         self._root.remove()
 
-    def _name(self, uav: Shown, top_m: float) -> None:
-        if (uav.body is None) != (self._shown is None):
-            self._label.visible = uav.body is not None
-        if uav.label != self._label.text:
-            self._label.text = uav.label
-        if uav.body is not None and (self._shown is None or not _near(uav.body, self._shown)):
-            self._label.position = xyz(uav.body.position + Vector3(0.0, 0.0, top_m))
-            self._shown = uav.body
-        elif uav.body is None:
-            self._shown = None
+
+class Drops:
+    """A line from each UAV straight down to the ground of its home, in its own colour: where it is above the map."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        self._scene = scene
+        self._handle: viser.LineSegmentsHandle | None = None
+        self._marks: list[Colour] = []
+        self._lines: list[Line] = []
+
+    def draw(self, uavs: Iterable[Shown]) -> None:
+        """Draws them as they are now."""
+        drawn = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
+        marks = [GREY if uav.is_lost else uav.mark for uav, _ in drawn]
+        lines = [(place, Vector3(place.x, place.y, _ground_m(uav))) for uav, place in drawn]
+        if self._handle is None or marks != self._marks:
+            self._make(lines, marks)
+        elif not all((a - b).norm() < _NEAR_M for (a, _), (b, _) in zip(lines, self._lines, strict=True)):
+            self._handle.points = points(lines)
+        else:
+            return
+        self._lines = lines
+
+    def _make(self, lines: list[Line], marks: list[Colour]) -> None:
+        """Begins anew: it has another number of lines, or other colours."""
+        self._marks = marks
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        if lines:
+            colours = np.repeat(np.array(marks, np.uint8)[:, None, :], 2, axis=1)
+            self._handle = self._scene.add_line_segments(
+                "/drops", points(lines), colours, thickness=1.5, thickness_units="screen"
+            )
+
+
+def _ground_m(uav: Shown) -> float:
+    return 0.0 if uav.odom is None else uav.odom.translation.z
 
 
 class Lines:

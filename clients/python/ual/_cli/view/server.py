@@ -16,11 +16,11 @@ import viser
 from typing_extensions import override
 from websockets.asyncio import server as websockets_server
 from websockets.asyncio.server import ServerConnection
-from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from ual._cli.view.access import Access
 from ual._cli.view.guard import HEADERS, Guard
+from ual._cli.view.shell import with_shell
 from ual.errors import InvalidArgumentError
 
 _LARGEST_MESSAGE = 1 << 20
@@ -38,15 +38,15 @@ class PageServer(viser.ViserServer):
 
 
 @contextmanager
-def serving(access: Access) -> Iterator[PageServer]:
-    """Serves the page while the block runs.
+def serving(access: Access, title: str) -> Iterator[PageServer]:
+    """Serves the page of this title while the block runs.
 
     Raises:
         InvalidArgumentError: The address cannot be listened on.
 
     """
     _require_free(access.host, access.port)
-    with _guarded(access):
+    with _guarded(access, title):
         server = PageServer(access.host, access.port, verbose=False)
     try:
         yield server
@@ -60,16 +60,17 @@ def _require_free(host: str, port: int) -> None:
     try:
         socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
     except OSError as error:
-        raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {error.strerror or error}") from None
+        why = error.strerror or error
+        raise InvalidArgumentError(f"{host}:{port} cannot be listened on: {why}; give another --port") from None
 
 
 @contextmanager
-def _guarded(access: Access) -> Iterator[None]:
+def _guarded(access: Access, title: str) -> Iterator[None]:
     real = websockets_server.serve
 
     def serve(*args: Any, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)
         options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE}
-        return real(*args, process_request=_checked(access.guard, process_request), **options)
+        return real(*args, process_request=_checked(access.guard, process_request, title), **options)
 
     names = vars(websockets_server)
     names["serve"] = serve
@@ -85,7 +86,7 @@ def _quiet() -> redirect_stdout[io.StringIO]:
     return redirect_stdout(io.StringIO())
 
 
-def _checked(guard: Guard, answer: _Answer) -> _Answer:
+def _checked(guard: Guard, answer: _Answer, title: str) -> _Answer:
     """Returns what answers a request: the guard first, then viser."""
 
     def checked(connection: ServerConnection, request: Request) -> Response | None:
@@ -94,12 +95,17 @@ def _checked(guard: Guard, answer: _Answer) -> _Answer:
         if refusal:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"ual view: {refusal}\n")
         response = answer(connection, request)
-        return None if response is None else _with_headers(response, guard.cookie(request.path, headers))
+        return None if response is None else _with_headers(response, guard.cookie(request.path, headers), title)
 
     return checked
 
 
-def _with_headers(response: Response, cookie: str | None) -> Response:
+def _with_headers(response: Response, cookie: str | None, title: str) -> Response:
     more = {**HEADERS, **({} if cookie is None else {"Set-Cookie": cookie})}
-    headers = Headers([*response.headers.raw_items(), *more.items()])
-    return Response(response.status_code, response.reason_phrase, headers, response.body)
+    headers, body = response.headers.copy(), response.body
+    if headers.get("Content-Type", "").startswith("text/html"):
+        body = with_shell(bytes(body), headers.get("Content-Encoding", ""), title)
+        del headers["Content-Length"]
+        headers["Content-Length"] = str(len(body))
+    headers.update(more)
+    return Response(response.status_code, response.reason_phrase, headers, body)

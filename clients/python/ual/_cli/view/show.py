@@ -12,7 +12,6 @@ import viser
 
 from ual._cli.app import Session
 from ual._cli.view.access import Access
-from ual._cli.view.control_panel import ControlPanel
 from ual._cli.view.desk import Desk
 from ual._cli.view.fences import Fences
 from ual._cli.view.fleet import RATE_HZ, Fleet
@@ -26,6 +25,7 @@ from ual._cli.view.shown import MODEL_NAMES
 from ual.geometry import Vector3
 
 _PERIOD_S = 1.0 / RATE_HZ
+_PANEL_WIDTH_PX = 420.0
 _PANEL_EVERY = 3
 """The panels are written with each third picture: nobody reads faster."""
 
@@ -41,11 +41,16 @@ class Choice:
     models: Mapping[str, str] = field(default_factory=dict)
 
 
+def title(*, control: bool) -> str:
+    """Returns the title of the pages."""
+    return f"UAL{' - CONTROL' if control else ''}"
+
+
 def show(session: Session, choice: Choice, where: Access, *, control: bool) -> None:
     """Serves the page until Ctrl-C."""
     journal = Journal()
     fleet = Fleet(session, choice.addresses, journal)
-    with serving(where) as server, fleet.running():
+    with serving(where, title(control=control)) as server, fleet.running():
         viewer = Viewer(server, fleet, journal, choice, control=control)
         url = where.url(server.get_port())
         session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
@@ -77,8 +82,11 @@ class Viewer:
         self._scene = Scene(server.scene, self._model_of, self._way_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
+        self._title = title(control=control)
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
-        server.gui.set_panel_label("UAL" + (" - CONTROL" if control else ""))
+        server.gui.set_panel_label(self._title)
+        server.gui.main_panel.dock_right()  # beside the scene: floating, it would hide UAVs
+        server.gui.main_panel.set_width(_PANEL_WIDTH_PX)
         server.initial_camera.position = (-3.0, -9.0, 6.0)
         server.initial_camera.look_at = (1.5, 0.0, 1.0)
         server.on_client_connect(self._open)
@@ -96,21 +104,22 @@ class Viewer:
         """Draws one picture."""
         moment = self._picture.look(time.monotonic(), time.time())
         self._scene.update(moment)
-        if with_panels:
-            self._fences.update()
-            self._update_pages(moment)
-
-    def _update_pages(self, moment: Moment) -> None:
         with self._lock:
             pages = list(self._pages.values())
+        for page in pages:
+            page.draw(moment)
+        if with_panels:
+            self._fences.update()
+            self._update_pages(pages, moment)
+
+    def _update_pages(self, pages: Sequence[Page], moment: Moment) -> None:
         for page in pages:
             page.update(moment)
         self._fleet.wants_frames = any(page.wants_frames for page in pages)
 
     def _open(self, client: viser.ClientHandle) -> None:
         desk = Desk(self._fleet, self._journal) if self._is_control else None
-        control = None if desk is None else ControlPanel(desk, self._fleet)
-        page = Page(client, self._fleet, self._journal, control)
+        page = Page(client, self._fleet, self._journal, self._scene.top_m, self._title, desk)
         with self._lock:
             self._pages[client.client_id] = page
 

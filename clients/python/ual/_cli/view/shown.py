@@ -5,17 +5,18 @@ Everything is in `map`. A value that is not known, or that is too old to be the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import datetime, timezone
 
 from ual import _places
-from ual._cli.condition import problem
+from ual._cli import condition
+from ual._cli.condition import Condition, Level, problem
 from ual._cli.output import running_text
+from ual._cli.view.palette import Colour
 from ual._cli.watch_board import Seen
 from ual.geometry import Pose, Transform
 from ual.types import State, Telemetry
-
-Colour = tuple[int, int, int]
 
 MODEL_NAMES = ("quadrotor", "hexarotor", "manipulator", "crazyflie")
 
@@ -30,6 +31,8 @@ _COLOURS: dict[State, Colour] = {
     State.LANDING: (23, 170, 190),
 }
 
+_FLYING = (State.TAKING_OFF, State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING)
+
 
 @dataclass(frozen=True, slots=True)
 class Shown:
@@ -42,10 +45,14 @@ class Shown:
     ns: str
     label: str
     colour: Colour
+    how: Condition = Condition()  # noqa: RUF009 (frozen)
+    battery: str = ""
+    mark: Colour = GREY
     task: str = ""
     is_lost: bool = True
     age_s: float = 0.0
     is_armed: bool = False
+    is_flying: bool = False
     body: Pose | None = None
     reference: Pose | None = None
     odom: Transform | None = None
@@ -55,7 +62,14 @@ class Shown:
 
 
 def shown(
-    ns: str, seen: Seen, *, now_s: float, utc_s: float, lost_after_s: float, pose_since_s: float | None = None
+    ns: str,
+    seen: Seen,
+    *,
+    now_s: float,
+    utc_s: float,
+    lost_after_s: float,
+    pose_since_s: float | None = None,
+    mark: Colour = GREY,
 ) -> Shown:
     """Returns how a UAV is drawn now.
 
@@ -66,25 +80,31 @@ def shown(
         utc_s: The same moment since 1970.
         lost_after_s: How old the telemetry and the pose may be to be the present.
         pose_since_s: The monotonic time at which the newest pose came; None: the pose is as old as the telemetry.
+        mark: Its own colour.
 
     """
     telemetry = seen.telemetry
     since_s = seen.since_s if pose_since_s is None else pose_since_s
     age_s = now_s - since_s
     lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
+    how = Condition(Level.ALARM, "LOST", lost, lost) if lost else condition.of_seen(seen, now_s, math.inf)
     if telemetry is None:
-        return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY)
+        return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY, how, mark=mark)
     body, odom = _places.body(telemetry), _places.odom(telemetry)
     if lost:
-        return Shown(ns, f"{ns}: {lost}", GREY, age_s=age_s, body=body, odom=odom)
+        return Shown(ns, f"{ns}: {lost}", GREY, how, mark=mark, age_s=age_s, body=body, odom=odom)
     return Shown(
         ns,
         _label(ns, telemetry),
         _COLOURS[telemetry.state],
+        how,
+        condition.battery_text(telemetry.battery),
+        mark,
         task="" if telemetry.task is None else running_text(telemetry.task),
         is_lost=False,
         age_s=age_s,
         is_armed=telemetry.armed,
+        is_flying=telemetry.state in _FLYING,
         body=body,
         reference=_places.reference(telemetry),
         odom=odom,

@@ -1,0 +1,28 @@
+"""A colour of each UAV, by which its trail, its drop line and its line of the table belong together. Pure."""
+
+from __future__ import annotations
+
+Colour = tuple[int, int, int]
+
+_COLOURS: tuple[Colour, ...] = (
+    (31, 119, 180),
+    (214, 90, 10),
+    (44, 140, 60),
+    (148, 80, 190),
+    (140, 86, 75),
+    (220, 60, 160),
+    (110, 110, 20),
+    (0, 150, 170),
+    (120, 60, 10),
+    (60, 60, 150),
+)
+
+
+def colour(number: int) -> Colour:
+    """Returns the colour of a UAV. After ten they come round."""
+    return _COLOURS[number % len(_COLOURS)]
+
+
+def css(rgb: Colour) -> str:
+    """Returns a colour as a page writes it."""
+    return f"rgb{rgb}"
