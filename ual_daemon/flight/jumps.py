@@ -153,7 +153,7 @@ class JumpDetector:
         size_m = math.hypot(
             q.x - p.x - (v.x + w.x) * half_s, q.y - p.y - (v.y + w.y) * half_s, q.z - p.z - (v.z + w.z) * half_s
         )
-        if size_m > self._free_m(new):
+        if size_m > ANNOUNCED_JUMP_M and size_m > self._free_m(new):
             return False
         self._usual_m += (size_m - self._usual_m) * _SMOOTHING
         return True

@@ -38,7 +38,7 @@ class SetpointSender:
             return
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
-            setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get())
+            setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get)
         self._backend.send(setpoint)
         if self.on_sent is not None:
             self.on_sent(setpoint)

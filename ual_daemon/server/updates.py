@@ -15,12 +15,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
 from typing import TypeAlias
 
-from ual import _convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual_daemon.server.packing import TelemetryPacker
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _OWN_THREAD_COUNT = 4
@@ -31,24 +30,21 @@ Send: TypeAlias = Callable[[bytes, Callable[[bool], None]], None]
 
 
 class PackedTelemetry:
-    """One sample. Its message is made and packed once for all readers."""
+    """One sample. Its message is packed once for all readers, when the first needs it."""
 
-    def __init__(self, telemetry: Telemetry) -> None:
-        self.telemetry = telemetry
+    def __init__(self, telemetry: Telemetry, packer: TelemetryPacker) -> None:
+        self.sequence = telemetry.sequence
+        self._telemetry = telemetry
+        self._packer = packer
+        self._packed = b""
 
-    @cached_property
-    def packed(self) -> bytes:
-        """A ``StreamTelemetryResponse`` for a reader that missed nothing."""
-        message = pb.StreamTelemetryResponse()
-        _convert.write_telemetry(self.telemetry, message.telemetry)
-        return message.SerializeToString()
-
-    def packed_after(self, missed_count: int) -> bytes:
-        """Returns the same for a reader that missed so many samples before this one."""
+    def packed(self, missed_count: int = 0) -> bytes:
+        """Returns a ``StreamTelemetryResponse`` for a reader that missed so many samples before this one."""
+        packed = self._packed = self._packed or self._packer.response(self._telemetry)
         if not missed_count:
-            return self.packed
+            return packed
         # Protobuf reads two concatenated messages as one with the fields of both.
-        return self.packed + pb.StreamTelemetryResponse(missed_count=missed_count).SerializeToString()
+        return packed + pb.StreamTelemetryResponse(missed_count=missed_count).SerializeToString()
 
 
 class LoopCalls:
@@ -103,10 +99,10 @@ class Reader:
         self._lock = threading.Lock()
         self._due_s = clock() + self._period_s
         self._newest: PackedTelemetry | None = None
-        self._sequence = first.telemetry.sequence
+        self._sequence = first.sequence
         self._missed_count = 0
         self._is_sending = True
-        send(first.packed, self._on_sent)
+        send(first.packed(), self._on_sent)
 
     @property
     def due_s(self) -> float:
@@ -117,15 +113,16 @@ class Reader:
         """Sends the sample, or keeps it to be sent next, unless the rate skips it."""
         now_s = self._clock()
         with self._lock:
-            if now_s < self._due_s or sample.telemetry.sequence <= self._sequence:
+            sequence = sample.sequence
+            if now_s < self._due_s or sequence <= self._sequence:
                 return
             if self._period_s:
                 self._missed_count += self._newest is not None
             else:  # each sample was due: those that were never offered count, too
-                self._missed_count += sample.telemetry.sequence - self._sequence - (self._newest is None)
+                self._missed_count += sequence - self._sequence - (self._newest is None)
             # From when it was due, not from now: else each sample would be late by up to one update.
             self._due_s = max(self._due_s + self._period_s, now_s)
-            self._sequence = sample.telemetry.sequence
+            self._sequence = sequence
             self._newest = sample
             if self._is_sending:
                 return
@@ -145,7 +142,7 @@ class Reader:
         assert self._newest is not None
         sample, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
-        return sample.packed_after(missed_count)
+        return sample.packed(missed_count)
 
 
 class Updates:
@@ -169,6 +166,7 @@ class Updates:
         self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
+        self._packer = TelemetryPacker()
         self._readers: tuple[Reader, ...] = ()
         self._state = State.UNINITIALIZED
         self._changed = asyncio.Event()
@@ -198,7 +196,8 @@ class Updates:
 
     def read(self, rate_hz: float, send: Send) -> Callable[[], None]:
         """Sends samples to a reader from now on, the first at once; see `Reader`. Returns a function that ends it."""
-        reader = Reader(rate_hz, PackedTelemetry(self._vehicle.telemetry()), send, self._clock)
+        first = PackedTelemetry(self._vehicle.telemetry(), self._packer)
+        reader = Reader(rate_hz, first, send, self._clock)
         with self._lock:
             self._readers = (*self._readers, reader)
             self._plan()
@@ -239,7 +238,7 @@ class Updates:
         self._is_delivery_scheduled = False
         telemetry = self._newest
         assert telemetry is not None
-        sample = PackedTelemetry(telemetry)
+        sample = PackedTelemetry(telemetry, self._packer)
         for reader in self._readers:
             reader.offer(sample)
         with self._lock:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ual.geometry import Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import (
@@ -19,14 +21,17 @@ _ZERO = Vector3()
 _WHOLE_MOTION = Takes.POSITION | Takes.FEED_FORWARD
 
 
-def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Limits) -> Setpoint:
-    """Returns the setpoint, or the nearest to it that the autopilot takes. The snapshot must have a pose."""
+def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Callable[[], Limits]) -> Setpoint:
+    """Returns the setpoint, or the nearest to it that the autopilot takes. The snapshot must have a pose.
+
+    `limits` returns those of a velocity that is flown instead of a position.
+    """
     takes = vehicle.takes
     if isinstance(setpoint, VelocitySetpoint) or _WHOLE_MOTION in takes:
         return setpoint
     if Takes.VELOCITY not in takes or (Takes.POSITION in takes and _stands_still(setpoint)):
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad)
-    return _velocity_towards(setpoint, vehicle.velocity_gains, snapshot, limits)
+    return _velocity_towards(setpoint, vehicle.velocity_gains, snapshot, limits())
 
 
 def _stands_still(setpoint: PositionSetpoint) -> bool:

@@ -322,11 +322,13 @@ class Vehicle:
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
         self._resolver.update(snapshot)
-        self._expire_lease()
+        if self._flight.lease.id != NOBODY:
+            self._expire_lease()
         if not self._follow_jumps(snapshot):
             self._flight.step(snapshot)
         found = self._flight.estimate(snapshot)
-        self._publish_state(found)
+        if found.state is not self._last_state:
+            self._publish_state(found)
         self._publish(snapshot, found)
 
     def _publish(self, snapshot: Snapshot, found: Estimate) -> None:
@@ -354,9 +356,8 @@ class Vehicle:
 
     def _publish_state(self, found: Estimate) -> None:
         last, self._last_state = self._last_state, found.state
-        if last is not found.state:
-            level = logging.WARNING if found.state in (State.UNINITIALIZED, State.FLYING_MANUAL) else logging.INFO
-            old = None if last is None else last.name
-            logs.event(_log, level, "state", old=old, new=found.state.name, why=found.why)
-            for listener in self._state_listeners:
-                listener(found.state)
+        level = logging.WARNING if found.state in (State.UNINITIALIZED, State.FLYING_MANUAL) else logging.INFO
+        old = None if last is None else last.name
+        logs.event(_log, level, "state", old=old, new=found.state.name, why=found.why)
+        for listener in self._state_listeners:
+            listener(found.state)

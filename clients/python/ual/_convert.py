@@ -99,9 +99,13 @@ _MICROS_PER_S = 1_000_000
 def stamp_to_proto(stamp_s: float, message: Timestamp) -> None:
     """Writes UTC seconds since 1970, to the microsecond; 0 (not known) leaves the message unset."""
     if stamp_s:
-        micros = round(stamp_s * _MICROS_PER_S)
-        message.seconds = micros // _MICROS_PER_S
-        message.nanos = micros % _MICROS_PER_S * _NANOS_PER_MICRO
+        message.seconds, message.nanos = stamp_parts(stamp_s)
+
+
+def stamp_parts(stamp_s: float) -> tuple[int, int]:
+    """UTC seconds since 1970 as whole seconds, and the nanoseconds after these, to the microsecond."""
+    seconds, micros = divmod(round(stamp_s * _MICROS_PER_S), _MICROS_PER_S)
+    return seconds, micros * _NANOS_PER_MICRO
 
 
 def stamp_from_proto(message: Timestamp) -> float:
@@ -136,35 +140,28 @@ def vector3_from_proto(message: pb.Vector3) -> Vector3:
     return Vector3(message.x, message.y, message.z)
 
 
-def _write_vector3(vector: Vector3, message: pb.Vector3) -> None:
-    message.x = vector.x
-    message.y = vector.y
-    message.z = vector.z
-
-
-def _write_quaternion(quaternion: Quaternion, message: pb.Quaternion) -> None:
-    message.x = quaternion.x
-    message.y = quaternion.y
-    message.z = quaternion.z
-    message.w = quaternion.w
+def _write_place(translation: Vector3, rotation: Quaternion, to: pb.Vector3, turned: pb.Quaternion) -> None:
+    """Of a pose or a transform. Written out, as are twists: each sample has four, and a call for each costs as much."""
+    to.x, to.y, to.z = translation.x, translation.y, translation.z
+    turned.x, turned.y, turned.z, turned.w = rotation.x, rotation.y, rotation.z, rotation.w
 
 
 def _write_pose(pose: Pose, message: pb.Pose) -> None:
-    _write_vector3(pose.position, message.position)
-    _write_quaternion(pose.orientation, message.orientation)
+    _write_place(pose.position, pose.orientation, message.position, message.orientation)
 
 
 def _write_twist(twist: Twist, message: pb.Twist) -> None:
-    _write_vector3(twist.linear, message.linear)
-    _write_vector3(twist.angular, message.angular)
+    v, w, linear, angular = twist.linear, twist.angular, message.linear, message.angular
+    linear.x, linear.y, linear.z = v.x, v.y, v.z
+    angular.x, angular.y, angular.z = w.x, w.y, w.z
 
 
 def _write_transform(transform: Transform, message: pb.Transform) -> None:
-    stamp_to_proto(transform.stamp_s, message.header.stamp)
-    message.header.frame_id = transform.frame_id
+    header = message.header
+    stamp_to_proto(transform.stamp_s, header.stamp)
+    header.frame_id = transform.frame_id
     message.child_frame_id = transform.child_frame_id
-    _write_vector3(transform.translation, message.translation)
-    _write_quaternion(transform.rotation, message.rotation)
+    _write_place(transform.translation, transform.rotation, message.translation, message.rotation)
 
 
 def _read_pose(message: pb.Pose) -> Pose:
@@ -531,17 +528,11 @@ def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
 
 def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
     """As `telemetry_to_proto`, into an empty message, or part of one."""
+    write_rare(telemetry, message)
     header = message.header
     stamp_to_proto(telemetry.stamp_s, header.stamp)
     header.frame_id = telemetry.frame_id
-    message.state = _STATE_TO_PROTO[telemetry.state]
-    message.state_reason = telemetry.state_reason
-    message.flight_mode = telemetry.flight_mode
-    message.armed = telemetry.armed
     message.sequence = telemetry.sequence
-    message.status_text = telemetry.status_text
-    if telemetry.frame_lost:
-        message.frame_lost = telemetry.frame_lost
     if telemetry.pose is not None:
         _write_pose(telemetry.pose, message.pose)
     if telemetry.velocity is not None:
@@ -554,12 +545,38 @@ def write_telemetry(telemetry: Telemetry, message: pb.Telemetry) -> None:
         _write_pose(telemetry.reference_pose, message.reference_pose)
     if telemetry.position_geo is not None:
         message.position_geo.CopyFrom(_geo_point_to_proto(telemetry.position_geo))
+    if telemetry.task is not None:
+        message.task.CopyFrom(task_to_proto(telemetry.task))
+
+
+def rare_of_telemetry(telemetry: Telemetry) -> tuple[object, ...]:
+    """What `write_rare` writes: while it is equal, that writes the same."""
+    return (
+        telemetry.state,
+        telemetry.state_reason,
+        telemetry.flight_mode,
+        telemetry.armed,
+        telemetry.status_text,
+        telemetry.frame_lost,
+        telemetry.battery,
+        telemetry.gps,
+        telemetry.health,
+    )
+
+
+def write_rare(telemetry: Telemetry, message: pb.Telemetry) -> None:
+    """Writes the part of a sample that changes rarely; see `rare_of_telemetry`."""
+    message.state = _STATE_TO_PROTO[telemetry.state]
+    message.state_reason = telemetry.state_reason
+    message.flight_mode = telemetry.flight_mode
+    message.armed = telemetry.armed
+    message.status_text = telemetry.status_text
+    if telemetry.frame_lost:
+        message.frame_lost = telemetry.frame_lost
     if telemetry.battery is not None:
         message.battery.CopyFrom(_battery_to_proto(telemetry.battery))
     if telemetry.gps is not None:
         message.gps.CopyFrom(_gps_to_proto(telemetry.gps))
-    if telemetry.task is not None:
-        message.task.CopyFrom(task_to_proto(telemetry.task))
     if telemetry.health is not None:
         _write_health(telemetry.health, message.health)
 

@@ -3,13 +3,13 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
-from ual import _convert
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual_daemon.server.packing import TelemetryPacker
 from ual_daemon.server.updates import LoopCalls, PackedTelemetry, Reader, Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -82,7 +82,7 @@ class Receiver:
 
 
 def sample(sequence: int) -> PackedTelemetry:
-    return PackedTelemetry(Telemetry(State.FLYING_AUTO, sequence=sequence))
+    return PackedTelemetry(Telemetry(State.FLYING_AUTO, sequence=sequence), TelemetryPacker())
 
 
 def read_all(rate_hz: float, period_s: float, count: int, read_every: int = 1) -> list[tuple[int, int]]:
@@ -181,13 +181,13 @@ def test_for_many_readers_or_uavs_what_never_reached_the_loop_counts_as_missed(
 
 def test_a_sample_is_packed_once_for_all_readers(monkeypatch: pytest.MonkeyPatch) -> None:
     packed: list[int] = []
-    write = _convert.write_telemetry
+    pack = TelemetryPacker.pack
 
-    def counted(telemetry: Telemetry, to: Any) -> None:
+    def counted(packer: TelemetryPacker, telemetry: Telemetry) -> bytes:
         packed.append(telemetry.sequence)
-        write(telemetry, to)
+        return pack(packer, telemetry)
 
-    monkeypatch.setattr(_convert, "write_telemetry", counted)
+    monkeypatch.setattr(TelemetryPacker, "pack", counted)
     one, other = Receiver(), Receiver()
     readers = [Reader(0.0, first, receiver.send) for first, receiver in ((sample(0), one), (sample(0), other))]
     one.take()

@@ -32,7 +32,7 @@ AS_FAST_AS_IT_IS = VehicleSettings(limits=LimitSettings(**{field.name: 100.0 for
 
 
 def sent(setpoint: PositionSetpoint, takes: Takes, gains: VelocityGains | None = None) -> object:
-    return adapted(setpoint, VehicleInfo(takes=takes, velocity_gains=gains or VelocityGains()), HERE, NO_LIMITS)
+    return adapted(setpoint, VehicleInfo(takes=takes, velocity_gains=gains or VelocityGains()), HERE, lambda: NO_LIMITS)
 
 
 def test_an_autopilot_that_takes_all_gets_the_setpoint_itself() -> None:
@@ -61,7 +61,7 @@ def test_a_velocity_leads_by_the_response_and_corrects_the_error() -> None:
 
 def test_a_velocity_stays_within_the_limits_and_keeps_its_direction() -> None:
     goal = PositionSetpoint(Vector3(101.0, 2.0, 103.0), 3.0)
-    far = adapted(goal, VehicleInfo(takes=Takes.VELOCITY), HERE, Limits())
+    far = adapted(goal, VehicleInfo(takes=Takes.VELOCITY), HERE, Limits)
     assert isinstance(far, VelocitySetpoint)
     assert far.velocity.horizontal_norm() <= 1.6 + 1e-9
     assert far.velocity.z <= 1.2 + 1e-9
@@ -71,7 +71,7 @@ def test_a_velocity_stays_within_the_limits_and_keeps_its_direction() -> None:
 @pytest.mark.parametrize("takes", [Takes.ALL, Takes.POSITION, Takes.VELOCITY])
 def test_velocities_are_sent_as_they_are(takes: Takes) -> None:
     velocity = VelocitySetpoint(Vector3(1.0), 0.1)
-    assert adapted(velocity, VehicleInfo(takes=takes), HERE, Limits()) is velocity
+    assert adapted(velocity, VehicleInfo(takes=takes), HERE, Limits) is velocity
 
 
 def flown(takes: str, light: dict[str, Any]) -> tuple[float, float, float]:
