@@ -80,6 +80,8 @@ def test_a_link_that_loses_at_random_is_asked_for_all_again(kind: str, caplog: p
         (channel, *_) = flight.autopilot.channels
         position = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
         flight.wait_for(lambda: channel.intervals_s[position] == pytest.approx(0.02), "the wanted rate")
+        geo, unasked_hz = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 50.0 if kind == "px4" else 5.0
+        flight.wait_for(lambda: channel.intervals_s.get(geo) == pytest.approx(1.0 / unasked_hz), "its own rate")
         flight.wait_for(lambda: "the link" not in reason(flight), "a link that is good")
         assert "carries no more" not in reason(flight)
     finally:

@@ -8,7 +8,8 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
-from ual.types import Limits, State
+from ual.types import State
+from ual_daemon.backends.mavlink.autopilots.px4 import Px4
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.jumps import JumpDetector
 from ual_daemon.flight.state import estimate
@@ -82,7 +83,7 @@ def test_an_automatic_flight_that_ends_in_a_return() -> None:
     assert changes[4].why == "in the air, mode AUTO.LOITER does not take our references"
     info = harness.session.info()
     assert (info.autopilot, info.autopilot_version, info.is_simulation) == ("PX4", "1.17.0", True)
-    assert info.limits == Limits()  # nobody asked the recorded PX4 for its parameters
+    assert info.limits == Px4().limits({})  # nobody asked the recorded PX4 for its parameters
     assert isinstance(harness.snapshot().projection, SphereProjection)
 
 

@@ -452,7 +452,7 @@ class Session:
             self._setup.change_streams(streams)
             unused = [set_message_interval(each, UNUSED_RATE_HZ) for each in sorted(self._unused_ids)]
             if not fit.level:
-                unused = [default_interval(each) for each in unused]
+                unused = [default_interval(each) for each in (*unused, *slow_streams())]
             # Whatever the answer: on an overrun link it would not come.
             self._paced = deque(each.encode(self.source, 0) for each in (*unused, *streams))
             logs.event(
