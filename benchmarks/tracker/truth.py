@@ -18,10 +18,13 @@ class Truth:
 
     def __init__(self) -> None:
         self.position: Vector3 | None = None
+        self.boot_s = 0.0
+        """The simulator's own time, which passes more slowly than the computer's where that is too busy."""
         self._first: tuple[float, float, float] | None = None
 
     def listen(self, pilot: Transmitter) -> None:
         """Asks both for PX4's message and for ArduPilot's; each has only its own."""
+        pilot.listen(mavlink.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ, self._hear)
         pilot.listen(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, RATE_HZ, self._hear)
         pilot.listen(mavlink.MAVLINK_MSG_ID_SIM_STATE, RATE_HZ, self._hear)
 
@@ -30,6 +33,8 @@ class Truth:
             self._take(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
         elif isinstance(message, mavlink.MAVLink_sim_state_message):
             self._take(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
+        elif isinstance(message, mavlink.MAVLink_attitude_message):
+            self.boot_s = message.time_boot_ms / 1e3
 
     def _take(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
         first = self._first = self._first or (latitude_deg, longitude_deg, altitude_m)

@@ -328,6 +328,29 @@ class VelocityGains(NamedTuple):
     response_s: float = 0.0
 
 
+class VelocityResponse(NamedTuple):
+    """How the vehicle follows a step of a commanded velocity along one axis; see `ual_daemon.tracker.drift`.
+
+    It hears what is commanded through a low pass of `delay_s` (link, tilt). It then accelerates by what is missing of
+    the velocity over `time_s`, within its limits of acceleration and jerk. `holds_place` says that the autopilot itself
+    integrates the velocity to a place and holds that: an error of its estimated velocity does not carry it away.
+    """
+
+    time_s: float = 0.5
+    acceleration_m_s2: float = 9.81
+    """Horizontally, that of a tilt of 45 degrees."""
+    jerk_m_s3: float = 1000.0
+    delay_s: float = 0.2
+    holds_place: bool = False
+
+
+class VelocityResponses(NamedTuple):
+    """How the vehicle follows velocities along its axes."""
+
+    horizontal: VelocityResponse = VelocityResponse()
+    vertical: VelocityResponse = VelocityResponse()
+
+
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
     """What a backend knows of its vehicle. Values may become known only once it is connected.
@@ -343,8 +366,9 @@ class VehicleInfo:
     (limits that are assumed, a link that carries little); both end the reason of the state.
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
-    feed-forward. `has_safety_pilot` says whether a person can take over from UAL at any time (a transmitter, a
-    simulated pilot); where nobody can, UAL aborts take-offs and landings, too.
+    feed-forward, `velocity_responses` while velocities are commanded. `has_safety_pilot` says whether a person can take
+    over from UAL at any time (a transmitter, a simulated pilot); where nobody can, UAL aborts take-offs and landings,
+    too.
     """
 
     autopilot: str = ""
@@ -355,6 +379,7 @@ class VehicleInfo:
     flies_takeoff_on_setpoints: bool = True
     takes: Takes = Takes.ALL
     velocity_gains: VelocityGains = field(default_factory=VelocityGains)
+    velocity_responses: VelocityResponses = field(default_factory=VelocityResponses)
     setpoint_rate_hz: float = 50.0
     setpoint_loss: SetpointLoss = SetpointLoss.HOLDS
     has_safety_pilot: bool = True
@@ -379,10 +404,14 @@ class PositionSetpoint:
 
 @dataclass(frozen=True, slots=True)
 class VelocitySetpoint:
-    """A velocity along the local axes and a yaw rate (positive: to the left)."""
+    """A velocity along the local axes and a yaw rate (positive: to the left).
+
+    An acceleration is added as feed-forward by backends whose autopilot takes one.
+    """
 
     velocity: Vector3
     yaw_rate_rad_s: float = 0.0
+    acceleration: Vector3 | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError, UalTimeoutError, WrongStateError
@@ -32,7 +33,7 @@ from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watch
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate, replayed
-from ual_daemon.flight.stopping import Stopping, next_start
+from ual_daemon.flight.stopping import Stopping, motion_if_near, next_start
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
 from ual_daemon.tracker.drift import DriftCorrection
@@ -411,14 +412,21 @@ class Flight:
         raw = self.raw_estimate(snapshot)
         self.authority.follow(raw.state, snapshot)
         self.geofence.observe(snapshot, raw, is_taking_off=self._is_taking_off())
-        if not isinstance(self._reference, Velocity):
-            self.drift.forget()
+        self._prepare_velocity(snapshot)
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot, raw)
         self._update_note(snapshot)
         if self._shutdown is not None:
             self._step_shutdown(snapshot, self._shutdown)
+
+    def _prepare_velocity(self, snapshot: Snapshot) -> None:
+        """Takes note of what is flown while no velocity is: the next velocity begins with its place and motion."""
+        current = self._current_reference()
+        if current is None:
+            self.drift.forget()
+        elif not isinstance(current, Velocity):
+            self.drift.stand_by(partial(motion_if_near, current), snapshot)
 
     def estimate_jumped(self, jump: Jump, snapshot: Snapshot) -> None:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
@@ -547,7 +555,7 @@ class Flight:
             logs.event(_log, logging.INFO, "velocity_ended", why=why)
             return stop
         if isinstance(reference, Velocity):
-            reference.correct_drift(snapshot, self.limits.get())
+            reference.correct_drift(snapshot, self.limits.get(), self._backend.info().velocity_responses)
         return reference
 
     def _send_reference(self, reference: Reference, snapshot: Snapshot) -> None:

@@ -26,10 +26,10 @@ def next_start(current: Reference | None, snapshot: Snapshot) -> Motion:
     This is the motion of the current reference, so that references do not jump. If the UAV is far from the reference,
     or follows none, it is the measured motion.
     """
-    return _motion_if_near(current, snapshot) or measured_motion(snapshot)
+    return motion_if_near(current, snapshot) or measured_motion(snapshot)
 
 
-def _motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion | None:
+def motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion | None:
     """Returns the motion of a reference; None if there is no reference, or if the UAV is far from it."""
     if reference is None:
         return None
@@ -52,7 +52,7 @@ class Stopping:
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
         trajectory where straight ahead would leave the geofence.
         """
-        start = None if isinstance(current, Hold) else _motion_if_near(current, snapshot)
+        start = None if isinstance(current, Hold) else motion_if_near(current, snapshot)
         if (
             start is not None
             and isinstance(current, TrajectoryReference)

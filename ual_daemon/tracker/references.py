@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocityResponses, VelocitySetpoint
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.time_scaling import TimeScaling
@@ -98,9 +98,9 @@ class Velocity(Reference):
             return Quaternion.from_yaw(snapshot.pose.value.yaw_rad).rotate(velocity)
         return velocity
 
-    def correct_drift(self, snapshot: Snapshot, limits: Limits) -> None:
+    def correct_drift(self, snapshot: Snapshot, limits: Limits, responses: VelocityResponses) -> None:
         """Computes what is to be added to what is sent. Called once at each update, by the update thread."""
-        self._drift.step(Twist(self.velocity(snapshot), self.twist.angular), snapshot, limits)
+        self._drift.step(Twist(self.velocity(snapshot), self.twist.angular), snapshot, limits, responses)
 
     @override
     def motion(self, snapshot: Snapshot) -> Motion:

@@ -11,14 +11,16 @@ from hypothesis import strategies as st
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.tracker.drift import MOST_CHANGE_M_S2, MOST_CORRECTION_M_S, MOST_LAG_M, DriftCorrection
+from ual_daemon.backends.values import Sample, Snapshot, VelocityResponse, VelocityResponses
+from ual_daemon.tracker.drift import DriftCorrection
+from ual_daemon.tracker.place import MOST_CHANGE_M_S2, MOST_CORRECTION_M_S, MOST_LAG_M
 from ual_daemon.trajectory.envelope import speed_share
 
 STEP_S = 0.02
 LIMITS = Limits(5.0, 3.0, 2.0, 3.0, 2.0, 1.0)
 RESPONSE_S = 0.5
 """PX4 follows a velocity about as slowly."""
+RESPONSES = VelocityResponses(*(VelocityResponse(RESPONSE_S, delay_s=0.0),) * 2)
 
 
 @dataclass
@@ -43,7 +45,7 @@ class Mass:
         """Returns where it has been."""
         places = []
         for _ in range(round(duration_s / STEP_S)):
-            self.drift.step(Twist(commanded), self.snapshot(), LIMITS)
+            self.drift.step(Twist(commanded), self.snapshot(), LIMITS, RESPONSES)
             wanted = commanded + self.drift.velocity - self.error
             self.velocity += (wanted - self.velocity) * (STEP_S / RESPONSE_S)
             if self.is_stuck:
@@ -145,13 +147,13 @@ def test_a_held_heading_comes_back_and_a_commanded_turn_is_left_alone() -> None:
     mass.yaw_rad = 0.2
     mass.fly(Vector3(), 10.0)
     assert mass.yaw_rad == pytest.approx(0.0, abs=0.01)
-    mass.drift.step(Twist(Vector3(), Vector3(0.0, 0.0, 0.5)), mass.snapshot(), LIMITS)
+    mass.drift.step(Twist(Vector3(), Vector3(0.0, 0.0, 0.5)), mass.snapshot(), LIMITS, RESPONSES)
     assert mass.drift.yaw_rate_rad_s == 0.0
 
 
 def test_nothing_is_left_once_it_is_forgotten_or_nothing_is_measured() -> None:
     mass = Mass()
-    for forget in (mass.drift.forget, lambda: mass.drift.step(Twist(), Snapshot(0.0), LIMITS)):
+    for forget in (mass.drift.forget, lambda: mass.drift.step(Twist(), Snapshot(0.0), LIMITS, RESPONSES)):
         mass.fly(Vector3(), 5.0)
         mass.position += Vector3(0.5, 0.0, 0.0)
         mass.fly(Vector3(), 0.5)

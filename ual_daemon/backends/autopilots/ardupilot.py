@@ -31,6 +31,8 @@ from ual_daemon.backends.values import (
     OwnFence,
     PositionSetpoint,
     Snapshot,
+    VelocityResponse,
+    VelocityResponses,
 )
 from ual_daemon.geodesy import FlatProjection, Projection
 
@@ -287,6 +289,13 @@ class ArduCopter(Autopilot):
         )
 
     @override
+    def velocity_responses(self, parameters: Mapping[str, float]) -> VelocityResponses:
+        return VelocityResponses(
+            _response(_value(parameters, _ACCELERATION), _value(parameters, _JERK)),
+            _response(_value(parameters, _VERTICAL_ACCELERATION), _value(parameters, _VERTICAL_JERK)),
+        )
+
+    @override
     def acceleration_share(self, parameters: Mapping[str, float]) -> float:
         return ACCELERATION_SHARE if _value(parameters, _ACCELERATION) else 1.0
 
@@ -368,6 +377,13 @@ def velocity_lead(setpoint: PositionSetpoint, parameters: Mapping[str, float]) -
     up_m_s = max(v.z, _value(parameters, _CLIMB_SPEED))
     down_m_s = min(v.z, -_value(parameters, _DESCENT_SPEED))
     return Vector3(led.x * share, led.y * share, min(max(led.z, down_m_s), up_m_s))
+
+
+def _response(acceleration_m_s2: float, jerk_m_s3: float) -> VelocityResponse:
+    """Returns how its input shaping follows a velocity along an axis; see `velocity_lead`."""
+    if acceleration_m_s2 <= 0.0 or jerk_m_s3 <= 0.0:
+        return VelocityResponse(holds_place=True)
+    return VelocityResponse(acceleration_m_s2 / jerk_m_s3, acceleration_m_s2, jerk_m_s3, holds_place=True)
 
 
 def _shaping_s(acceleration_m_s2: float, jerk_m_s3: float) -> float:

@@ -22,6 +22,7 @@ from ual_daemon.backends.values import (
     OwnFence,
     PositionSetpoint,
     Snapshot,
+    VelocityResponses,
 )
 from ual_daemon.geodesy import Projection
 
@@ -183,6 +184,10 @@ class Autopilot(ABC):
     def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
         """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
         return math.inf
+
+    def velocity_responses(self, parameters: Mapping[str, float]) -> VelocityResponses:
+        """Returns how it follows velocities, by the parameters read so far."""
+        return VelocityResponses()
 
     def acceleration_share(self, parameters: Mapping[str, float]) -> float:
         """Returns the part of its own acceleration limits that `limits` has; 1 where they were not read."""

@@ -19,13 +19,13 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, overload
 
 from msgspec import Meta
 
 from ual.geometry import Pose, Vector3
 from ual_daemon import logs
-from ual_daemon.backends.values import PositionSetpoint
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
 _log = logging.getLogger(__name__)
 
@@ -51,6 +51,10 @@ estimate stays close to what was expected."""
 _TOLD_M2_S = 10.0
 """The variance from which on the drag is worth to be told."""
 _TOLD_STEP_1_S = 0.1
+_FLOWN_S = 0.7
+"""The time in which a vehicle follows a velocity."""
+_LEAST_DRAG_1_S = 0.02
+"""With less drag, velocities get no acceleration."""
 _LEAST_UPRIGHT = 0.5
 """The cosine of the tilt beyond which it does not fly as a multirotor does."""
 
@@ -64,12 +68,13 @@ class _Smooth:
     """All values through the same low pass, so that they still belong together."""
 
     time_s: float
-    position: Vector3
     velocity: Vector3
     pull: Vector3
     """The horizontal acceleration caused by the thrust, from the tilt."""
-    newest: Vector3
-    """The position as it came."""
+    error: Vector3
+    """The estimated velocity minus the velocity of the estimated position."""
+    newest: tuple[Vector3, Vector3]
+    """The position and the velocity as they came."""
 
 
 class FeedForward:
@@ -88,6 +93,9 @@ class FeedForward:
         """The estimated velocity minus the velocity of the estimated position, m/s."""
         self._last: tuple[float, Vector3] | None = None
         """When the last setpoint was sent, and the accelerations until then through a low pass."""
+        self._flown = (0.0, 0.0, 0.0)
+        """When the last setpoint was sent, and the horizontal velocity that is flown then: it follows a commanded
+        one later."""
 
     def learn(self, time_s: float, pose: Pose, velocity: Vector3) -> None:
         """Takes a new pose and its velocity. `time_s` is the autopilot's own time."""
@@ -98,7 +106,7 @@ class FeedForward:
             old is not None and 0.0 <= passed_s <= _LONGEST_GAP_S and not _jumps(old, pose, velocity, passed_s)
         )
         if old is None or not is_continued or up.z < _LEAST_UPRIGHT:
-            self._smooth = _Smooth(time_s, pose.position, velocity, Vector3(), pose.position)
+            self._smooth = _Smooth(time_s, velocity, Vector3(), Vector3(), (pose.position, velocity))
             self.velocity_error = Vector3()
             return
         share = 1.0 - math.exp(-passed_s / _SMOOTHING_S)
@@ -106,14 +114,12 @@ class FeedForward:
         pull = Vector3(up.x, up.y, 0.0) * ((GRAVITY_M_S2 + climb_m_s2) / up.z)
         new = self._smooth = _Smooth(
             time_s,
-            old.position + (pose.position - old.position) * share,
             old.velocity + (velocity - old.velocity) * share,
             old.pull + (pull - old.pull) * share,
-            pose.position,
+            old.error + (_error(old, pose, velocity, passed_s) - old.error) * share,
+            (pose.position, velocity),
         )
-        # The lag of a low pass behind its input, over its time constant, is the derivative through the same low pass.
-        error = new.velocity - (pose.position - new.position) / _SMOOTHING_S
-        self.velocity_error = error * min(1.0, MOST_VELOCITY_ERROR_M_S / max(error.norm(), 1e-9))
+        self.velocity_error = new.error * min(1.0, MOST_VELOCITY_ERROR_M_S / max(new.error.norm(), 1e-9))
         unexplained = new.pull - (velocity - new.velocity) / _SMOOTHING_S
         if new.velocity.horizontal_norm() > _LEAST_SPEED_M_S:
             self._sums.add(new.velocity, unexplained, passed_s)
@@ -125,12 +131,31 @@ class FeedForward:
             self._told_1_s = self.drag_1_s
             logs.event(_log, logging.INFO, "drag_learned", drag_1_s=round(self.drag_1_s, 2))
 
-    def apply(self, setpoint: PositionSetpoint, now_s: float) -> PositionSetpoint:
+    @overload
+    def apply(self, setpoint: PositionSetpoint, now_s: float) -> PositionSetpoint: ...
+
+    @overload
+    def apply(self, setpoint: VelocitySetpoint, now_s: float) -> VelocitySetpoint: ...
+
+    def apply(self, setpoint: Setpoint, now_s: float) -> Setpoint:
         """Returns the setpoint with what was learned. In plain numbers, as each setpoint passes here."""
+        if isinstance(setpoint, VelocitySetpoint):
+            return self._against_drag(setpoint, now_s)
         v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
+        self._flown = (now_s, v.x, v.y)
         acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
         velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
+
+    def _against_drag(self, setpoint: VelocitySetpoint, now_s: float) -> VelocitySetpoint:
+        """Returns a velocity with the acceleration against the drag, as far as it is flown already."""
+        (old_s, x, y), v, drag_1_s = self._flown, setpoint.velocity, self.drag_1_s
+        share = 1.0 - math.exp(-max(0.0, now_s - old_s) / _FLOWN_S)
+        x, y = x + (v.x - x) * share, y + (v.y - y) * share
+        self._flown = (now_s, x, y)
+        if drag_1_s < _LEAST_DRAG_1_S:
+            return setpoint
+        return VelocitySetpoint(v, setpoint.yaw_rate_rad_s, Vector3(x * drag_1_s, y * drag_1_s, 0.0))
 
     def _leading(self, a: Vector3, now_s: float) -> Vector3:
         """Returns the acceleration as it will be by the time the vehicle has tilted."""
@@ -150,7 +175,15 @@ class FeedForward:
 
 def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:
     """Whether the estimate was reset: that is no velocity, and must not become one in the setpoints."""
-    return (pose.position - old.newest - velocity * passed_s).norm() > _JUMP_M
+    return (pose.position - old.newest[0] - velocity * passed_s).norm() > _JUMP_M
+
+
+def _error(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> Vector3:
+    """Returns by how much the velocity since the last position was another one than that of the position."""
+    if passed_s <= 0.0:
+        return old.error
+    position_before, velocity_before = old.newest
+    return (velocity_before + velocity) / 2 - (pose.position - position_before) / passed_s
 
 
 class _Sums:

@@ -89,6 +89,8 @@ UNACCELERATED_MASK = _IGNORE_ACCELERATION
 """The same without the acceleration."""
 VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
 """Velocity and yaw rate."""
+ACCELERATED_VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_YAW
+"""The same with an acceleration."""
 
 LOCAL_NED = 1
 """MAV_FRAME_LOCAL_NED: the coordinate frame of setpoints that begins at the origin of the local frame."""

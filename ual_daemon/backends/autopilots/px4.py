@@ -17,7 +17,15 @@ from ual_daemon.backends.autopilots.autopilot import (
 )
 from ual_daemon.backends.autopilots.fence_zones import UNREAD, FoundZones
 from ual_daemon.backends.autopilots.numbers import Sensor, VtolState
-from ual_daemon.backends.values import NO_FENCE, Cause, Control, Mode, OwnFence
+from ual_daemon.backends.values import (
+    NO_FENCE,
+    Cause,
+    Control,
+    Mode,
+    OwnFence,
+    VelocityResponse,
+    VelocityResponses,
+)
 from ual_daemon.geodesy import Projection, SphereProjection
 
 _MAIN = {
@@ -112,6 +120,10 @@ class Px4(Autopilot):
         "MPC_ACC_DOWN_MAX",
         "MPC_YAWRAUTO_MAX",
         "MPC_XY_CRUISE",
+        "MPC_XY_VEL_P_ACC",
+        "MPC_XY_VEL_D_ACC",
+        "MPC_Z_VEL_P_ACC",
+        "MPC_Z_VEL_D_ACC",
         "COM_OF_LOSS_T",
         "GF_ACTION",
         "GF_MAX_HOR_DIST",
@@ -181,6 +193,13 @@ class Px4(Autopilot):
         return ACCELERATION_SHARE if "MPC_ACC_HOR" in parameters else 1.0
 
     @override
+    def velocity_responses(self, parameters: Mapping[str, float]) -> VelocityResponses:
+        return VelocityResponses(
+            VelocityResponse(_response_s(parameters, "MPC_XY_VEL_P_ACC", 1.8, "MPC_XY_VEL_D_ACC", 0.2)),
+            VelocityResponse(_response_s(parameters, "MPC_Z_VEL_P_ACC", 4.0, "MPC_Z_VEL_D_ACC", 0.0)),
+        )
+
+    @override
     def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
         return positive_parameter(parameters, "MPC_XY_CRUISE", _CAREFUL_CRUISE_M_S)
 
@@ -200,3 +219,11 @@ class Px4(Autopilot):
             is_cut_by_unread=bool(found.why),
             zones=found.zones or (),  # it must be inside all inclusions (Geofence::isInsidePolygonOrCircle)
         )
+
+
+def _response_s(parameters: Mapping[str, float], p_name: str, p: float, d_name: str, d: float) -> float:
+    """Returns the time constant of its velocity, by its gains and their defaults.
+
+    PositionControl.cpp accelerates by P (wanted - v) - D a: so a (1 + D) = P (wanted - v).
+    """
+    return (1.0 + parameters.get(d_name, d)) / positive_parameter(parameters, p_name, p)

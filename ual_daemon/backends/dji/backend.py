@@ -37,6 +37,8 @@ from ual_daemon.backends.values import (
     Takes,
     VehicleInfo,
     VelocityGains,
+    VelocityResponse,
+    VelocityResponses,
     VelocitySetpoint,
 )
 from ual_daemon.settings import convert
@@ -154,6 +156,9 @@ class DjiBackend(Backend):
             flies_takeoff_on_setpoints=False,
             takes=Takes.VELOCITY,
             velocity_gains=VelocityGains(response_s=self._settings.response_s),
+            velocity_responses=VelocityResponses(
+                VelocityResponse(self._settings.response_s), VelocityResponse(self._settings.response_s)
+            ),
             setpoint_loss=SetpointLoss.HOLDS,
             limitation=_UNFLOWN,
         )

@@ -36,6 +36,8 @@ from ual_daemon.backends.values import (
     Takes,
     VehicleInfo,
     VelocityGains,
+    VelocityResponse,
+    VelocityResponses,
 )
 from ual_daemon.geodesy import EllipsoidProjection
 from ual_daemon.settings import ConfigError, convert
@@ -444,4 +446,8 @@ def _vehicle_info(settings: LightSettings) -> VehicleInfo:
         flies_takeoff_on_setpoints=True,
         takes=takes,
         velocity_gains=VelocityGains(position_per_s=POSITION_GAIN, response_s=settings.response_s),
+        velocity_responses=VelocityResponses(
+            VelocityResponse(settings.response_s, settings.horizontal_acceleration_m_s2, delay_s=0.0),
+            VelocityResponse(settings.response_s, settings.vertical_acceleration_m_s2, delay_s=0.0),
+        ),
     )

@@ -9,6 +9,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, GpsFix, GpsInfo
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.autopilots.numbers import (
+    ACCELERATED_VELOCITY_MASK,
     LOCAL_NED,
     POSITION_MASK,
     UNACCELERATED_MASK,
@@ -119,6 +120,9 @@ def position_target(setpoint: Setpoint, *, with_acceleration: bool) -> Message:
         message["yaw"] = setpoint.yaw_rad
         if with_acceleration:
             message["acceleration_or_force"] = _xyz(setpoint.acceleration)
+    elif setpoint.acceleration is not None:
+        message["type_mask"] = ACCELERATED_VELOCITY_MASK
+        message["acceleration_or_force"] = _xyz(setpoint.acceleration)
     return message
 
 

@@ -134,9 +134,9 @@ class Session:
     def message_of(self, setpoint: Setpoint, now_s: float) -> Message:
         """Returns the message of a setpoint, with what was learned of the vehicle. From any thread."""
         autopilot = self.autopilot
+        if self._feed_forward is not None:
+            setpoint = self._feed_forward.apply(setpoint, now_s)
         if isinstance(setpoint, PositionSetpoint):
-            if self._feed_forward is not None:
-                setpoint = self._feed_forward.apply(setpoint, now_s)
             setpoint = autopilot.position_setpoint(setpoint, self.telemetry.parameters)
         return messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
 
@@ -201,6 +201,7 @@ class Session:
             limitation="" if is_multirotor else "it calls itself a multirotor, but is a VTOL: UAL only watches it",
             cruise_speed_m_s=autopilot.cruise_speed_m_s(parameters),
             acceleration_share=autopilot.acceleration_share(parameters),
+            velocity_responses=autopilot.velocity_responses(parameters),
         )
 
     # --- What comes ---------------------------------------------------------------------------------------------------

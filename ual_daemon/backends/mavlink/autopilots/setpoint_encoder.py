@@ -8,13 +8,13 @@ from ual_daemon.backends.autopilots.feed_forward import FeedForward
 from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message
-from ual_daemon.backends.values import PositionSetpoint, Setpoint
+from ual_daemon.backends.values import Setpoint
 
 
 class SetpointEncoder:
     """Encodes the setpoints for one autopilot, the `target`. From any thread.
 
-    `parameters` are those read so far, and may grow. `feed_forward` is added to positions; None where the autopilot
+    `parameters` are those read so far, and may grow. `feed_forward` is added to setpoints; None where the autopilot
     takes none.
     """
 
@@ -34,6 +34,6 @@ class SetpointEncoder:
 
         """
         time_ms = int(now_s * 1000.0) & 0xFFFFFFFF
-        if self._feed_forward is not None and isinstance(setpoint, PositionSetpoint):
+        if self._feed_forward is not None:
             setpoint = self._feed_forward.apply(setpoint, now_s)
         return self._dialect.encode_setpoint(setpoint, self._target, time_ms, self._parameters)

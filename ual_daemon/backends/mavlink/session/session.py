@@ -322,6 +322,7 @@ class Session:
             limitation=dialect.limitation,
             cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
             acceleration_share=dialect.acceleration_share(telemetry.parameters),
+            velocity_responses=dialect.velocity_responses(telemetry.parameters),
         )
 
     def _identity(self) -> str:

@@ -1,0 +1,143 @@
+"""The place to which a velocity leads, in some of the axes: the horizontal ones, or the vertical one."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ual.geometry import Vector3
+from ual_daemon.backends.values import VelocityResponse
+
+MOST_LAG_M = 1.0
+"""The place is never farther from the UAV than this."""
+MOST_CORRECTION_M_S = 1.2
+"""The most that is added: twice what the estimate was seen to be wrong by."""
+MOST_CHANGE_M_S2 = 2.0
+"""What is added never changes faster, so that it does not jump."""
+_POSITION_GAIN = 0.9
+"""From a distance to a velocity, 1/s; PX4's own is 0.95 (MPC_XY_P), ArduPilot's 1 (PSC_POSXY_P)."""
+_MOST_VELOCITY_ERROR_M_S = 0.7
+_FLOWN_M_S = 0.1
+"""The commanded velocity counts as flown within this, or within half of it."""
+_CARRIED_M_S = 1.0
+"""A UAV whose velocity is so far from the expected one, other than by being slower, is carried away."""
+_BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
+"""A UAV that is so far behind (in seconds of its speed, or the distance if that is more; `MOST_LAG_M` at most), and
+makes less than half of its speed, is stopped by something."""
+_STEP_S = 0.03
+
+
+class ExpectedMotion:
+    """How the vehicle is expected to move: it answers to the commanded velocity as `VelocityResponse` says."""
+
+    def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3, response: VelocityResponse) -> None:
+        self.position, self.velocity = position, velocity
+        self._acceleration = acceleration
+        self._heard = velocity + acceleration * response.time_s
+        """The commanded velocity through the low pass of the delay."""
+
+    def advance(self, commanded: Vector3, passed_s: float, response: VelocityResponse) -> None:
+        """Lets time pass."""
+        count = math.ceil(passed_s / _STEP_S)
+        for _ in range(count):
+            self._advance(commanded, passed_s / count, response)
+
+    def _advance(self, commanded: Vector3, step_s: float, response: VelocityResponse) -> None:
+        self._heard += (commanded - self._heard) * _share(step_s, response.delay_s)
+        wanted = at_most((self._heard - self.velocity) / max(response.time_s, step_s), response.acceleration_m_s2)
+        self._acceleration += at_most(wanted - self._acceleration, response.jerk_m_s3 * step_s)
+        change = self._acceleration * step_s
+        self.position += (self.velocity + change / 2) * step_s
+        self.velocity += change
+
+    def follow(self, velocity: Vector3, direction: Vector3) -> None:
+        """Takes the part of a velocity along a direction as its own."""
+        self.velocity += direction * (velocity - self.velocity).dot(direction)
+        self._heard += direction * (velocity - self._heard).dot(direction)
+        self._acceleration -= direction * self._acceleration.dot(direction)
+
+
+class Seen(NamedTuple):
+    """What is estimated of the UAV now: its position, its velocity, and the error of that."""
+
+    position: Vector3
+    velocity: Vector3
+    error: Vector3
+
+
+class Place:
+    """The place to which a velocity leads. All vectors are zero along the axes that are not its own."""
+
+    def __init__(self, expected: ExpectedMotion) -> None:
+        self.correction: Vector3 | None = None
+        """What is to be added to the commanded velocity; None before the first update."""
+        self._expected = expected
+        self._free: tuple[Vector3, ...] = ()
+        """The directions in which the place goes with the UAV; of length 1, at right angles to each other."""
+
+    def step(self, commanded: Vector3, seen: Seen, passed_s: float, response: VelocityResponse) -> Vector3:
+        """Makes one update. Returns what is to be added to the commanded velocity."""
+        here, velocity, error = seen
+        self._expected.advance(commanded, passed_s, response)
+        self._find_free(commanded, here, velocity - error)
+        lag = at_most(self._held(self._expected.position - here), MOST_LAG_M)
+        self._expected.position = here + lag
+        added = Vector3() if response.holds_place else at_most(error, _MOST_VELOCITY_ERROR_M_S)
+        wanted = at_most(lag * _POSITION_GAIN + added, MOST_CORRECTION_M_S)
+        before = wanted if self.correction is None else self.correction
+        self.correction = before + at_most(wanted - before, MOST_CHANGE_M_S2 * passed_s)
+        return self.correction
+
+    def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
+        """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
+        self._free = tuple(each for each in self._free if not _is_flown(commanded.dot(each), flown.dot(each)))
+        if self._is_stopped(commanded, here, flown):
+            self._make_free(commanded)
+        carried = self._held(_without_slower(flown - self._expected.velocity, self._expected.velocity))
+        if carried.norm() > _CARRIED_M_S:
+            self._make_free(carried)
+        for direction in self._free:
+            self._expected.follow(flown, direction)
+
+    def _is_stopped(self, commanded: Vector3, here: Vector3, flown: Vector3) -> bool:
+        """Whether something stops it: it is behind, and makes less than half of the commanded speed."""
+        if commanded.norm() <= _FLOWN_M_S:
+            return False
+        ahead = commanded / commanded.norm()
+        speed_m_s = min(commanded.norm(), self._expected.velocity.dot(ahead))
+        behind_m = min(MOST_LAG_M, max(_LEAST_BEHIND_M, speed_m_s * _BEHIND_S))
+        lag_m = self._held(self._expected.position - here).dot(ahead)
+        return flown.dot(ahead) < speed_m_s / 2 and lag_m >= behind_m
+
+    def _make_free(self, along: Vector3) -> None:
+        rest = self._held(along)
+        rest_norm = rest.norm()
+        if rest_norm > _FLOWN_M_S / 2:
+            self._free = (*self._free, rest / rest_norm)
+
+    def _held(self, vector: Vector3) -> Vector3:
+        """Returns the part of a vector in the directions in which the place is held."""
+        for direction in self._free:
+            vector -= direction * vector.dot(direction)
+        return vector
+
+
+def _is_flown(commanded_m_s: float, flown_m_s: float) -> bool:
+    return abs(commanded_m_s - flown_m_s) <= max(_FLOWN_M_S, abs(commanded_m_s) / 2)
+
+
+def _without_slower(change: Vector3, velocity: Vector3) -> Vector3:
+    """Returns a change of a velocity without what only makes it slower."""
+    square = velocity.dot(velocity)
+    return change - velocity * min(0.0, change.dot(velocity) / square) if square > 0.0 else change
+
+
+def _share(passed_s: float, time_constant_s: float) -> float:
+    """Returns the part of a step that a low pass has followed."""
+    return 1.0 - math.exp(-passed_s / time_constant_s) if time_constant_s > 0.0 else 1.0
+
+
+def at_most(vector: Vector3, length: float) -> Vector3:
+    """Returns the vector, or one of this length in its direction."""
+    own = vector.norm()
+    return vector if own <= length else vector * (length / own)

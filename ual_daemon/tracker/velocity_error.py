@@ -1,0 +1,35 @@
+"""The error of the autopilot's velocity, learned from its own estimates."""
+
+from __future__ import annotations
+
+import math
+
+from ual.geometry import Vector3
+
+_SMOOTHING_S = 0.3
+_LONGEST_GAP_S = 0.2
+"""Nothing is learned over a longer gap."""
+
+
+class VelocityError:
+    """The estimated velocity minus the velocity of the estimated position, through a low pass.
+
+    They differ where an estimator corrects its position: the autopilot then flies a velocity that is not the one of its
+    own position. Learned from the estimates alone, so adding it to a command closes no loop.
+    """
+
+    def __init__(self) -> None:
+        self.value = Vector3()
+        """The error, m/s."""
+        self._last: tuple[float, Vector3, Vector3] | None = None
+        """When the last estimates came, and these: position and velocity."""
+
+    def step(self, time_s: float, position: Vector3, velocity: Vector3) -> Vector3:
+        """Makes one update. Returns the error, m/s."""
+        last, self._last = self._last, (time_s, position, velocity)
+        if last is None or not 0.0 < time_s - last[0] <= _LONGEST_GAP_S:
+            return self.value
+        passed_s = time_s - last[0]
+        error = (velocity + last[2]) / 2 - (position - last[1]) / passed_s
+        self.value += (error - self.value) * (1.0 - math.exp(-passed_s / _SMOOTHING_S))
+        return self.value
