@@ -33,6 +33,8 @@ from ual_daemon.vehicle.vehicle import Vehicle
 T = TypeVar("T")
 
 _SECRET, _NAME = "secret", "pilot"
+_LEASE_S = 3600.0
+"""It need not be kept, however busy the computer is."""
 
 
 class _Tokens(NamedTuple):
@@ -42,17 +44,12 @@ class _Tokens(NamedTuple):
 class Served:
     """The UAV in the air, and the calls of a program that flies it."""
 
-    def __init__(self, uav: Stepped, transport: MemoryTransport, metadata: Metadata, lease_id: str) -> None:
-        self._uav, self._transport, self._metadata, self._lease_id = uav, transport, metadata, lease_id
+    def __init__(self, uav: Stepped, transport: MemoryTransport, metadata: Metadata) -> None:
+        self._uav, self._transport, self._metadata = uav, transport, metadata
 
     def step(self) -> None:
         """Lets the time of one update pass."""
         self._uav.run(STEP_S)
-
-    def keep_lease(self) -> None:
-        """Keeps the lease, if there is one: a busy computer may be slow."""
-        if self._lease_id:
-            self._uav.vehicle.keep_lease(self._lease_id)
 
     def read(self) -> MemoryCall:
         """Begins to read the telemetry."""
@@ -105,9 +102,9 @@ async def _serve(fly: Callable[[Served], T], directory: Path, *, has_all: bool) 
         stack.callback(server.begin_shutdown)
         uav.fly(CORNER.height_m)
         uav.unsubscribe()
-        lease_id = uav.vehicle.acquire_lease("a program", _NAME) if has_all else ""
+        lease_id = uav.vehicle.acquire_lease("a program", _NAME, lasts_s=_LEASE_S) if has_all else ""
         given = (("authorization", f"Bearer {_SECRET}"), ("ual-lease", lease_id)) if has_all else ()
-        flown = Served(uav, transport, given, lease_id)
+        flown = Served(uav, transport, given)
         readers = [flown.read() for _ in range(2 if has_all else 1)]
         result = fly(flown)
         assert all(len(reader.sent) > 1 for reader in readers)

@@ -65,7 +65,6 @@ def test_a_served_setpoint_is_no_more_work(case: str, tmp_path: Path) -> None:
         works = []
         for number in range(COUNT):
             uav.step()
-            uav.keep_lease()
             works.append(counted(ready(SLOW if number % 2 else -SLOW)))
         return works
 
@@ -78,7 +77,6 @@ def test_a_served_sample_is_no_more_work(case: str, tmp_path: Path) -> None:
         ready = uav.stream()
         works = []
         for _ in range(COUNT):
-            uav.keep_lease()
             ready(SLOW)()
             works.append(counted(uav.step))
         return works

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
+_DIGITS = 9
 SURE_M = 1e-6
 """A room ends this far before the edge, so that no rounding matters."""
 
@@ -77,7 +78,8 @@ def sides_around(points: Sequence[Point3], edges: Edges) -> tuple[Side, ...] | N
     import numpy as np
     import shapely
 
-    hull = shapely.MultiPoint([point[:2] for point in points]).convex_hull
+    # Rounded, as two points that almost coincide divide GEOS by zero; `Room.has` is asked of the exact ones.
+    hull = shapely.MultiPoint([(round(x, _DIGITS), round(y, _DIGITS)) for x, y, _ in points]).convex_hull
     ways, ends = shapely.get_coordinates(shapely.shortest_line(hull, edges.lines)).reshape(-1, 2, 2), edges.ends
     distances = np.hypot(*(ways[:, 1] - ways[:, 0]).T)
     sides: list[Side] = []
