@@ -10,7 +10,7 @@ from functools import partial
 
 from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sender, Sticks
 from tests.simulators.channel import Channel
-from tests.simulators.physics import Agility, Target, Vector
+from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import FlatProjection
@@ -210,6 +210,8 @@ class ArduPilot(Autopilot):
         self._target = Target()
         self._setpoint_s = -math.inf
         self._is_timed = False
+        self._aim: tuple[Vector, Vector] | None = None
+        """The place to which a velocity has led so far, and how it moves."""
         self._takeoff: tuple[float, float] | None = None
         self._is_landed = True
         self._landed_s = -math.inf
@@ -308,6 +310,8 @@ class ArduPilot(Autopilot):
         """A target of GUIDED is the companion's, and stays; that of a take-off is its own."""
         if self.mode != GUIDED or self._takeoff is not None:
             self._target = self._target.moved(offset)
+        if self._aim is not None:
+            self._aim = (plus(self._aim[0], offset), self._aim[1])
         if self._takeoff is not None:
             self._takeoff = (self._takeoff[0] + offset[2], self._takeoff[1])
 
@@ -318,6 +322,7 @@ class ArduPilot(Autopilot):
         self._target = Target((x, y, z), yaw_rad=self.body.yaw_rad)
         self._takeoff = None
         self._is_timed = False
+        self._aim = None
 
     def arm(self, *, is_forced: bool) -> int:
         if self.is_armed:
@@ -549,6 +554,7 @@ class ArduPilot(Autopilot):
     def _guided(self) -> Target:
         target = self._target
         if not self._is_timed:
+            self._aim = None
             return target
         if self.now_s - self._setpoint_s > self.parameters["GUID_TIMEOUT"]:
             if any(target.velocity) or any(target.acceleration) or target.yaw_rate_rad_s:
@@ -560,7 +566,23 @@ class ArduPilot(Autopilot):
         if north is not None and east is not None and down is not None:  # continues with its velocity
             vx, vy, vz = target.velocity
             self._target = replace(target, position=(north + vx * STEP_S, east + vy * STEP_S, down + vz * STEP_S))
+        if target.position == (None, None, None):
+            return self._led(target)
+        self._aim = None
         return target
+
+    def _led(self, target: Target) -> Target:
+        """Returns the place to which a velocity has led so far: it shapes the velocity, and holds that place."""
+        agility = self._agility()
+        position, velocity = self._aim or (self.position, self.velocity)
+        north, east, down = (wanted - now for wanted, now in zip(target.velocity, velocity, strict=True))
+        scale = min(1.0, agility.acceleration_m_s2 / max(agility.velocity_gain * math.hypot(north, east), 1e-9))
+        share, limit = agility.velocity_gain * scale * STEP_S, agility.vertical_acceleration_m_s2 * STEP_S
+        down = clamp(down * agility.vertical_gain * STEP_S, -limit, limit)
+        velocity = (velocity[0] + north * share, velocity[1] + east * share, velocity[2] + down)
+        position = plus(position, (velocity[0] * STEP_S, velocity[1] * STEP_S, velocity[2] * STEP_S))
+        self._aim = position, velocity
+        return replace(target, position=position, velocity=velocity)
 
     def _by_sticks(self) -> Target:
         sticks = self.sticks if self.has_sticks else Sticks()

@@ -6,7 +6,7 @@ distance of the UAV from this place becomes a small velocity, which is added to 
 
 The place begins where the reference before was, with its motion, and then moves as the vehicle can: it answers to the
 commanded velocity with the vehicle's own delay, time constant and acceleration. So it is held in all directions from
-the first moment, also while the UAV accelerates, brakes or turns (decision 36).
+the first moment, also while the UAV accelerates, brakes or turns (decision 39).
 
 The place goes with the UAV only in a direction in which the UAV cannot follow: where something stops it or carries it
 away. It is then not pulled. The direction is held again once the UAV flies there what is commanded. A heading is held

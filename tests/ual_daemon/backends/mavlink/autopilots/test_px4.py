@@ -100,11 +100,22 @@ def test_limits_are_the_parameters_and_the_lowest_that_ship_until_they_are_read(
         "MPC_ACC_DOWN_MAX": 2.5,
         "MPC_YAWRAUTO_MAX": 180.0,
     }
-    others = {"MPC_XY_CRUISE", "COM_OF_LOSS_T"}
+    gains = {"MPC_XY_VEL_P_ACC", "MPC_XY_VEL_D_ACC", "MPC_Z_VEL_P_ACC", "MPC_Z_VEL_D_ACC"}
+    others = {"MPC_XY_CRUISE", "COM_OF_LOSS_T"} | gains
     assert set(read) | others == {name for name in PX4.parameters if not name.startswith("GF_")}
     assert PX4.limits(read) == Limits(
         12.0, 3.0, 1.5, 3.0 * ACCELERATION_SHARE, 2.5 * ACCELERATION_SHARE, math.radians(180.0)
     )
+
+
+def test_it_follows_a_velocity_as_its_gains_say() -> None:
+    assert PX4.velocity_responses({}).horizontal.time_s == pytest.approx(1.2 / 1.8)
+    assert PX4.velocity_responses({}).vertical.time_s == pytest.approx(0.25)
+    read = {"MPC_XY_VEL_P_ACC": 3.0, "MPC_XY_VEL_D_ACC": 0.5, "MPC_Z_VEL_P_ACC": 5.0, "MPC_Z_VEL_D_ACC": 0.1}
+    responses = PX4.velocity_responses(read)
+    assert responses.horizontal.time_s == pytest.approx(0.5)
+    assert responses.vertical.time_s == pytest.approx(0.22)
+    assert not responses.horizontal.holds_place
 
 
 def test_a_limit_of_zero_or_less_is_none() -> None:
