@@ -202,6 +202,7 @@ class Session:
             cruise_speed_m_s=autopilot.cruise_speed_m_s(parameters),
             acceleration_share=autopilot.acceleration_share(parameters),
             velocity_responses=autopilot.velocity_responses(parameters),
+            drops_positions_beyond_fence=autopilot.drops_positions_beyond_fence,
         )
 
     # --- What comes ---------------------------------------------------------------------------------------------------

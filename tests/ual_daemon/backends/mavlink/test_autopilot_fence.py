@@ -279,3 +279,57 @@ def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     with pytest.raises(TaskAbortedError, match=r"beyond the autopilot's own fence \(FENCE_RADIUS: 25 m\)") as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "fence"
+
+
+def beyond_its_new_fence(flight: Flight) -> Vector3:
+    """Flies out by 30 m, gets a smaller fence around where it began, and is taken back with force, some way outside.
+    Returns where it began.
+    """
+    flight.take_off()
+    begin = flight.uav.pose().pose.position
+    flight.uav.go_to_waypoint(Pose.at(begin.x + 30.0, begin.y, begin.z))
+    flight.autopilot.set_fence((True, [(begin.y, begin.x)], SMALL_M))
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "RTL", "its return")
+    flight.uav.recover_from_manual(force=True)
+    assert from_m(flight, begin) > SMALL_M + 3.0  # farther than a reference leads a UAV that does not follow
+    return begin
+
+
+def from_m(flight: Flight, place: Vector3) -> float:
+    north, east, _ = flight.autopilot.body.position
+    return math.dist((north, east), (place.y, place.x))
+
+
+SMALL_M = 6.0
+
+
+@pytest.fixture
+def copter() -> Iterator[Flight]:
+    flight = Flight("ardupilot")
+    flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
+    flight.autopilot.set_fence((True, [(0.0, 0.0)], 60.0))
+    flight.kill()
+    flight.start()
+    flight.wait_for(lambda: len(zones(flight)) == 1, "its zone")
+    yield flight
+    flight.uav.close()
+
+
+def test_a_go_to_leads_back_into_a_fence_that_drops_positions_beyond_it(copter: Flight) -> None:
+    """It hung without a word: each reference on the way lay outside, until the UAV would have come in."""
+    begin = beyond_its_new_fence(copter)
+    held = copter.uav.pose().pose.position
+    copter.let_pass(3.0)
+    assert (copter.uav.pose().pose.position - held).norm() < 1.5  # it holds, by velocities
+    goal = Pose.at(begin.x + 4.0, begin.y, begin.z + 2.0)
+    copter.uav.go_to_waypoint(goal)
+    assert copter.uav.state() is State.FLYING_AUTO
+    copter.let_pass(2.0)
+    assert (copter.uav.pose().pose.position - goal.position).norm() < 0.3
+    copter.land()
+
+
+def test_the_way_home_begins_beyond_a_fence_that_drops_positions_there(copter: Flight) -> None:
+    begin = beyond_its_new_fence(copter)
+    copter.uav.return_to_launch()
+    assert from_m(copter, begin) < 0.6

@@ -323,6 +323,7 @@ class Session:
             cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
             acceleration_share=dialect.acceleration_share(telemetry.parameters),
             velocity_responses=dialect.velocity_responses(telemetry.parameters),
+            drops_positions_beyond_fence=dialect.drops_positions_beyond_fence,
         )
 
     def _identity(self) -> str:
