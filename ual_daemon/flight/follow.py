@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias
@@ -12,8 +13,17 @@ from ual.errors import UalTimeoutError
 from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.arrival import Arrival
-from ual_daemon.flight.manoeuvre import TIMEOUT_FACTOR, TIMEOUT_MARGIN_S, Manoeuvre, Step, failed, why_not_ours
+from ual_daemon.flight.manoeuvre import (
+    TIMEOUT_FACTOR,
+    TIMEOUT_MARGIN_S,
+    Manoeuvre,
+    Step,
+    failed,
+    no_way,
+    why_not_ours,
+)
 from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.stuck import Headway
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.pure_pursuit import Pursuit
@@ -58,6 +68,8 @@ class FollowTrajectory(Manoeuvre):
         self._longest_s = (trajectory.duration_s + stops_s) * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
         self._spent_s = 0.0
         self._stepped_s: float | None = None
+        self._headway = Headway()
+        self._watched_s, self._watched_waypoint = -math.inf, 0
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -74,6 +86,7 @@ class FollowTrajectory(Manoeuvre):
         self._task.report(partial(self._progress, snapshot, reference.motion(snapshot), reference.time_s))
         self._arrival.observe(snapshot)
         if is_paused:
+            self._headway.restart()
             return Step(setpoint)
         if reference.is_finished and self._arrival.has_arrived(snapshot):
             return Step(setpoint, has_ended=True, next_reference=self._hold)
@@ -84,7 +97,25 @@ class FollowTrajectory(Manoeuvre):
                     {"state": estimate.state.name},
                 )
             )
-        return Step(setpoint)
+        stuck_s = self._stuck_s(reference, snapshot)
+        return no_way(self.name, stuck_s, self._arrival.error_text(), snapshot) if stuck_s else Step(setpoint)
+
+    def _stuck_s(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> float:
+        """Returns for how long it has made no way; 0 while it makes way, or need not."""
+        trajectory, time_s, measured = self._trajectory, reference.time_s, measured_motion(snapshot)
+        planned, waypoint = trajectory.at(time_s), trajectory.waypoint_at(time_s)
+        is_holding = time_s > self._watched_s and not reference.is_finished and planned.velocity == Vector3()
+        if is_holding or waypoint != self._watched_waypoint:
+            self._headway.restart()
+        self._watched_s, self._watched_waypoint = time_s, waypoint
+        lag_m = (measured.position - planned.position).norm()
+        turn_rad = self._arrival.turn_left_rad(measured) if reference.is_finished else 0.0
+        return self._headway.stuck_s(
+            snapshot.time_s,
+            trajectory.length_left_m(time_s) + lag_m,
+            turn_rad,
+            lambda passed_s: trajectory.length_left_m(time_s + passed_s),
+        )
 
     def _spend(self, now_s: float, *, is_paused: bool) -> None:
         """Lets time pass, as far as the time limit counts it."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
@@ -122,6 +122,18 @@ class Manoeuvre(ABC):
             self.task.end(error)
         else:
             end_future(self.future, error)
+
+
+def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
+    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left, for people."""
+    said = f"the autopilot says: {snapshot.status_text}" if snapshot.status_text else ""
+    why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
+    return failed(
+        UalTimeoutError(
+            f"{during}: the UAV has made no way for {stuck_s:.0f} s: {left}{why}; it stops and holds its position",
+            {"state": State.FLYING_AUTO.name, "by": "no way"},
+        )
+    )
 
 
 def with_advice(error: UalError, advice: str) -> UalError:

@@ -84,7 +84,7 @@ class TakeOff(Manoeuvre):
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
         self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
-        self._climb_watch = WayWatch(task, self._stuck, is_up=True)
+        self._climb_watch = WayWatch(task, self._stuck, is_up=True, slowest_m_s=limits.climb_speed_m_s)
         self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
@@ -168,6 +168,8 @@ class TakeOff(Manoeuvre):
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_there = self._height_m - climbed_m <= self._tolerance_m
         self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
+        if self._climb_watch.words:
+            return self._given_up(climbed_m)
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
         if snapshot.time_s - since_s > self._longest_s:
@@ -185,6 +187,15 @@ class TakeOff(Manoeuvre):
             f"take_off: stopped at {climbed_m:.1f} m above the ground of the take-off, as {self._height_m:g} m were "
             "asked for; the autopilot is to hold its position by itself now; recover_from_manual takes control back",
             {"by": "height", "height_m": f"{climbed_m:.1f}"},
+        )
+        return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
+
+    def _given_up(self, climbed_m: float) -> Step:
+        """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
+        error = UalTimeoutError(
+            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {self._climb_watch.words}; the autopilot is "
+            "to hold by itself now",
+            {"by": "no way"},
         )
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 

@@ -11,7 +11,7 @@ import pytest
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Faults
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
-from ual.errors import GeofenceError, TaskAbortedError
+from ual.errors import GeofenceError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -333,3 +333,22 @@ def test_the_way_home_begins_beyond_a_fence_that_drops_positions_there(copter: F
     begin = beyond_its_new_fence(copter)
     copter.uav.return_to_launch()
     assert from_m(copter, begin) < 0.6
+
+
+def test_a_go_to_out_of_a_zone_that_could_not_be_read_ends_within_10_s_with_its_reason() -> None:
+    """ArduPilot drops its references without a word, and UAL does not know why."""
+    flight = Flight("ardupilot")
+    flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
+    flight.autopilot.fence.refusal = mavlink.MAV_MISSION_UNSUPPORTED
+    flight.take_off()
+    flight.autopilot.set_fence((False, [(0.0, 0.0)], 60.0))
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "RTL", "its return")
+    flight.uav.recover_from_manual(force=True)
+    began_s = flight.now_s
+    with pytest.raises(UalTimeoutError, match=r"has made no way for 8 s: \d+\.\d+ m .* off") as caught:
+        flight.uav.go_to_waypoint(Pose.at(0.0, 80.0, HEIGHT_M))
+    assert flight.now_s - began_s < 12.0  # ArduPilot first coasts on
+    assert caught.value.metadata["by"] == "no way"
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()
+    flight.uav.close()
