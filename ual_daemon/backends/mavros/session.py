@@ -75,7 +75,12 @@ class Session:
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
         self._holds_up_calls = holds_up_calls
         self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_commands, self._want_heartbeat)
-        self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
+        self._causes = CauseWatch(
+            autopilot,
+            sent,
+            names_intended_mode=False,
+            setpoints_lost_s=lambda: autopilot.setpoints_lost_s(self.telemetry.parameters),
+        )
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
         telemetry = self.telemetry
@@ -162,7 +167,7 @@ class Session:
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
         snapshot = self.telemetry.snapshot(now_s)
-        is_armed = self.telemetry.is_armed
+        is_armed = None if snapshot.armed is None else snapshot.armed.value
         mode = snapshot.mode
         return snapshot._replace(
             other_sender=self._senders.another(now_s, snapshot.armed, mode, snapshot.landed),

@@ -124,7 +124,12 @@ class Session:
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
-        causes = self._causes = CauseWatch(dialect, setpoints, names_intended_mode=dialect.names_intended_mode)
+        causes = self._causes = CauseWatch(
+            dialect,
+            setpoints,
+            names_intended_mode=dialect.names_intended_mode,
+            setpoints_lost_s=lambda: dialect.setpoints_lost_s(self.telemetry.parameters),
+        )
         self._health = HealthReport()
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
@@ -271,7 +276,7 @@ class Session:
         """Returns the newest data as of now. `updated_s` and `own_pause` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
         armed, mode = telemetry.armed, telemetry.mode
-        is_armed = armed is not None and armed.value
+        is_armed = None if armed is None else armed.value
         # All at once: each value that is replaced afterwards copies all others, at each update.
         return telemetry.snapshot(
             now_s,
