@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from typing_extensions import override
@@ -33,9 +33,14 @@ class CatchUp(Manoeuvre):
     why_not_pausable = "its goal moves, so that there is no way to hold on; abort it, and command it again"
 
     def __init__(
-        self, name: str, task: VehicleTask, moving_goal: MovingGoal, limits: Limits, tolerance: ToleranceSettings
+        self,
+        name: str,
+        task: VehicleTask,
+        moving_goal: MovingGoal,
+        limits: Callable[[], Limits],
+        tolerance: ToleranceSettings,
     ) -> None:
-        """`limits` are those that `moving_goal` keeps: the time limit follows from them."""
+        """`limits` returns those that `moving_goal` keeps now: the time limit follows from them."""
         super().__init__(name, task)
         self._task = task
         self._moving_goal = moving_goal
@@ -44,7 +49,7 @@ class CatchUp(Manoeuvre):
         self._longest_s = _TIMEOUT_S
         self._initial_distance_m = 0.0
         self._dwell = Dwell(tolerance.dwell_s)
-        self._slowest_m_s = min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
+        self._limits = limits
         self._headway = Headway()
         self._moved_from = Vector3(math.inf)
 
@@ -73,6 +78,11 @@ class CatchUp(Manoeuvre):
         left = f"{left_m:.2f} m off its goal, which moves at {goal.velocity.norm():.2f} m/s"
         return no_way(self.name, stuck_s, left, snapshot) if stuck_s else Step(setpoint)
 
+    @property
+    def _slowest_m_s(self) -> float:
+        limits = self._limits()
+        return min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
+
     def _stuck_s(self, goal: Motion, measured: Motion, left_m: float, now_s: float) -> float:
         """Returns for how long it has made no way: it has moved nowhere, and its goal has come no nearer."""
         if (measured.position - self._moved_from).norm() > WAY_M:
@@ -80,8 +90,9 @@ class CatchUp(Manoeuvre):
             self._headway.restart()
         error_rad = abs(wrap_angle(measured.yaw_rad - goal.yaw_rad)) if self._moving_goal.has_met else 0.0
         turn_rad = max(0.0, error_rad - self._tolerance.heading_rad)
+        slowest_m_s = self._slowest_m_s
         return self._headway.stuck_s(
-            now_s, left_m, turn_rad, lambda passed_s: max(0.0, left_m - self._slowest_m_s * passed_s)
+            now_s, left_m, turn_rad, lambda passed_s: max(0.0, left_m - slowest_m_s * passed_s)
         )
 
     def _start(self, now_s: float, left_m: float) -> None:

@@ -78,7 +78,7 @@ class WayWatch:
         self._task = task
         self._advice = advice
         self._sign, self._verb = (1.0, "climbed") if is_up else (-1.0, "descended")
-        self._patience_s = max(STUCK_S, _DUE_M / slowest_m_s)
+        self.expect(slowest_m_s)
         self._furthest_m: float | None = None
         self._since_s = 0.0
         self.words = ""
@@ -92,6 +92,10 @@ class WayWatch:
         is_stuck = stuck_s > self._patience_s and not is_there
         self.words = f"it has not {self._verb} for {stuck_s:.0f} s: {self._advice}" if is_stuck else ""
         self._task.note = self.words
+
+    def expect(self, slowest_m_s: float) -> None:
+        """Takes the least speed that it is to have now."""
+        self._patience_s = max(STUCK_S, _DUE_M / slowest_m_s)
 
     def moved(self, z_m: float) -> None:
         """Takes note that the autopilot's estimate has jumped by so much."""

@@ -8,12 +8,13 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, UalError, UalTimeoutError
+from ual.errors import GeofenceError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
@@ -29,6 +30,7 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stuck import WayWatch
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
@@ -93,7 +95,7 @@ class TakeOff(Manoeuvre):
         self._modes_since_s = -math.inf if start.armed is None else start.armed.time_s
         self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
-        self._longest_s = height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
+        self._longest_s = _longest_s(height_m, limits)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -216,6 +218,26 @@ class TakeOff(Manoeuvre):
             return self._climb is not None and self._climb.is_finished
         return estimate.state is not State.TAKING_OFF
 
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        new = limits.get()
+        if new != self._limits:
+            self._limits = new
+            self._longest_s = max(self._longest_s, _longest_s(self._height_m, new))
+            self._climb_watch.expect(new.climb_speed_m_s)
+            if self._climb is not None:
+                self._climb = self._climb_from(self._climb.motion(snapshot), snapshot)
+        try:
+            geofence.require_goal_inside(self._top.position, self.name, snapshot)
+        except GeofenceError as error:
+            words = f"{error.message}; this has changed in flight: the UAV stops and holds"
+            is_ours = self._on_setpoints or self._climb is not None
+            changed = GeofenceError(words, error.metadata)
+            return Step(has_ended=True, error=changed, is_to_stop=is_ours, is_autopilot_to_hold=not is_ours)
+        except UalError:  # it is not known where the geofence lies
+            return None
+        return None
+
     def _takes_references(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Whether the autopilot takes references now.
 
@@ -227,12 +249,13 @@ class TakeOff(Manoeuvre):
 
     def _climb_setpoint(self, snapshot: Snapshot, measured: Motion) -> Setpoint:
         if self._climb is None:
-            top = self._top.motion(snapshot)
             is_on_ground = self._on_setpoints and not self._has_jumped
-            start = self._ground.motion(snapshot) if is_on_ground else measured
-            line = Line(start, top.position, top.yaw_rad, self._limits)
-            self._climb = TrajectoryReference(line, snapshot.time_s)
+            self._climb = self._climb_from(self._ground.motion(snapshot) if is_on_ground else measured, snapshot)
         return self._climb.setpoint(snapshot)
+
+    def _climb_from(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference:
+        top = self._top.motion(snapshot)
+        return TrajectoryReference(Line(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
@@ -250,6 +273,11 @@ class TakeOff(Manoeuvre):
     @override
     def current_reference(self) -> Reference | None:
         return self._climb or self._ground
+
+
+def _longest_s(height_m: float, limits: Limits) -> float:
+    """Returns how long a climb may take."""
+    return height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
 
 
 def _is_ours(snapshot: Snapshot) -> bool:

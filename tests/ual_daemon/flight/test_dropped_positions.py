@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from ual.geometry import Vector3
 from ual.types import GeoPoint
 from ual_daemon.backends.values import FenceLimit, OwnFence, Snapshot, Zone
-from ual_daemon.flight import dropped_positions
 from ual_daemon.flight.dropped_positions import DroppedPositions
 from ual_daemon.frames.fence import Fence
 from ual_daemon.geodesy import FlatProjection
@@ -63,6 +62,6 @@ def test_within_the_clearance_of_an_earlier_position_nothing_is_computed(monkeyp
     def fail(_: Fence, __: Vector3) -> float:
         raise AssertionError
 
-    monkeypatch.setattr(dropped_positions.Fence, "clearance_m", fail)
+    monkeypatch.setattr(Fence, "clearance_m", fail)
     for step in range(50):
         assert not dropped.has(Vector3(-10.0 + step / 10.0, 0.0, 10.0), FENCED)

@@ -35,7 +35,7 @@ from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.trajectory import Motion, Trajectory, Waypoint, path
 
-STEP_S = 0.05
+STEP_S = 0.1
 WITHIN_S = 10.0
 START = Motion(Vector3(1.0, 2.0, 5.0), 0.3)
 
@@ -258,8 +258,8 @@ def test_a_time_without_updates_counts_for_nothing() -> None:
 
 
 def catch_up(flown: Flown, goal: Callable[[float], Motion], limits: Limits) -> CatchUp:
-    moving = MovingGoal(goal, START, 0.0, limits)
-    return CatchUp("go_to_waypoint", flown.task(TaskKind.GO_TO_WAYPOINT), moving, limits, ToleranceSettings())
+    moving = MovingGoal(goal, START, 0.0, lambda: limits)
+    return CatchUp("go_to_waypoint", flown.task(TaskKind.GO_TO_WAYPOINT), moving, lambda: limits, ToleranceSettings())
 
 
 @pytest.mark.parametrize("speed_m_s", [0.5, 4.0])
