@@ -1,4 +1,4 @@
-"""Fits references to a world that has changed: the limits, the geofence. Manoeuvres fit themselves (`Manoeuvre.fit`)."""
+"""Fits references to a world that has changed: limits, geofence. Manoeuvres fit themselves (`Manoeuvre.fit`)."""
 
 from __future__ import annotations
 

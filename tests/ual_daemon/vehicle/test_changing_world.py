@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -148,7 +149,7 @@ def test_no_step_is_sent_when_the_limits_change(world: World, tracker: Tracker) 
     for speed_m_s in (4.0, 1.5, 8.0, 3.0):
         world.limit(horizontal_speed_m_s=speed_m_s)
         world.uav.run(2.0)
-    steps = [(b.position - a.position).norm() for a, b in zip(sent, sent[1:], strict=False)]
+    steps = [(b.position - a.position).norm() for a, b in itertools.pairwise(sent)]
     assert max(steps) < (1.2 * SPEED_M_S * STEP_S if tracker is Tracker.REFERENCE else 2.0)
     world.uav.end(task.future, 400.0)
 
@@ -328,7 +329,7 @@ def test_a_way_that_stays_inside_goes_on_undisturbed(world: World) -> None:
     for radius_m in (400.0, 300.0, 200.0):
         world.fence(radius_m)
         world.uav.run(1.0)
-    assert min((b.position - a.position).norm() for a, b in zip(sent, sent[1:], strict=False)) > 0.05
+    assert min((b.position - a.position).norm() for a, b in itertools.pairwise(sent)) > 0.05
     world.uav.end(task.future)
 
 
@@ -357,9 +358,7 @@ def test_a_climb_of_a_take_off_ends_below_a_new_ceiling(monkeypatch: pytest.Monk
         assert uav.speed < 0.1
 
 
-def test_a_long_path_looks_at_a_new_fence_bit_by_bit_and_ends_before_it(
-    world: World, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_path_looks_at_a_new_fence_bit_by_bit_and_ends_before_it(world: World) -> None:
     waypoints = path_of(400)
     task = world.uav.prepare.follow_path(waypoints, corner_radius_m=0.5).begin()
     world.uav.run(5.0)
