@@ -122,7 +122,6 @@ class Planner:
         since: LastCommand,
     ) -> Prepared[VehicleTask]:
         """Prepares the straight line to a goal, which `resolve` finds in the local frame."""
-
         name = kind.name.lower()
 
         def at_speed(now: Snapshot) -> Waypoint:
