@@ -184,6 +184,10 @@ class Flight:
         """Whether commands are refused because of a shutdown."""
         return self._shutdown is not None
 
+    def request_home(self) -> None:
+        """See `Backend.request_home`."""
+        self._backend.request_home()
+
     def require_replaceable(self, command: str) -> None:
         """Checks that a command may end the manoeuvre that is under way.
 

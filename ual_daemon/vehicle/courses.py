@@ -24,6 +24,8 @@ from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 LONG_COUNT = 200
 """A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
 _BEFORE_S = 1e-6
+_SAME_HEIGHT_M = 0.25
+"""What PX4 corrects its home by at a time is less."""
 
 
 class PathBounds(NamedTuple):
@@ -38,7 +40,9 @@ Resolve: TypeAlias = Callable[[Snapshot], Waypoint]
 
 
 class PathCourse(Course):
-    """A path through waypoints, which stay where they are in the local frame."""
+    """A path through waypoints, which stay where they are in the local frame, but for those whose heights count from
+    home: they follow it up and down.
+    """
 
     def __init__(
         self,
@@ -49,12 +53,16 @@ class PathCourse(Course):
         bounds: Callable[[], PathBounds],
         heading: PathHeading = PathHeading.WAYPOINTS,
         look_at: Vector3 | None = None,
+        above_home: Sequence[bool] = (),
+        home_m: float | None = None,
     ) -> None:
+        """`above_home` says of each waypoint whether its height counts from home, which is at `home_m`; none: no."""
         self._flight, self._command = flight, command
         self._waypoints = list(waypoints)
         """Those that are left; a speed of None is that of `bounds`, which returns what bounds the path now."""
         self._radius_m, self._bounds, self._heading, self._look_at = corner_radius_m, bounds, heading, look_at
         self._planned_by = bounds()
+        self._above_home, self._home_m = list(above_home), home_m
 
     def first(self, snapshot: Snapshot) -> Trajectory:
         """Plans the whole way, from the motion that is commanded now."""
@@ -78,16 +86,28 @@ class PathCourse(Course):
 
     @override
     def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
-        return self._bounds() != self._planned_by
+        return self._bounds() != self._planned_by or abs(self._risen_m(snapshot)) > _SAME_HEIGHT_M
+
+    def _risen_m(self, snapshot: Snapshot) -> float:
+        """Returns by how much home has risen since it was planned, where a height counts from it."""
+        before_m, now_m = self._home_m, snapshot.home_altitude_amsl_m
+        return 0.0 if before_m is None or now_m is None or not any(self._above_home) else now_m - before_m
 
     @override
     def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
         bounds, (passed_count, rest) = self._bounds(), self._rest(flown)
+        above_home, risen_m = self._above_home[passed_count:], self._risen_m(snapshot)
+        if risen_m:
+            rest = [
+                _raised(each, risen_m) if is_above else each for each, is_above in zip(rest, above_home, strict=True)
+            ]
         trajectory = self._path(flown.motion, rest, bounds)
         self._flight.geofence.admit(self._command, trajectory, self._flight.limits.get(), snapshot)
-        self._waypoints, self._planned_by = rest, bounds
+        why = "limits" if bounds != self._planned_by else "home has moved"
+        self._waypoints, self._planned_by, self._above_home = rest, bounds, above_home
+        self._home_m = snapshot.home_altitude_amsl_m
         self.fence = self._flight.geofence.fence(snapshot)
-        return Onward(trajectory, passed_count, "limits")
+        return Onward(trajectory, passed_count, why)
 
     def _rest(self, flown: Flown) -> tuple[int, list[Waypoint]]:
         """Returns how many waypoints are passed, and those that are left."""
@@ -107,6 +127,10 @@ class PathCourse(Course):
         """Returns the end of the corner that it flies: the waypoint there counts as passed. Elsewhere the time now."""
         bends = (end_s for begin_s, end_s in flown.trajectory.bends_s() if begin_s < flown.time_s < end_s)
         return next(bends, flown.time_s)
+
+
+def _raised(waypoint: Waypoint, risen_m: float) -> Waypoint:
+    return replace(waypoint, position=waypoint.position + Vector3(0.0, 0.0, risen_m))
 
 
 class StraightCourse(PathCourse):

@@ -15,6 +15,7 @@ from typing import TypeAlias
 from ual.errors import ResourceExhaustedError, WrongStateError
 from ual.geometry import PoseStamped
 from ual.types import (
+    AltitudeReference,
     Capability,
     FollowPathRequest,
     GeoWaypoint,
@@ -139,7 +140,8 @@ class Planner:
             snapshot,
         )
         above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, course.goal)
-        return self._follow(kind, f"go to {_text(goal)}{above}", course, snapshot, since)
+        what = f"go to {_text(goal)}{above}"
+        return self._follow(kind, what, course, snapshot, since, relies_on_home=_is_above_home(goal))
 
     def _height_text(self, goal: Goal, local: Waypoint) -> str:
         """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
@@ -171,9 +173,13 @@ class Planner:
             self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
             bounds = partial(self._path_bounds, max_speed_m_s, has_leg_speeds=any(leg_speeds_m_s))
-            course = PathCourse(self._flight, "follow_path", waypoints, radius_m, bounds, heading, look_at)
+            above_home, home_m = [_is_above_home(goal) for goal in goals], snapshot.home_altitude_amsl_m
+            course = PathCourse(
+                self._flight, "follow_path", waypoints, radius_m, bounds, heading, look_at, above_home, home_m
+            )
             what = f"follow {count} waypoints to {_text(goals[-1])}"
-            return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, since)
+            relies_on_home = any(above_home)
+            return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, since, relies_on_home=relies_on_home)
 
     def _bounds(self, max_speed_m_s: float | None) -> Limits:
         """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
@@ -211,7 +217,14 @@ class Planner:
         return [self._resolver.goal(each, f"waypoints[{i}]") for i, each in enumerate(poses)]
 
     def _follow(
-        self, kind: TaskKind, what: str, course: PathCourse, snapshot: Snapshot, since: LastCommand
+        self,
+        kind: TaskKind,
+        what: str,
+        course: PathCourse,
+        snapshot: Snapshot,
+        since: LastCommand,
+        *,
+        relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
         """Prepares the task that follows a course, from the motion that is commanded at a snapshot."""
         name, trajectory = kind.name.lower(), course.first(snapshot)
@@ -222,7 +235,7 @@ class Planner:
             tracker = self._tracker()
             return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, snapshot.time_s, course)
 
-        return self._prepared(kind, what, trajectory, plan, make, since)
+        return self._prepared(kind, what, trajectory, plan, make, since, relies_on_home=relies_on_home)
 
     def return_to_launch(
         self, request: ReturnToLaunchRequest, backend: Backend, since: LastCommand
@@ -268,7 +281,8 @@ class Planner:
             begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, since)
             return Prepared(way.plan, begin)
         make = partial(home_by, way=way, planned_s=snapshot.time_s)
-        return self._prepared(TaskKind.RETURN_TO_LAUNCH, what, way.trajectory, way.plan, make, since)
+        kind = TaskKind.RETURN_TO_LAUNCH
+        return self._prepared(kind, what, way.trajectory, way.plan, make, since, relies_on_home=True)
 
     def _failsafe_refusal(self, snapshot: Snapshot) -> WrongStateError | None:
         """Returns why a failsafe is not replaced by a way home of UAL; None if none holds the UAV."""
@@ -295,6 +309,7 @@ class Planner:
             limits, control = self._flight.limits.get(), backend.take_control
             recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
             self._flight.begin(recover, since)
+            self._flight.request_home()
             if snapshot.held_by is not Cause.OPEN:
                 recover.send()
             accepted(name, task_id=task.id, what=what)
@@ -308,8 +323,13 @@ class Planner:
         plan: Plan,
         make: _MakeManoeuvre,
         since: LastCommand,
+        *,
+        relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
-        """Prepares the task whose manoeuvre `make` makes to fly a trajectory."""
+        """Prepares the task whose manoeuvre `make` makes to fly a trajectory.
+
+        Where it `relies_on_home`, that is asked for: it may be seconds old, and what is flown is then fitted to it.
+        """
         name = kind.name.lower()
 
         def begin() -> VehicleTask:
@@ -317,6 +337,8 @@ class Planner:
                 self._require_near(name, trajectory)
                 task = self._tasks.new(kind, what)
                 self._flight.begin(make(task), since)
+                if relies_on_home:
+                    self._flight.request_home()
                 accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
                 return task
 
@@ -364,6 +386,10 @@ class Planner:
         if takes_motion and self._tracker_setting is Tracker.REFERENCE:
             return TrajectoryReference
         return partial(Pursuit, is_free=self._flight.geofence.is_free)
+
+
+def _is_above_home(goal: Goal | GeoWaypoint) -> bool:
+    return isinstance(goal, GeoWaypoint) and goal.altitude_reference is AltitudeReference.HOME
 
 
 def _require_count(count: int) -> None:

@@ -258,12 +258,17 @@ class Session:
     def _ask(self, now_s: float, ros: Ros) -> bool:
         telemetry = self.telemetry
         return (
-            (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
+            (self._is_home_wanted(now_s) and self._request(_HOME_ID, now_s, HOME_S))
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
             or (telemetry.knows_arming and self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying))
             or self._read_parameters(now_s, ros)
         )
+
+    def _is_home_wanted(self, now_s: float) -> bool:
+        watch = self.telemetry.home_watch
+        is_wanted, watch.is_wanted = watch.is_wanted, False
+        return is_wanted or self.telemetry.home_s < now_s
 
     def _read_parameters(self, now_s: float, ros: Ros) -> bool:
         missing = self._parameters.missing
