@@ -214,6 +214,8 @@ class ArduPilot(Autopilot):
         """The place to which a velocity has led so far, and how it moves."""
         self._takeoff: tuple[float, float] | None = None
         self._is_landed = True
+        self._is_beyond = False
+        """Whether it is beyond its fence, which it has told."""
         self._landed_s = -math.inf
         self._touched_s: float | None = None
         self._has_radio = False
@@ -526,7 +528,8 @@ class ArduPilot(Autopilot):
         if self._has_radio and self.now_s - self.sticks_s > _RADIO_LOST_S and self.mode not in (LAND, RTL):
             self.say("Radio Failsafe - RTL")
             self.set_mode(RTL)
-        if not self._is_landed and self._is_beyond_fence(self.position) and self.mode not in (LAND, RTL):
+        was_beyond, self._is_beyond = self._is_beyond, not self._is_landed and self._is_beyond_fence(self.position)
+        if self._is_beyond and not was_beyond and self.mode not in (LAND, RTL):  # once, until it is inside again
             self.say(f"{'Polygon' if self.is_beyond_zones(self.position) else 'Circle'} fence breached")
             self.set_mode(RTL)
         if self._is_landed and self._takeoff is None:

@@ -194,6 +194,12 @@ class Backend(ABC):
         """
         raise NotSupportedError(f"the {self.name} backend takes no poses from outside")
 
+    def request_home(self) -> None:  # noqa: B027  most backends hear it all the time, or have none
+        """Asks the autopilot where its home is, because a command that begins relies on it. Returns at once.
+
+        What comes then shows in snapshots, and the motion is fitted to it.
+        """
+
     def estimate_jumped(self, offset: Vector3) -> None:  # noqa: B027  most backends keep no places
         """Notes that the autopilot's estimate of the position has jumped, in metres along the local axes.
 

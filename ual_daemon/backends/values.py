@@ -364,6 +364,8 @@ class VehicleInfo:
     `clearance_m` is how far its body, and the air under it, need the ground to be where it does not land.
     `limitation` says for people why it has fewer capabilities than others, and `note` what is unusual about it
     (limits that are assumed, a link that carries little); both end the reason of the state.
+    `drops_positions_beyond_fence` says that the autopilot ignores positions beyond its own fence, silently, also those
+    that lead back inside; it follows velocities there (ArduPilot).
     `setpoint_rate_hz` is how often UAL sends a setpoint by itself (those of a caller's stream are passed on as they
     come), and `setpoint_loss` what the vehicle does when they stop. `velocity_gains` are used where `takes` has no
     feed-forward, `velocity_responses` while velocities are commanded. `has_safety_pilot` says whether a person can take
@@ -389,6 +391,7 @@ class VehicleInfo:
     cruise_speed_m_s: float = math.inf
     acceleration_share: float = 1.0
     clearance_m: float = 0.5
+    drops_positions_beyond_fence: bool = False
 
 
 @dataclass(frozen=True, slots=True)

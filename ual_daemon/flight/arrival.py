@@ -10,6 +10,7 @@ from ual.geometry import Vector3, wrap_angle
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import measured_motion
+from ual_daemon.trajectory import Motion
 
 
 class Dwell:
@@ -75,6 +76,10 @@ class Arrival:
             position_error, velocity = position_error + sample.position_error, velocity + sample.velocity
             sine, cosine = sine + math.sin(sample.heading_error_rad), cosine + math.cos(sample.heading_error_rad)
         return _Sample(self._samples[-1].time_s, position_error / count, math.atan2(sine, cosine), velocity / count)
+
+    def turn_left_rad(self, motion: Motion) -> float:
+        """Returns how far the heading of a motion is off, beyond the tolerance."""
+        return max(0.0, abs(wrap_angle(motion.yaw_rad - self._yaw_rad)) - self._tolerance.heading_rad)
 
     def error_text(self) -> str:
         """Returns the mean errors, for people."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from typing_extensions import override
@@ -12,8 +13,9 @@ from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.arrival import Dwell
-from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, why_not_ours
+from ual_daemon.flight.manoeuvre import Manoeuvre, Step, failed, no_way, why_not_ours
 from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.stuck import WAY_M, Headway
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.moving_goal import MovingGoal
@@ -31,18 +33,25 @@ class CatchUp(Manoeuvre):
     why_not_pausable = "its goal moves, so that there is no way to hold on; abort it, and command it again"
 
     def __init__(
-        self, name: str, task: VehicleTask, moving_goal: MovingGoal, limits: Limits, tolerance: ToleranceSettings
+        self,
+        name: str,
+        task: VehicleTask,
+        moving_goal: MovingGoal,
+        limits: Callable[[], Limits],
+        tolerance: ToleranceSettings,
     ) -> None:
-        """`limits` are those that `moving_goal` keeps: the time limit follows from them."""
+        """`limits` returns those that `moving_goal` keeps now: the time limit follows from them."""
         super().__init__(name, task)
         self._task = task
         self._moving_goal = moving_goal
-        self._limits = limits
         self._tolerance = tolerance
         self._started_s: float | None = None
         self._longest_s = _TIMEOUT_S
         self._initial_distance_m = 0.0
         self._dwell = Dwell(tolerance.dwell_s)
+        self._limits = limits
+        self._headway = Headway()
+        self._moved_from = Vector3(math.inf)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -65,13 +74,30 @@ class CatchUp(Manoeuvre):
             return Step(setpoint, has_ended=True, next_reference=self._moving_goal)
         if self._is_too_late(snapshot.time_s):
             return failed(self._timeout(goal, left_m, estimate))
-        return Step(setpoint)
+        stuck_s = self._stuck_s(goal, measured, left_m, snapshot.time_s)
+        left = f"{left_m:.2f} m off its goal, which moves at {goal.velocity.norm():.2f} m/s"
+        return no_way(self.name, stuck_s, left, snapshot) if stuck_s else Step(setpoint)
+
+    @property
+    def _slowest_m_s(self) -> float:
+        limits = self._limits()
+        return min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
+
+    def _stuck_s(self, goal: Motion, measured: Motion, left_m: float, now_s: float) -> float:
+        """Returns for how long it has made no way: it has moved nowhere, and its goal has come no nearer."""
+        if (measured.position - self._moved_from).norm() > WAY_M:
+            self._moved_from = measured.position
+            self._headway.restart()
+        error_rad = abs(wrap_angle(measured.yaw_rad - goal.yaw_rad)) if self._moving_goal.has_met else 0.0
+        turn_rad = max(0.0, error_rad - self._tolerance.heading_rad)
+        slowest_m_s = self._slowest_m_s
+        return self._headway.stuck_s(
+            now_s, left_m, turn_rad, lambda passed_s: max(0.0, left_m - slowest_m_s * passed_s)
+        )
 
     def _start(self, now_s: float, left_m: float) -> None:
         self._started_s, self._initial_distance_m = now_s, left_m
-        limits = self._limits
-        slowest_m_s = min(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
-        self._longest_s += _TIMEOUT_FACTOR * left_m / slowest_m_s
+        self._longest_s += _TIMEOUT_FACTOR * left_m / self._slowest_m_s
 
     def _is_too_late(self, now_s: float) -> bool:
         return self._started_s is not None and now_s - self._started_s > self._longest_s

@@ -22,6 +22,7 @@ from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, LandedState, SetpointLoss, Snapshot, Takes
+from ual_daemon.flight import fitting
 from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
@@ -95,6 +96,10 @@ class Flight:
         self._reference: Reference | None = None
         self._shutdown: Shutdown | None = None
         self._last_command = LastCommand(0, "")
+        self._world: tuple[object, ...] = ()
+        """What bounded motions at the last update that had one."""
+        self._fitted: Reference | None = None
+        """The reference that was fitted to that."""
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -178,6 +183,10 @@ class Flight:
     def is_closing(self) -> bool:
         """Whether commands are refused because of a shutdown."""
         return self._shutdown is not None
+
+    def request_home(self) -> None:
+        """See `Backend.request_home`."""
+        self._backend.request_home()
 
     def require_replaceable(self, command: str) -> None:
         """Checks that a command may end the manoeuvre that is under way.
@@ -413,6 +422,7 @@ class Flight:
         self.authority.follow(raw.state, snapshot)
         self.geofence.observe(snapshot, raw, is_taking_off=self._is_taking_off())
         self._prepare_velocity(snapshot)
+        self._fit(snapshot, raw)
         if not self._step_manoeuvre(snapshot, raw):
             self._step_reference(snapshot, raw)
         self._watched.step(snapshot, raw)
@@ -427,6 +437,34 @@ class Flight:
             self.drift.forget()
         elif not isinstance(current, Velocity):
             self.drift.stand_by(partial(motion_if_near, current), snapshot)
+
+    def _fit(self, snapshot: Snapshot, raw: Estimate) -> None:
+        """Fits what is flown to what bounds it now, if that has changed, or if it has just begun."""
+        manoeuvre, reference = self._manoeuvre, self._reference
+        if (manoeuvre is None and reference is None) or raw.state is State.UNINITIALIZED:
+            return
+        world = (self._backend.info(), *self.geofence.depends_on(snapshot))
+        has_changed, self._world = world != self._world, world
+        if manoeuvre is None and reference is not None:
+            if has_changed or reference is not self._fitted:
+                self._fit_reference(reference, snapshot)
+        elif manoeuvre is not None and (has_changed or not manoeuvre.is_fitted):
+            self._fit_manoeuvre(manoeuvre, snapshot)
+
+    def _fit_manoeuvre(self, manoeuvre: Manoeuvre, snapshot: Snapshot) -> None:
+        manoeuvre.is_fitted = True
+        step = _guarded(manoeuvre, lambda: manoeuvre.fit(snapshot, self.limits, self.geofence))
+        if step is not None:
+            self._take(manoeuvre, step, snapshot)
+
+    def _fit_reference(self, reference: Reference, snapshot: Snapshot) -> None:
+        self._fitted = reference
+        error = fitting.fit(reference, snapshot, self.limits, self.geofence)
+        if error is None:
+            return
+        stop = self.brake(snapshot)
+        if self._exchange(reference, stop):
+            logs.event(_log, logging.WARNING, "reference_ended", why=str(error), remedy="the UAV stops and holds")
 
     def estimate_jumped(self, jump: Jump, snapshot: Snapshot) -> None:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
@@ -479,12 +517,12 @@ class Flight:
             self._withdraw_older(manoeuvre, snapshot)
             return True
         self._mode_seen = _known_mode(snapshot) or self._mode_seen
-        try:
-            step = manoeuvre.step(snapshot, raw)
-        except Exception as error:  # noqa: BLE001  logged, and raised to the caller
-            # The UAV must not be left without references: the manoeuvre ends, and the UAV stops.
-            _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
-            step = Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
+        step = _guarded(manoeuvre, lambda: manoeuvre.step(snapshot, raw))
+        assert step is not None
+        return self._take(manoeuvre, step, snapshot)
+
+    def _take(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> bool:
+        """Does what a step of the manoeuvre results in. Returns False if the manoeuvre has just ended."""
         if step.handover is not None:
             self._hand_over(manoeuvre, step.handover, snapshot)
             return True
@@ -492,12 +530,13 @@ class Flight:
             if step.setpoint is not None and self._manoeuvre is manoeuvre:
                 self.sender.send_if_due(step.setpoint, snapshot)
             return True
+        next_reference = self.brake(snapshot) if step.is_to_stop else step.next_reference
         with self._lock:
             if self._manoeuvre is not manoeuvre:
                 return True  # replaced by another thread, which also ends it
             if manoeuvre.is_paused and step.error is None:
                 return True  # paused by another thread during the step
-            self._manoeuvre, self._reference = None, step.next_reference
+            self._manoeuvre, self._reference = None, next_reference
             self.authority.is_ours = not step.is_taken
         self._end(manoeuvre, _with_other_sender(step.error, snapshot))
         if step.is_autopilot_to_hold:
@@ -604,6 +643,15 @@ def _with_other_sender(error: UalError | None, snapshot: Snapshot) -> UalError |
     if not snapshot.other_sender or not isinstance(error, UalTimeoutError):
         return error
     return UalTimeoutError(f"{error}; {snapshot.other_sender}", {**error.metadata, "other_sender": "true"})
+
+
+def _guarded(manoeuvre: Manoeuvre, act: Callable[[], Step | None]) -> Step | None:
+    """Returns what a manoeuvre does, or its end by a defect: the UAV must not be left without references."""
+    try:
+        return act()
+    except Exception as error:  # noqa: BLE001  logged, and raised to the caller
+        _log.exception("a step of %s failed; this is a defect of UAL, please report it", manoeuvre.name)
+        return Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
 
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:

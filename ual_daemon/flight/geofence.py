@@ -280,6 +280,30 @@ class Geofence:
         now = self._now(snapshot)
         return min(now.ceiling_z_m, now.fence.highest_m)
 
+    # --- What has changed ---------------------------------------------------------------------------------------------
+
+    def depends_on(self, snapshot: Snapshot) -> tuple[object, ...]:
+        """Returns all that the fence, the floor and the ceiling, and the frames depend on. While it is equal, they are
+        the same. Each update calls it: comparing it costs next to nothing while nothing changes.
+        """
+        return (
+            snapshot.own_fence,
+            snapshot.projection,
+            snapshot.home_geo,
+            snapshot.home_altitude_amsl_m,
+            self.ground.place,
+            *self._resolver.frames_version(),
+        )
+
+    def outline(
+        self, trajectory: Trajectory, from_s: float, here: Vector3, limits: Limits, snapshot: Snapshot
+    ) -> Iterator[Vector3]:
+        """Yields points along the rest of a trajectory, from where the UAV is, that show whether it leaves the fence.
+
+        Raises as `fence`.
+        """
+        return _outline(trajectory, here, self.fence(snapshot), limits, from_s)
+
     # --- What is refused ----------------------------------------------------------------------------------------------
 
     def admit(self, what: str, motion: Trajectory | Reference, limits: Limits, snapshot: Snapshot) -> None:
@@ -328,7 +352,11 @@ class Geofence:
         """Raises `GeofenceError` if a polyline in the local frame leaves the fence."""
         found = self.fence(snapshot).exit(polyline)
         if found is not None:
-            raise self._error(what, found.point, snapshot, found.before, ", or the way there does")
+            raise self.exit_error(what, found, snapshot)
+
+    def exit_error(self, what: str, found: Exit, snapshot: Snapshot) -> GeofenceError:
+        """Returns the error of a way that leaves the fence where this was found."""
+        return self._error(what, found.point, snapshot, found.before, ", or the way there does")
 
     def require_straight_to(self, goal: Vector3, what: str, snapshot: Snapshot) -> None:
         """Raises `GeofenceError` if a goal, or the straight way there from where the UAV is, leaves the fence."""
@@ -471,7 +499,9 @@ class Geofence:
         return self._resolver.describe(local)
 
 
-def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits) -> Iterator[Vector3]:
+def _outline(
+    trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limits, from_s: float = 0.0
+) -> Iterator[Vector3]:
     """Yields a polyline from a point along a trajectory that leaves the fence where the trajectory does.
 
     It has the ends of the straight parts, and points on the bends, close to each other near the edge. Well inside, the
@@ -479,12 +509,14 @@ def _outline(trajectory: Trajectory, start: Vector3, fence: Fence, limits: Limit
     bends, and not on the length or the duration of the trajectory.
     """
     vertical_m_s = max(limits.climb_speed_m_s, limits.descent_speed_m_s)
-    fastest_m_s = max(math.hypot(limits.horizontal_speed_m_s, vertical_m_s), trajectory.at(0.0).velocity.norm())
+    fastest_m_s = max(math.hypot(limits.horizontal_speed_m_s, vertical_m_s), trajectory.at(from_s).velocity.norm())
     fastest_m_s *= _SPEED_MARGIN
     yield start
     for begin_s, end_s in trajectory.bends_s():
+        if end_s < from_s:
+            continue
         period_s = max(_POINT_PERIOD_S, (end_s - begin_s) / _MAX_POINTS)
-        time_s = begin_s
+        time_s = max(begin_s, from_s)
         while time_s < end_s:
             point = trajectory.at(time_s).position
             yield point

@@ -11,16 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ual.errors import LinkLostError, TaskAbortedError, UalError
+from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.own_fence import breach_text
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Reference
 
 TIMEOUT_FACTOR = 3.0
@@ -41,6 +43,8 @@ class Step:
         handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
         is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
         is_taken: Whether it has ended because others took the UAV, to which UAL then sends nothing.
+        is_to_stop: Whether the UAV is to come to rest from the motion that it was sent, inside the geofence where that
+            is possible. Without, and without a `next_reference`, it stops from the motion that it has.
 
     """
 
@@ -51,6 +55,7 @@ class Step:
     handover: Handover | None = None
     is_autopilot_to_hold: bool = False
     is_taken: bool = False
+    is_to_stop: bool = False
 
 
 class Handover(NamedTuple):
@@ -84,6 +89,8 @@ class Manoeuvre(ABC):
         self.task = task
         self.command: AutopilotCommand | None = None
         self.future = running_future() if task is None else task.future
+        self.is_fitted = False
+        """Whether it has looked at the world as it is now; see `fit`."""
 
     @property
     def is_paused(self) -> bool:
@@ -93,6 +100,15 @@ class Manoeuvre(ABC):
     @abstractmethod
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         """Makes one update. `estimate` is the state that the data show, without this manoeuvre."""
+
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        """Looks at what bounds its motion, after it has begun and whenever that has changed: limits, geofence, home.
+
+        Fits its motion, and returns None if it goes on; or returns how it ends, or what goes on with its task. It is
+        called again at the next update if it sets `is_fitted` back.
+        """
+        del snapshot, limits, geofence
+        return None
 
     def current_reference(self) -> Reference | None:
         """Returns the reference that it follows now; None if the autopilot flies by itself."""
@@ -122,6 +138,18 @@ class Manoeuvre(ABC):
             self.task.end(error)
         else:
             end_future(self.future, error)
+
+
+def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
+    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left, for people."""
+    said = f"the autopilot says: {snapshot.status_text}" if snapshot.status_text else ""
+    why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
+    return failed(
+        UalTimeoutError(
+            f"{during}: the UAV has made no way for {stuck_s:.0f} s: {left}{why}; it stops and holds its position",
+            {"state": State.FLYING_AUTO.name, "by": "no way"},
+        )
+    )
 
 
 def with_advice(error: UalError, advice: str) -> UalError:

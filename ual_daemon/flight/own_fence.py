@@ -32,9 +32,9 @@ def home_of(snapshot: Snapshot) -> Vector3 | None:
     return snapshot.home
 
 
-def disc(own: OwnFence, home: Vector3) -> Disc | None:
+def disc(own: OwnFence, home: Vector3, reserve_m: float = RESERVE_M) -> Disc | None:
     """Returns the disc in which UAL stays; None if there is no such limit."""
-    return None if own.radius is None else Disc(home.x, home.y, own.radius.value_m - RESERVE_M)
+    return None if own.radius is None else Disc(home.x, home.y, own.radius.value_m - reserve_m)
 
 
 def band(own: OwnFence, home_z_m: float, reserve_m: float = RESERVE_M) -> tuple[float, float]:
@@ -44,7 +44,7 @@ def band(own: OwnFence, home_z_m: float, reserve_m: float = RESERVE_M) -> tuple[
     return lowest_m, highest_m
 
 
-def within_limits(fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
+def within_limits(fence: Fence, own: OwnFence, snapshot: Snapshot, reserve_m: float = RESERVE_M) -> Fence:
     """Returns the part of a fence that is inside the limits around home, with a reserve.
 
     Raises `WrongStateError` if it is not known where home is.
@@ -57,7 +57,7 @@ def within_limits(fence: Fence, own: OwnFence, snapshot: Snapshot) -> Fence:
         raise WrongStateError(
             f"the autopilot's own fence ({names}) cannot be checked: the autopilot has not said where its home is"
         )
-    return fence.narrowed(*band(own, home.z), disc(own, home))
+    return fence.narrowed(*band(own, home.z, reserve_m), disc(own, home, reserve_m))
 
 
 def within_zones(fence: Fence, own: OwnFence, snapshot: Snapshot, reserve_m: float = RESERVE_M) -> Fence:

@@ -12,10 +12,12 @@ from ual.errors import TaskAbortedError, UalError
 from ual.types import Limits, State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
 Refusal = Callable[[Snapshot], UalError | None]
@@ -87,6 +89,11 @@ class Recover(Manoeuvre):
             return failed(failure)
         motion = measured_motion(snapshot)
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
+
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        self._limits = limits.get()
+        return None
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:

@@ -11,6 +11,7 @@ from typing_extensions import override
 from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.course import Course
 from ual_daemon.flight.follow import FollowTrajectory, MakeTracker
 from ual_daemon.flight.land import Land
 from ual_daemon.flight.manoeuvre import Handover, Step
@@ -23,6 +24,13 @@ from ual_daemon.trajectory import Motion, Trajectory
 _NAME = "return_to_launch"
 
 
+class HomeCourse(Course):
+    """Leads over home, which may move."""
+
+    ground_z_m: float
+    """The ground at home in the local frame, as it was planned last."""
+
+
 class ReturnToLaunch(FollowTrajectory):
     """The way home. It can be replaced, cancelled and paused until the UAV is over home; then a landing goes on."""
 
@@ -30,7 +38,7 @@ class ReturnToLaunch(FollowTrajectory):
         self,
         task: VehicleTask,
         trajectory: Trajectory,
-        ground_z_m: float,
+        course: HomeCourse,
         land: Callable[[], Future[None]],
         tolerance: ToleranceSettings,
         tracker: MakeTracker,
@@ -38,11 +46,18 @@ class ReturnToLaunch(FollowTrajectory):
         *,
         has_safety_pilot: bool,
     ) -> None:
-        """`ground_z_m` is the ground at home in the local frame; `land` makes the autopilot land."""
-        super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s)
+        """`land` makes the autopilot land."""
+        super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s, course)
         self._land, self._has_safety_pilot = land, has_safety_pilot
-        self._ground_z_m = ground_z_m
-        self._descent_m = max(0.0, trajectory.end().position.z - ground_z_m)
+        self._home = course
+
+    @property
+    def _descent_m(self) -> float:
+        return max(0.0, self._way.trajectory.end().position.z - self._home.ground_z_m)
+
+    @property
+    def _length_m(self) -> float:
+        return self._way.flown_m + self._way.trajectory.length_m + self._descent_m
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -50,27 +65,26 @@ class ReturnToLaunch(FollowTrajectory):
         if not step.has_ended or step.error is not None:
             return step
         command = AutopilotCommand("land", snapshot.time_s)
-        length_m = self._trajectory.length_m + self._descent_m
         landing = _LandAtHome(
             self._task,
             command,
-            self._hold,
+            self._way.hold,
             snapshot,
-            self._ground_z_m,
-            length_m,
+            self._home.ground_z_m,
+            self._length_m,
             has_safety_pilot=self._has_safety_pilot,
         )
         return Step(handover=Handover(landing, partial(command.send, self._land)))
 
     @override
     def way(self, now_s: float) -> Sequence[Vector3]:
-        end = self._trajectory.end().position
-        return *super().way(now_s), Vector3(end.x, end.y, self._ground_z_m)
+        end = self._way.trajectory.end().position
+        return *super().way(now_s), Vector3(end.x, end.y, self._home.ground_z_m)
 
     @override
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
         left_m = (super()._progress(snapshot, motion, time_s).distance_left_m or 0.0) + self._descent_m
-        return _progress(left_m, self._trajectory.length_m + self._descent_m)
+        return _progress(left_m, self._length_m)
 
 
 class _LandAtHome(Land):

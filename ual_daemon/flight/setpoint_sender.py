@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Setpoint, Snapshot, VelocitySetpoint
+from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.flight.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.setpoint_adaptation import adapted
 
@@ -24,6 +26,7 @@ class SetpointSender:
         self._backend = backend
         self._limits = limits
         self._sent_s = float("-inf")
+        self._dropped = DroppedPositions()
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
 
@@ -38,7 +41,10 @@ class SetpointSender:
             return
         self._sent_s = snapshot.time_s
         if not isinstance(setpoint, VelocitySetpoint):
-            setpoint = adapted(setpoint, self._backend.info(), snapshot, self._limits.get)
+            info = self._backend.info()
+            if info.drops_positions_beyond_fence and self._dropped.has(setpoint.position, snapshot):
+                info = replace(info, takes=Takes.VELOCITY)
+            setpoint = adapted(setpoint, info, snapshot, self._limits.get)
         self._backend.send(setpoint)
         if self.on_sent is not None:
             self.on_sent(setpoint)

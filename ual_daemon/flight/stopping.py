@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 from ual.errors import WrongStateError
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.geofence import Geofence
@@ -18,6 +20,8 @@ from ual_daemon.trajectory import Motion, Trajectory
 
 _NEAR_REFERENCE_M = 1.0
 _NEAR_REFERENCE_S = 0.5
+_SOON_COUNT = 60
+"""So many points of a trajectory are looked at: farther ahead than it takes to stop."""
 
 
 def next_start(current: Reference | None, snapshot: Snapshot) -> Motion:
@@ -50,13 +54,14 @@ class Stopping:
 
         It begins with the motion of the current reference, except where that is only a pose: the UAV may be anywhere on
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
-        trajectory where straight ahead would leave the geofence.
+        trajectory where only straight ahead would leave the geofence.
         """
         start = None if isinstance(current, Hold) else motion_if_near(current, snapshot)
         if (
             start is not None
             and isinstance(current, TrajectoryReference)
             and self._straight_stop(start, snapshot) is None
+            and not self._leads_out(current, start, snapshot)
         ):
             return StopOnTrajectory(current, self._straight_stop)
         return brake(snapshot, self._limits.stop(), start)
@@ -65,6 +70,13 @@ class Stopping:
         """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""
         stop = brake(snapshot, self._limits.stop(), start)
         return None if self._leaves_geofence(stop.trajectory, snapshot) else stop
+
+    def _leads_out(self, current: TrajectoryReference, start: Motion, snapshot: Snapshot) -> bool:
+        """Whether the trajectory that is followed soon leaves the geofence, too, which may be a new one."""
+        trajectory, limits = current.trajectory, self._limits.get()
+        points = self._geofence.outline(trajectory, current.time_s, start.position, limits, snapshot)
+        fence = self._geofence.fence(snapshot)
+        return fence.is_inside(start.position) and fence.exit(islice(points, _SOON_COUNT)) is not None
 
     def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
         """Whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""

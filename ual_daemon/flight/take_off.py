@@ -8,12 +8,13 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, UalError, UalTimeoutError
+from ual.errors import GeofenceError, TaskAbortedError, UalError, UalTimeoutError
 from ual.geometry import Vector3
 from ual.types import Limits, State
 from ual_daemon.backends.values import Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.arrival import Dwell
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.geofence import Geofence
 from ual_daemon.flight.jumps import Jump
 from ual_daemon.flight.manoeuvre import (
     TIMEOUT_FACTOR,
@@ -29,6 +30,7 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stuck import WayWatch
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
 from ual_daemon.trajectory import Line, Motion
 
@@ -84,7 +86,7 @@ class TakeOff(Manoeuvre):
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
         self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
-        self._climb_watch = WayWatch(task, self._stuck, is_up=True)
+        self._climb_watch = WayWatch(task, self._stuck, is_up=True, slowest_m_s=limits.climb_speed_m_s)
         self._has_jumped = False
         # An autopilot that is in OFFBOARD already may first leave it by itself, because it got no setpoints until now.
         self._is_mode_left_over = on_setpoints and _is_ours(start)
@@ -93,7 +95,7 @@ class TakeOff(Manoeuvre):
         self._modes_since_s = -math.inf if start.armed is None else start.armed.time_s
         self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
-        self._longest_s = height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
+        self._longest_s = _longest_s(height_m, limits)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -168,6 +170,8 @@ class TakeOff(Manoeuvre):
         self._task.report(partial(Progress, progress, max(0.0, self._height_m - climbed_m)))
         is_there = self._height_m - climbed_m <= self._tolerance_m
         self._climb_watch.observe(motion.position.z, snapshot.time_s, is_there=is_there)
+        if self._climb_watch.words:
+            return self._given_up(climbed_m)
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
         if snapshot.time_s - since_s > self._longest_s:
@@ -188,6 +192,15 @@ class TakeOff(Manoeuvre):
         )
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
+    def _given_up(self, climbed_m: float) -> Step:
+        """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
+        error = UalTimeoutError(
+            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {self._climb_watch.words}; the autopilot is "
+            "to hold by itself now",
+            {"by": "no way"},
+        )
+        return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
+
     def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
         """Whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""
         is_up = abs(climbed_m - self._height_m) <= self._tolerance_m and speed_m_s <= self._slow_m_s
@@ -205,6 +218,26 @@ class TakeOff(Manoeuvre):
             return self._climb is not None and self._climb.is_finished
         return estimate.state is not State.TAKING_OFF
 
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        new = limits.get()
+        if new != self._limits:
+            self._limits = new
+            self._longest_s = max(self._longest_s, _longest_s(self._height_m, new))
+            self._climb_watch.expect(new.climb_speed_m_s)
+            if self._climb is not None:
+                self._climb = self._climb_from(self._climb.motion(snapshot), snapshot)
+        try:
+            geofence.require_goal_inside(self._top.position, self.name, snapshot)
+        except GeofenceError as error:
+            words = f"{error.message}; this has changed in flight: the UAV stops and holds"
+            is_ours = self._on_setpoints or self._climb is not None
+            changed = GeofenceError(words, error.metadata)
+            return Step(has_ended=True, error=changed, is_to_stop=is_ours, is_autopilot_to_hold=not is_ours)
+        except UalError:  # it is not known where the geofence lies
+            return None
+        return None
+
     def _takes_references(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Whether the autopilot takes references now.
 
@@ -216,12 +249,13 @@ class TakeOff(Manoeuvre):
 
     def _climb_setpoint(self, snapshot: Snapshot, measured: Motion) -> Setpoint:
         if self._climb is None:
-            top = self._top.motion(snapshot)
             is_on_ground = self._on_setpoints and not self._has_jumped
-            start = self._ground.motion(snapshot) if is_on_ground else measured
-            line = Line(start, top.position, top.yaw_rad, self._limits)
-            self._climb = TrajectoryReference(line, snapshot.time_s)
+            self._climb = self._climb_from(self._ground.motion(snapshot) if is_on_ground else measured, snapshot)
         return self._climb.setpoint(snapshot)
+
+    def _climb_from(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference:
+        top = self._top.motion(snapshot)
+        return TrajectoryReference(Line(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
 
     @override
     def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
@@ -239,6 +273,11 @@ class TakeOff(Manoeuvre):
     @override
     def current_reference(self) -> Reference | None:
         return self._climb or self._ground
+
+
+def _longest_s(height_m: float, limits: Limits) -> float:
+    """Returns how long a climb may take."""
+    return height_m / limits.climb_speed_m_s * TIMEOUT_FACTOR + TIMEOUT_MARGIN_S
 
 
 def _is_ours(snapshot: Snapshot) -> bool:

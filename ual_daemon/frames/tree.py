@@ -168,8 +168,12 @@ class FrameTree:
         return self.body in _chain(name, self._links)
 
     def is_moving(self, name: str) -> bool:
-        """Returns whether a client moves a frame, or one above it. Frames below the body do not count."""
+        """Returns whether a client moves a frame, or one above it. Frames below the body do not count.
+
+        Raises `UnknownFrameError` if there is no such frame.
+        """
         links = self._links
+        _require(name, links)
         chain = _chain(name, links)
         return self.body not in chain and any(each != MAP and links[each].motion is not None for each in chain)
 

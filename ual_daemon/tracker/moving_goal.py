@@ -60,13 +60,13 @@ class MovingGoal(Reference):
         goal: GoalMotion,
         start: Motion,
         now_s: float,
-        limits: Limits,
+        limits: Callable[[], Limits],
         admit: Admit | None = None,
         max_speed_m_s: float = math.inf,
     ) -> None:
-        """`max_speed_m_s` holds in any direction; `limits` hold for the horizontal and the vertical part."""
+        """`max_speed_m_s` holds in any direction; what `limits` returns now, for the horizontal and vertical parts."""
         self._goal = goal
-        self._limits = limits
+        self._get_limits, self._limits = limits, limits()
         self._max_speed_m_s = max_speed_m_s
         self._admit = admit
         self._motion = start
@@ -88,7 +88,7 @@ class MovingGoal(Reference):
         if now_s - self._replanned_s >= _PLAN_PERIOD_S:
             if self._plan is not None:
                 self._motion = self._motion_at(self._plan, now_s)
-            self._replanned_s = now_s
+            self._replanned_s, self._limits = now_s, self._get_limits()
             self._plan = self._new_plan(self._plan, snapshot)
         assert self._plan is not None
         self._motion = self._motion_at(self._plan, now_s)

@@ -57,8 +57,19 @@ class Pursuit(Reference):
         """Whether the point ahead stands still, so that the UAV comes to rest there."""
         self.time_s = 0.0
         self._ahead = trajectory.at(0.0)
-        self._ahead_s = 0.0
+        is_moving = self._ahead.velocity.norm() * LOOK_AHEAD_S > LEAST_LOOK_AHEAD_M
+        self._ahead_s = LOOK_AHEAD_S if is_moving else 0.0  # else it would brake whenever a way is planned anew
         self._updated_s = now_s
+
+    @property
+    def passed_s(self) -> float:
+        """`time_s`, and what has passed of the hold at the present stop."""
+        return self.time_s + self._held_s
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether it waits at a stop, or holds there."""
+        return self.time_s == self._stops_s[0] and len(self._stops_s) > 1
 
     @property
     def is_finished(self) -> bool:

@@ -137,6 +137,16 @@ class TrajectoryReference(Reference):
         return self._time.time_s
 
     @property
+    def passed_s(self) -> float:
+        """The time on the trajectory, with what has passed of a hold."""
+        return self._time.time_s
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether it waits at a stop until the UAV stands there."""
+        return self._stopped_since_s is not None
+
+    @property
     def is_finished(self) -> bool:
         """Whether the reference has come to the end; the UAV may still be on its way."""
         return self.time_s >= self.trajectory.duration_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ual.geometry import Vector3
 from ual.types import Limits
@@ -11,22 +11,30 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker.moving_goal import MovingGoal
-from ual_daemon.trajectory import Motion
+from ual_daemon.trajectory import Motion, Waypoint
+from ual_daemon.vehicle.reach_limit import ReachLimit
+
+_WHAT = "the goal in the moving frame"
 
 
 def moving_goal(
     flight: Flight,
     resolver: FrameResolver,
+    reach_limit: ReachLimit,
     goal: Goal,
-    bounds: Limits,
+    bounds: Callable[[], Limits],
     snapshot: Snapshot,
     max_speed_m_s: float | None = None,
 ) -> MovingGoal:
-    """Returns the reference that follows a goal within the geofence. It begins with the present motion."""
+    """Returns the reference that follows a goal within the geofence and the reach. It begins with the present motion.
+
+    `bounds` returns the limits to keep now.
+    """
     start, geofence = flight.start(snapshot), flight.geofence
 
     def admit(polyline: Sequence[Vector3], now: Snapshot) -> None:
-        geofence.require_inside(polyline, "the goal in the moving frame", now)
+        geofence.require_inside(polyline, _WHAT, now)
+        reach_limit.require_goal(_WHAT, goal, Waypoint(polyline[-1]), now)
 
     def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)

@@ -15,6 +15,7 @@ from typing import TypeAlias
 from ual.errors import ResourceExhaustedError, WrongStateError
 from ual.geometry import PoseStamped
 from ual.types import (
+    AltitudeReference,
     Capability,
     FollowPathRequest,
     GeoWaypoint,
@@ -43,8 +44,9 @@ from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import TrajectoryReference, measured_motion
-from ual_daemon.trajectory import Trajectory, Waypoint, path
+from ual_daemon.trajectory import Trajectory, Waypoint
 from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, StraightCourse, WayHomeCourse
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions, accepted
 from ual_daemon.vehicle.prepared import Prepared
@@ -87,13 +89,19 @@ class Planner:
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
             goal = self._resolver.goal(request.waypoint, "waypoint")
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            bounds = self._bounds(max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint", State.FLYING_AUTO)
             if self._resolver.is_moving(goal):
-                return self._catch_up(goal, bounds, snapshot, max_speed_m_s)
-            local = replace(self._resolver.to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            self._reach_limit.require_goal("go_to_waypoint", goal, local, snapshot)
-            return self._go_straight(TaskKind.GO_TO_WAYPOINT, goal, local, bounds, snapshot, since)
+                return self._catch_up(goal, snapshot, max_speed_m_s)
+            return self._go_straight(
+                TaskKind.GO_TO_WAYPOINT, goal, self._goal_resolver(goal, snapshot), max_speed_m_s, snapshot, since
+            )
+
+    def _goal_resolver(self, goal: Goal, snapshot: Snapshot) -> Resolve:
+        """Returns what finds a goal in the local frame. One that is ahead of the UAV stays where it was then."""
+        if self._resolver.tree.is_below_body(goal.frame_id):
+            local = self._resolver.to_local(goal, snapshot)
+            return lambda _: local
+        return partial(self._resolver.to_local, goal)
 
     def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, since: LastCommand) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
@@ -101,25 +109,39 @@ class Planner:
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
             goal = validation.geo_waypoint(request.waypoint)
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
-            bounds = self._bounds(max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint_geo", State.FLYING_AUTO)
-            local = replace(self._resolver.geo_to_local(goal, snapshot), max_speed_m_s=max_speed_m_s)
-            self._reach_limit.require_goal("go_to_waypoint_geo", goal, local, snapshot)
-            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, local, bounds, snapshot, since)
+            resolve = partial(self._resolver.geo_to_local, goal)
+            return self._go_straight(TaskKind.GO_TO_WAYPOINT_GEO, goal, resolve, max_speed_m_s, snapshot, since)
 
     def _go_straight(
         self,
         kind: TaskKind,
         goal: Goal | GeoWaypoint,
-        local: Waypoint,
-        bounds: Limits,
+        resolve: Resolve,
+        max_speed_m_s: float | None,
         snapshot: Snapshot,
         since: LastCommand,
     ) -> Prepared[VehicleTask]:
-        """Prepares the straight line to a goal, which is `local` in the local frame."""
-        trajectory = path(self._flight.start(snapshot), [local], 0.0, bounds)
-        above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, local)
-        return self._follow(kind, f"go to {_text(goal)}{above}", trajectory, snapshot, since)
+        """Prepares the straight line to a goal, which `resolve` finds in the local frame."""
+        name = kind.name.lower()
+
+        def at_speed(now: Snapshot) -> Waypoint:
+            local = replace(resolve(now), max_speed_m_s=max_speed_m_s)
+            self._reach_limit.require_goal(name, goal, local, now)
+            return local
+
+        course = StraightCourse(
+            self._flight,
+            name,
+            at_speed,
+            partial(self._path_bounds, max_speed_m_s),
+            self._tolerance.position_m / 2,
+            partial(self._catch_up_instead, goal, max_speed_m_s),
+            snapshot,
+        )
+        above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, course.goal)
+        what = f"go to {_text(goal)}{above}"
+        return self._follow(kind, what, course, snapshot, since, relies_on_home=_is_above_home(goal))
 
     def _height_text(self, goal: Goal, local: Waypoint) -> str:
         """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
@@ -141,7 +163,7 @@ class Planner:
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
             leg_speeds_m_s = validation.leg_speeds(request.leg_speeds_m_s, count)
             holds_s = validation.holds(request.holds_s, count)
-            bounds, speeds_m_s = self._path_bounds(leg_speeds_m_s, max_speed_m_s)
+            speeds_m_s = [limits.slower(each, max_speed_m_s) for each in leg_speeds_m_s]
             point = request.point_of_interest
             heading = validation.path_heading(request.heading, has_point=point is not None)
             goals = self._goals(request.waypoints)
@@ -150,23 +172,25 @@ class Planner:
             waypoints = self._local_waypoints(goals, speeds_m_s, holds_s, snapshot)
             self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
-            trajectory = path(self._flight.start(snapshot), waypoints, radius_m, bounds, heading, look_at)
+            bounds = partial(self._path_bounds, max_speed_m_s, has_leg_speeds=any(leg_speeds_m_s))
+            above_home, home_m = [_is_above_home(goal) for goal in goals], snapshot.home_altitude_amsl_m
+            course = PathCourse(
+                self._flight, "follow_path", waypoints, radius_m, bounds, heading, look_at, above_home, home_m
+            )
             what = f"follow {count} waypoints to {_text(goals[-1])}"
-            return self._follow(TaskKind.FOLLOW_PATH, what, trajectory, snapshot, since)
+            relies_on_home = any(above_home)
+            return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, since, relies_on_home=relies_on_home)
 
     def _bounds(self, max_speed_m_s: float | None) -> Limits:
         """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
         in_force = self._flight.limits
         return in_force.cruise() if max_speed_m_s is None else limits.at_most(in_force.planned(), max_speed_m_s)
 
-    def _path_bounds(
-        self, leg_speeds_m_s: Sequence[float | None], max_speed_m_s: float | None
-    ) -> tuple[Limits, list[float | None]]:
-        """Returns the limits of a path and the speed of each leg; a leg without one is flown as a goal would be."""
-        if max_speed_m_s is not None or not any(leg_speeds_m_s):
-            return self._bounds(max_speed_m_s), [limits.slower(each, max_speed_m_s) for each in leg_speeds_m_s]
-        cruise_m_s = self._flight.limits.cruise().horizontal_speed_m_s
-        return self._flight.limits.planned(), [cruise_m_s if each is None else each for each in leg_speeds_m_s]
+    def _path_bounds(self, max_speed_m_s: float | None, *, has_leg_speeds: bool = False) -> PathBounds:
+        """Returns what bounds a path; a leg without a speed is flown as a goal would be."""
+        if max_speed_m_s is not None or not has_leg_speeds:
+            return PathBounds(self._bounds(max_speed_m_s))
+        return PathBounds(self._flight.limits.planned(), self._flight.limits.cruise().horizontal_speed_m_s)
 
     def _local_waypoints(
         self,
@@ -193,16 +217,25 @@ class Planner:
         return [self._resolver.goal(each, f"waypoints[{i}]") for i, each in enumerate(poses)]
 
     def _follow(
-        self, kind: TaskKind, what: str, trajectory: Trajectory, snapshot: Snapshot, since: LastCommand
+        self,
+        kind: TaskKind,
+        what: str,
+        course: PathCourse,
+        snapshot: Snapshot,
+        since: LastCommand,
+        *,
+        relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
-        """Prepares the task that follows a trajectory, which was planned from a snapshot."""
-        name = kind.name.lower()
+        """Prepares the task that follows a course, from the motion that is commanded at a snapshot."""
+        name, trajectory = kind.name.lower(), course.first(snapshot)
         plan = admit(self._flight, name, trajectory, snapshot)
+        course.fence = self._flight.geofence.fence(snapshot)
 
         def make(task: VehicleTask) -> Manoeuvre:
-            return FollowTrajectory(name, task, trajectory, self._tolerance, self._tracker(), snapshot.time_s)
+            tracker = self._tracker()
+            return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, snapshot.time_s, course)
 
-        return self._prepared(kind, what, trajectory, plan, make, since)
+        return self._prepared(kind, what, trajectory, plan, make, since, relies_on_home=relies_on_home)
 
     def return_to_launch(
         self, request: ReturnToLaunchRequest, backend: Backend, since: LastCommand
@@ -222,12 +255,12 @@ class Planner:
             way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
 
         def home_by(task: VehicleTask, way: WayHome, planned_s: float) -> Manoeuvre:
-            ground_z_m = way.home.position.z
+            course = WayHomeCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
             tolerance, tracker = self._tolerance, self._tracker()
             return ReturnToLaunch(
                 task,
                 way.trajectory,
-                ground_z_m,
+                course,
                 land,
                 tolerance,
                 tracker,
@@ -248,7 +281,8 @@ class Planner:
             begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, backend, onward, since)
             return Prepared(way.plan, begin)
         make = partial(home_by, way=way, planned_s=snapshot.time_s)
-        return self._prepared(TaskKind.RETURN_TO_LAUNCH, what, way.trajectory, way.plan, make, since)
+        kind = TaskKind.RETURN_TO_LAUNCH
+        return self._prepared(kind, what, way.trajectory, way.plan, make, since, relies_on_home=True)
 
     def _failsafe_refusal(self, snapshot: Snapshot) -> WrongStateError | None:
         """Returns why a failsafe is not replaced by a way home of UAL; None if none holds the UAV."""
@@ -275,6 +309,7 @@ class Planner:
             limits, control = self._flight.limits.get(), backend.take_control
             recover = RecoverFirst(task, name, command, limits, control, self._failsafe_refusal, partial(onward, task))
             self._flight.begin(recover, since)
+            self._flight.request_home()
             if snapshot.held_by is not Cause.OPEN:
                 recover.send()
             accepted(name, task_id=task.id, what=what)
@@ -288,8 +323,13 @@ class Planner:
         plan: Plan,
         make: _MakeManoeuvre,
         since: LastCommand,
+        *,
+        relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
-        """Prepares the task whose manoeuvre `make` makes to fly a trajectory."""
+        """Prepares the task whose manoeuvre `make` makes to fly a trajectory.
+
+        Where it `relies_on_home`, that is asked for: it may be seconds old, and what is flown is then fitted to it.
+        """
         name = kind.name.lower()
 
         def begin() -> VehicleTask:
@@ -297,6 +337,8 @@ class Planner:
                 self._require_near(name, trajectory)
                 task = self._tasks.new(kind, what)
                 self._flight.begin(make(task), since)
+                if relies_on_home:
+                    self._flight.request_home()
                 accepted(name, task_id=task.id, what=what, length_m=round(trajectory.length_m, 2))
                 return task
 
@@ -312,12 +354,10 @@ class Planner:
                 "command this again"
             )
 
-    def _catch_up(
-        self, goal: Goal, bounds: Limits, snapshot: Snapshot, max_speed_m_s: float | None
-    ) -> Prepared[VehicleTask]:
+    def _catch_up(self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None) -> Prepared[VehicleTask]:
         """Prepares the task that catches up with a goal in a frame that moves."""
-        name, what = "go_to_waypoint", f"go to {_text(goal)}"
-        reference = moving_goal(self._flight, self._resolver, goal, bounds, snapshot, max_speed_m_s)
+        name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
+        reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
         admit(self._flight, name, reference, snapshot)
         motion = reference.goal(snapshot.time_s)
         self._reach_limit.require_goal(name, goal, Waypoint(motion.position), snapshot)
@@ -331,11 +371,25 @@ class Planner:
 
         return Prepared(Plan((motion.position - measured_motion(snapshot).position).norm()), begin)
 
+    def _catch_up_instead(
+        self, goal: Goal | GeoWaypoint, max_speed_m_s: float | None, task: VehicleTask, snapshot: Snapshot
+    ) -> Manoeuvre | None:
+        """Returns the manoeuvre that goes on with a go-to whose goal has begun to move; None if it has not."""
+        if isinstance(goal, GeoWaypoint) or not self._resolver.is_moving(goal):
+            return None
+        bounds = partial(self._bounds, max_speed_m_s)
+        reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
+        return CatchUp("go_to_waypoint", task, reference, bounds, self._tolerance)
+
     def _tracker(self) -> MakeTracker:
         takes_motion = bool(self._flight.takes & (Takes.FEED_FORWARD | Takes.VELOCITY))
         if takes_motion and self._tracker_setting is Tracker.REFERENCE:
             return TrajectoryReference
         return partial(Pursuit, is_free=self._flight.geofence.is_free)
+
+
+def _is_above_home(goal: Goal | GeoWaypoint) -> bool:
+    return isinstance(goal, GeoWaypoint) and goal.altitude_reference is AltitudeReference.HOME
 
 
 def _require_count(count: int) -> None:

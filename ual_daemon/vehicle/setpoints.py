@@ -74,7 +74,9 @@ class Setpoints:
         goal = self._resolver.goal(pose, "pose")
         snapshot = self._preconditions.require_state("set_pose", State.FLYING_AUTO)
         if self._resolver.is_moving(goal):  # within the limits, wherever it moves
-            reference = moving_goal(self._flight, self._resolver, goal, self._flight.limits.get(), snapshot)
+            reference = moving_goal(
+                self._flight, self._resolver, self._reach_limit, goal, self._flight.limits.get, snapshot
+            )
             there = Waypoint(reference.goal(snapshot.time_s).position)
             self._reach_limit.require_goal("set_pose", goal, there, snapshot)
             return reference, snapshot

@@ -60,12 +60,12 @@ def test_a_landing_that_is_stuck_says_so_and_what_can_be_done(flying: Autopilot,
     flying.control, flying.climb_m_s = Control.LAND, 0.0
     landing = land(flying, ack)
     assert landing.task is not None
-    for _ in range(90):  # it notices the ground late
+    for _ in range(70):  # it notices the ground late
         assert flying.step(landing) == Step()
     assert landing.task.info().description == ""
-    for _ in range(30):
+    for _ in range(25):
         flying.step(landing)
-    assert "has not descended for 1" in landing.task.info().description
+    assert "has not descended for 9 s" in landing.task.info().description
     assert "lands it by hand" in landing.task.info().description
     flying.climb_m_s = -1.0
     for _ in range(10):

@@ -261,23 +261,37 @@ def test_a_late_refusal_ends_a_take_off_that_is_still_on_the_ground(autopilot: A
 
 
 @pytest.mark.parametrize("on_setpoints", [False, True])
-def test_a_take_off_that_is_stuck_says_so_and_what_can_be_done(
-    autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
+@pytest.mark.parametrize("climbs_s", [0.0, 2.0])
+def test_a_take_off_that_is_stuck_ends_within_10_s_and_says_what_can_be_done(
+    autopilot: Autopilot, ack: Future[None], climbs_s: float, *, on_setpoints: bool
 ) -> None:
+    """It does not begin later, when nobody expects it: the autopilot is to hold."""
     climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
     ack.set_result(None)
-    autopilot.control = Control.REFERENCES
-    for _ in range(90):
-        autopilot.step(climb)
-    assert climb.task is not None
-    assert climb.task.info().description == ""
-    for _ in range(30):
-        autopilot.step(climb)
-    assert "has not climbed for 1" in climb.task.info().description
-    assert "safety pilot disarm it" in climb.task.info().description
-    error = autopilot.until_end(climb)
-    assert isinstance(error, UalTimeoutError)
-    assert "safety pilot disarm it" in str(error)
+    autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.5
+    for _ in range(round(climbs_s * 10)):
+        assert not autopilot.step(climb).has_ended
+    autopilot.climb_m_s = 0.0
+    stuck_s, step = autopilot.time_s, Step()
+    while not step.has_ended:
+        step = autopilot.step(climb)
+    assert 7.0 < autopilot.time_s - stuck_s < 10.0  # it takes up to 6 s to lift off
+    assert isinstance(step.error, UalTimeoutError)
+    assert "it has not climbed for 8 s" in str(step.error)
+    assert "safety pilot disarm it" in str(step.error)
+    assert step.error.metadata["by"] == "no way"
+    assert step.is_autopilot_to_hold
+
+
+def test_a_climb_that_is_slow_by_its_limit_is_not_stuck(autopilot: Autopilot, ack: Future[None]) -> None:
+    slow = Limits(climb_speed_m_s=0.02)
+    command, start = sent(ack, autopilot), autopilot.snapshot()
+    task, tolerance = autopilot.task(TaskKind.TAKE_OFF), ToleranceSettings()
+    climb = TakeOff(task, command, start, HEIGHT_M, slow, tolerance, on_setpoints=True)
+    ack.set_result(None)
+    autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.02
+    while autopilot.z < HEIGHT_M:
+        assert not autopilot.step(climb).has_ended
 
 
 def test_a_take_off_that_is_refused_says_what_can_be_done(autopilot: Autopilot, ack: Future[None]) -> None:

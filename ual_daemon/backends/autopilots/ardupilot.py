@@ -220,6 +220,7 @@ class ArduCopter(Autopilot):
     )
     optional_parameters = frozenset({_SIMULATION_PARAMETER, _PLANE_PARAMETER, "FENCE_AUTOENABLE", "FENCE_OPTIONS"})
     has_zones = True
+    drops_positions_beyond_fence = True  # ModeGuided::set_destination_posvelaccel checks each one
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
     # after each upload, also where it stays the same (measured with 4.6.3).
     zones_parameter = "FENCE_TOTAL"

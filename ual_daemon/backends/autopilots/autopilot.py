@@ -113,6 +113,8 @@ class Autopilot(ABC):
     """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
     has_zones = False
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
+    drops_positions_beyond_fence = False
+    """See `ual_daemon.backends.values.VehicleInfo`."""
     zones_parameter = ""
     """The name of a parameter that it sends whenever it has got others; empty where there is none."""
 

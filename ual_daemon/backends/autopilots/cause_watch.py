@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.autopilots.numbers import Sensor, SystemStatus
@@ -22,7 +22,14 @@ SETTLE_S = 0.4
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
 STREAM_S = 0.5
-"""A failsafe that comes when no setpoint of ours came for so long may be for that reason alone."""
+"""A failsafe that comes after no setpoint of ours came for so long may be for that reason alone; where it is known how
+long the autopilot waits for them, after `LOST_SHARE` of that."""
+STATUS_S = 1.2
+"""The status of a heartbeat is up to 0.8 s late."""
+LOST_SHARE = 0.9
+"""Setpoints come later than they were sent, one more than the other."""
+PAUSE_S = 2.5
+"""So long before its mode was seen the gap may have ended: a pause of this computer hides the mode while it lasts."""
 _SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
 _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 """The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
@@ -37,12 +44,23 @@ class CauseWatch:
     another one is then a failsafe's.
     """
 
-    def __init__(self, autopilot: Autopilot, sent: SetpointMonitor, *, names_intended_mode: bool) -> None:
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        sent: SetpointMonitor,
+        *,
+        names_intended_mode: bool,
+        setpoints_lost_s: Callable[[], float] = lambda: math.inf,
+    ) -> None:
+        """`setpoints_lost_s` returns how long the autopilot waits for setpoints; infinity where that is not known."""
         self._autopilot = autopilot
+        self._setpoints_lost_s = setpoints_lost_s
         self._names_intended_mode = names_intended_mode
         self._sent = sent
         self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
         self._mode_name = ""
+        self._was_ours = self._is_ours = self._is_ours_intended = False
+        """Whether the mode before, the present one, and the one that it was asked for last take our setpoints."""
         self._since_s = -math.inf
         self._was_found = True
         """Whether the present mode was there before anything was known of it, or before the arming."""
@@ -91,6 +109,7 @@ class CauseWatch:
         """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
         is_unintended = bool(intended_custom_mode) and intended_custom_mode != custom_mode
         self._intention = (self._autopilot.mode(custom_mode).name, is_unintended)
+        self._is_ours_intended = self._autopilot.mode(intended_custom_mode).control is Control.REFERENCES
         if not is_unintended:
             self._episode = None
         elif self._episode is None:
@@ -115,19 +134,22 @@ class CauseWatch:
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
-    def failsafe(self, *, is_armed: bool) -> Cause | None:
+    def failsafe(self, *, is_armed: bool | None) -> Cause | None:
         """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
         if is_armed and self._is_unintended:
             return self._episode
         return self._sensors
 
-    def held_by(self, mode: Mode, now_s: float, *, is_armed: bool) -> Cause | None:
+    def held_by(self, mode: Mode, now_s: float, *, is_armed: bool | None) -> Cause | None:
         """Returns who or what holds the control in the present mode.
 
         None in the mode that takes setpoints, before the arming, and where it is not known how the mode came.
+        `is_armed` is None while that is not known, as just after a pause of this computer: that is no disarming.
         """
         if mode.name != self._mode_name:
             self._begin_mode(mode, now_s)
+        if is_armed is None:
+            return None
         if not is_armed:
             self._was_found, self._is_settled = True, False
             return None
@@ -149,6 +171,7 @@ class CauseWatch:
         self._was_found = not self._mode_name
         self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
         self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
+        self._was_ours, self._is_ours = self._is_ours, mode.control is Control.REFERENCES
 
     @property
     def _is_unintended(self) -> bool | None:
@@ -158,14 +181,17 @@ class CauseWatch:
 
     def _find(self, mode: Mode, now_s: float) -> Cause | None:
         """Returns the cause of the present mode; OPEN while what tells it may still come."""
-        is_over = now_s - self._since_s > SETTLE_S
+        # After a pause PX4 may have fallen back to a pilot's mode by itself. Without the intended mode, only the status
+        # of a heartbeat tells.
+        is_status_awaited = not self._names_intended_mode and self._has_paused
+        is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else SETTLE_S)
         if self._is_unintended is not False:
             failsafe = self._failsafe_that_flies(mode, is_over=is_over)
             if failsafe is not None or self._is_unintended:
                 return failsafe or Cause.OPEN
         if self._was_found:
             return None
-        is_intention_open = self._names_intended_mode and self._is_unintended is None
+        is_intention_open = is_status_awaited if not self._names_intended_mode else self._is_unintended is None
         if mode.name in self._autopilot.pilots_modes and not is_intention_open:
             return Cause.SAFETY_PILOT
         if not is_over:
@@ -196,14 +222,27 @@ class CauseWatch:
             return None
         if self._sensors is not None and self._sensors_s >= begin_s:
             return self._sensors
-        return Cause.FAILSAFE if is_over and self._is_critical and self._critical_s >= begin_s else None
+        is_told = self._is_critical and self._critical_s >= begin_s
+        return self._unnamed() if is_told and (is_over or self._has_paused) else None
 
     def _unnamed(self) -> Cause:
         """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
-        is_sending = self._since_s - self._sent.last_s <= STREAM_S
         is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
-        return Cause.FAILSAFE if is_sending or is_ill else Cause.SETPOINTS
+        return Cause.SETPOINTS if self._has_paused and not is_ill else Cause.FAILSAFE
+
+    @property
+    def _has_paused(self) -> bool:
+        """Whether no setpoint of ours came in its mode for them, for longer than it waits for one, before the present
+        mode.
+        """
+        needed_ours = self._is_ours_intended if self._is_unintended else self._was_ours
+        if self._autopilot.stays_without_setpoints or not needed_ours:
+            return False
+        gap_s = self._sent.longest_gap_s(self._since_s - PAUSE_S, self._since_s)
+        return gap_s >= min(STREAM_S, LOST_SHARE * self._setpoints_lost_s())
 
     def _sign_since(self, begin_s: float, after_s: float = -math.inf) -> Cause | None:
-        """Returns the newest sign since a time, and after another."""
-        return next((cause for time_s, cause in reversed(self._signs) if time_s >= begin_s and time_s > after_s), None)
+        """Returns the newest sign since a time, and after another; missing setpoints only where nothing else shows."""
+        causes = [cause for time_s, cause in self._signs if time_s >= begin_s and time_s > after_s]
+        others = [cause for cause in causes if cause is not Cause.SETPOINTS]
+        return (others or causes or [None])[-1]

@@ -129,6 +129,8 @@ _TRIGGERS = {
     event_id("check_modes_local_pos"): Cause.POSITION,
     event_id("check_modes_global_pos"): Cause.POSITION,
 }
+_OFFBOARD_SIGNAL = event_id("check_modes_offboard_signal")
+"""No setpoints come. PX4 reports it 10 ms before the failsafe, whose own event has no cause; in other modes, too."""
 
 
 def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -> Event:
@@ -139,15 +141,17 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
         return Event(boot_s, armed=_ARMED[number])
     if number == _REPORT_BEGINS:
         return Event(boot_s, begins_report=True)
-    cause = _cause(number, arguments)
+    cause = _cause(number, arguments, mode)
     text = _TEXTS.get(number, "")
     if not text or levels & 0xF > _WARNING or not _concerns(number, arguments, mode):
         return Event(boot_s, cause=cause)
     return Event(boot_s, text=text, cause=cause, is_check=number in _CHECK_IDS)
 
 
-def _cause(number: int, arguments: bytes) -> Cause | None:
-    """Returns what an event says of the cause of a failsafe; None if it says nothing."""
+def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:
+    """Returns what an event says of the cause of a failsafe in a mode; None if it says nothing."""
+    if number == _OFFBOARD_SIGNAL:
+        return Cause.SETPOINTS if mode == "OFFBOARD" else None
     place = _CAUSE_AT.get(number)
     return _TRIGGERS.get(number) if place is None else _CAUSES.get(arguments[place])
 

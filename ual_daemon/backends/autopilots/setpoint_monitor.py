@@ -31,6 +31,15 @@ class SetpointMonitor:
         first_s, last_s = self._first_and_last_s
         self._first_and_last_s = (now_s if now_s - last_s > GAP_S else first_s, now_s)
 
+    def longest_gap_s(self, since_s: float, until_s: float) -> float:
+        """Returns for how long none was sent at most, between two times; of a gap that began earlier, all of it."""
+        times_s = [time_s for time_s, _ in list(self.recent)]
+        ends_s = [*times_s[1:], until_s]
+        return max(
+            (end_s - begin_s for begin_s, end_s in zip(times_s, ends_s, strict=False) if end_s > since_s),
+            default=math.inf,
+        )
+
     def duration_s(self, now_s: float) -> float:
         """Returns for how long setpoints have been sent without a gap; 0 while none are sent."""
         first_s, last_s = self._first_and_last_s

@@ -137,6 +137,12 @@ class MavlinkBackend(Backend):
         discovery.sender.send(session.dialect.encode_external_pose(measured), is_perishable=True)
 
     @override
+    def request_home(self) -> None:
+        session, loop = self._session_in_reach(self.clock.now_s()), self._loop
+        if session is not None and loop is not None:
+            loop.post(session.request_home)
+
+    @override
     def utc_s(self) -> float:
         return self.clock.utc_s()
 

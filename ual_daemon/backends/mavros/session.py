@@ -75,7 +75,12 @@ class Session:
         self._feed_forward = FeedForward(settings.drag_1_s) if learns else None
         self._holds_up_calls = holds_up_calls
         self._commands = Commands(autopilot.name, call, sent.duration_s, self._holds_up_commands, self._want_heartbeat)
-        self._causes = CauseWatch(autopilot, sent, names_intended_mode=False)
+        self._causes = CauseWatch(
+            autopilot,
+            sent,
+            names_intended_mode=False,
+            setpoints_lost_s=lambda: autopilot.setpoints_lost_s(self.telemetry.parameters),
+        )
         self._senders = SenderWatch(sent, stays_without_setpoints=autopilot.stays_without_setpoints)
         self._health = HealthReport()
         telemetry = self.telemetry
@@ -162,7 +167,7 @@ class Session:
     def snapshot(self, now_s: float) -> Snapshot:
         """Returns the newest data as of now."""
         snapshot = self.telemetry.snapshot(now_s)
-        is_armed = self.telemetry.is_armed
+        is_armed = None if snapshot.armed is None else snapshot.armed.value
         mode = snapshot.mode
         return snapshot._replace(
             other_sender=self._senders.another(now_s, snapshot.armed, mode, snapshot.landed),
@@ -202,6 +207,7 @@ class Session:
             cruise_speed_m_s=autopilot.cruise_speed_m_s(parameters),
             acceleration_share=autopilot.acceleration_share(parameters),
             velocity_responses=autopilot.velocity_responses(parameters),
+            drops_positions_beyond_fence=autopilot.drops_positions_beyond_fence,
         )
 
     # --- What comes ---------------------------------------------------------------------------------------------------
@@ -252,12 +258,17 @@ class Session:
     def _ask(self, now_s: float, ros: Ros) -> bool:
         telemetry = self.telemetry
         return (
-            (telemetry.home_s < now_s and self._request(_HOME_ID, now_s, HOME_S))
+            (self._is_home_wanted(now_s) and self._request(_HOME_ID, now_s, HOME_S))
             or (telemetry.origin.projection is None and self._request(_ORIGIN_ID, now_s, ORIGIN_S))
             or (not self.description.has_version and self._request(_VERSION_ID, now_s, ORIGIN_S))
             or (telemetry.knows_arming and self._streams.tick(now_s, self._call_alone, is_flying=telemetry.is_flying))
             or self._read_parameters(now_s, ros)
         )
+
+    def _is_home_wanted(self, now_s: float) -> bool:
+        watch = self.telemetry.home_watch
+        is_wanted, watch.is_wanted = watch.is_wanted, False
+        return is_wanted or self.telemetry.home_s < now_s
 
     def _read_parameters(self, now_s: float, ros: Ros) -> bool:
         missing = self._parameters.missing

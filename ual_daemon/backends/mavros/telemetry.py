@@ -15,6 +15,7 @@ from ual_daemon.backends.autopilots.autopilot import Autopilot
 from ual_daemon.backends.autopilots.boot_time import BootTime
 from ual_daemon.backends.autopilots.clock_offset import ClockOffset
 from ual_daemon.backends.autopilots.fence_reader import FenceReader
+from ual_daemon.backends.autopilots.home_watch import HomeWatch
 from ual_daemon.backends.autopilots.local_origin import LocalOrigin
 from ual_daemon.backends.autopilots.numbers import Sensor
 from ual_daemon.backends.autopilots.plausibility import Plausibility
@@ -33,6 +34,9 @@ VELOCITY_LIMIT_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 ATTITUDE_LIMIT_S = 1.2
 """MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
+_SAME_MOMENT_S = 0.1
+_HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT = 0.5, 4
+"""The altitude and the height above home are of one message of the autopilot, but come on two topics."""
 _LATE_MS = 100
 """A topic that is throttled to this interval or a longer one says nothing about now: its newest message waits in the
 bridge for so long.
@@ -56,6 +60,8 @@ class Telemetry:
         self.origin = LocalOrigin()
         self.home_s = math.inf
         """Since when the home of the present arming is missing; infinite while it is not."""
+        self.home_watch = HomeWatch(_HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT)
+        """Whether home is to be asked for, as it is elsewhere now."""
         self.is_ready_to_arm: bool | None = None
         self.vtol_state = 0
         self.is_connected = False
@@ -270,8 +276,12 @@ class Telemetry:
         self._geo = (now_s, message)
         self.origin.on_geo(_milliseconds(message), point)
 
-    def _on_above_home(self, message: Message, _now_s: float) -> None:
-        self._above_home_m = number(message["data"])
+    def _on_above_home(self, message: Message, now_s: float) -> None:
+        self._above_home_m = above_m = number(message["data"])
+        geo, home = self._geo, self._home
+        if geo is None or home is None or now_s - geo[0] > _SAME_MOMENT_S:
+            return
+        self.home_watch.is_contradicted(number(home["geo"]["altitude"]), number(geo[1]["altitude"]), above_m)
 
     def _on_origin(self, message: Message, _now_s: float) -> None:
         self._origin = message

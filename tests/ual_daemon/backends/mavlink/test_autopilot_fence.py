@@ -11,7 +11,7 @@ import pytest
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Faults
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
-from ual.errors import GeofenceError, TaskAbortedError
+from ual.errors import GeofenceError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -279,3 +279,76 @@ def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     with pytest.raises(TaskAbortedError, match=r"beyond the autopilot's own fence \(FENCE_RADIUS: 25 m\)") as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "fence"
+
+
+def beyond_its_new_fence(flight: Flight) -> Vector3:
+    """Flies out by 30 m, gets a smaller fence around where it began, and is taken back with force, some way outside.
+    Returns where it began.
+    """
+    flight.take_off()
+    begin = flight.uav.pose().pose.position
+    flight.uav.go_to_waypoint(Pose.at(begin.x + 30.0, begin.y, begin.z))
+    flight.autopilot.set_fence((True, [(begin.y, begin.x)], SMALL_M))
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "RTL", "its return")
+    flight.uav.recover_from_manual(force=True)
+    assert from_m(flight, begin) > SMALL_M + 3.0  # farther than a reference leads a UAV that does not follow
+    return begin
+
+
+def from_m(flight: Flight, place: Vector3) -> float:
+    north, east, _ = flight.autopilot.body.position
+    return math.dist((north, east), (place.y, place.x))
+
+
+SMALL_M = 6.0
+
+
+@pytest.fixture
+def copter() -> Iterator[Flight]:
+    flight = Flight("ardupilot")
+    flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
+    flight.autopilot.set_fence((True, [(0.0, 0.0)], 60.0))
+    flight.kill()
+    flight.start()
+    flight.wait_for(lambda: len(zones(flight)) == 1, "its zone")
+    yield flight
+    flight.uav.close()
+
+
+def test_a_go_to_leads_back_into_a_fence_that_drops_positions_beyond_it(copter: Flight) -> None:
+    """It hung without a word: each reference on the way lay outside, until the UAV would have come in."""
+    begin = beyond_its_new_fence(copter)
+    held = copter.uav.pose().pose.position
+    copter.let_pass(3.0)
+    assert (copter.uav.pose().pose.position - held).norm() < 1.5  # it holds, by velocities
+    goal = Pose.at(begin.x + 4.0, begin.y, begin.z + 2.0)
+    copter.uav.go_to_waypoint(goal)
+    assert copter.uav.state() is State.FLYING_AUTO
+    copter.let_pass(2.0)
+    assert (copter.uav.pose().pose.position - goal.position).norm() < 0.3
+    copter.land()
+
+
+def test_the_way_home_begins_beyond_a_fence_that_drops_positions_there(copter: Flight) -> None:
+    begin = beyond_its_new_fence(copter)
+    copter.uav.return_to_launch()
+    assert from_m(copter, begin) < 0.6
+
+
+def test_a_go_to_out_of_a_zone_that_could_not_be_read_ends_within_10_s_with_its_reason() -> None:
+    """ArduPilot drops its references without a word, and UAL does not know why."""
+    flight = Flight("ardupilot")
+    flight.autopilot.parameters.update({"FENCE_ENABLE": 1, "FENCE_TYPE": 4})
+    flight.autopilot.fence.refusal = mavlink.MAV_MISSION_UNSUPPORTED
+    flight.take_off()
+    flight.autopilot.set_fence((False, [(0.0, 0.0)], 60.0))
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "RTL", "its return")
+    flight.uav.recover_from_manual(force=True)
+    began_s = flight.now_s
+    with pytest.raises(UalTimeoutError, match=r"has made no way for 8 s: \d+\.\d+ m .* off") as caught:
+        flight.uav.go_to_waypoint(Pose.at(0.0, 80.0, HEIGHT_M))
+    assert flight.now_s - began_s < 12.0  # ArduPilot first coasts on
+    assert caught.value.metadata["by"] == "no way"
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()
+    flight.uav.close()

@@ -56,7 +56,7 @@ SILENCE_S = 3.0
 OLD_EVENT_S = 1.0
 """An event of PX4 that is this much older than the newest time since boot is a repetition."""
 HOME_REQUEST_S = 0.2
-"""How often home is requested while the one of the present arming is not known."""
+"""How often home is requested while the one of the present arming is not known, or while it moves."""
 STREAMLESS_S = 10.0
 """How often everything is requested anew from an autopilot that is heard, but does not stream any more."""
 
@@ -124,7 +124,12 @@ class Session:
         self._next_setup_s = -math.inf
         self._next_origin_s = -math.inf
         self._heartbeats = HeartbeatWatchdog()
-        causes = self._causes = CauseWatch(dialect, setpoints, names_intended_mode=dialect.names_intended_mode)
+        causes = self._causes = CauseWatch(
+            dialect,
+            setpoints,
+            names_intended_mode=dialect.names_intended_mode,
+            setpoints_lost_s=lambda: dialect.setpoints_lost_s(self.telemetry.parameters),
+        )
         self._health = HealthReport()
         self._sender_watch = SenderWatch(setpoints, stays_without_setpoints=dialect.stays_without_setpoints)
         self._next_own_heartbeat_s = -math.inf
@@ -246,9 +251,16 @@ class Session:
         is_late = self._heartbeats.is_late(now_s) and self._supervision.state is not LinkState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.awaits_effect(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 0)
-        if self.telemetry.is_home_missing and now_s >= self._next_home_request_s:
-            self._next_home_request_s = now_s + HOME_REQUEST_S
-            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
+        if (
+            self.telemetry.is_home_missing or self.telemetry.home_watch.is_wanted
+        ) and now_s >= self._next_home_request_s:
+            self.request_home(now_s)
+
+    def request_home(self, now_s: float) -> None:
+        """Requests home: it is not known, it has moved, or a command is about to rely on it."""
+        self._next_home_request_s = now_s + HOME_REQUEST_S
+        self.telemetry.home_watch.is_wanted = False
+        self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION), 0)
 
     def _update_freshness(self) -> None:
         usual = self.dialect.freshness
@@ -271,7 +283,7 @@ class Session:
         """Returns the newest data as of now. `updated_s` and `own_pause` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
         armed, mode = telemetry.armed, telemetry.mode
-        is_armed = armed is not None and armed.value
+        is_armed = None if armed is None else armed.value
         # All at once: each value that is replaced afterwards copies all others, at each update.
         return telemetry.snapshot(
             now_s,
@@ -323,6 +335,7 @@ class Session:
             cruise_speed_m_s=dialect.cruise_speed_m_s(telemetry.parameters),
             acceleration_share=dialect.acceleration_share(telemetry.parameters),
             velocity_responses=dialect.velocity_responses(telemetry.parameters),
+            drops_positions_beyond_fence=dialect.drops_positions_beyond_fence,
         )
 
     def _identity(self) -> str:

@@ -10,6 +10,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo
 from ual_daemon.backends.autopilots.clock_offset import ClockOffset
 from ual_daemon.backends.autopilots.fence_reader import FenceReader
+from ual_daemon.backends.autopilots.home_watch import HomeWatch
 from ual_daemon.backends.autopilots.local_origin import LocalOrigin
 from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.mavlink.autopilots.axes import frd_to_flu, ned_to_enu, orientation_to_enu
@@ -61,6 +62,8 @@ class Telemetry:
         """Where its local frame is on Earth."""
         self._home_altitude_amsl_m: float | None = None
         self._home_geo: GeoPoint | None = None
+        self.home_watch = HomeWatch()
+        """Whether home is to be requested, as it is elsewhere now."""
         self._geoid_separation_m: float | None = None
         self._has_rangefinder = False
         self._battery: Battery | None = None
@@ -295,6 +298,15 @@ class Telemetry:
         elif self.plausibility.accepts_geo_point(found):
             self._position_geo = Sample(found, now_s)
             self.origin.on_geo(message.time_boot_ms, found)
+            self._check_home(milli(message.alt), milli(message.relative_alt))
+
+    def _check_home(self, altitude_m: float, above_home_m: float) -> None:
+        """Corrects the height of home where a newer message implies another one."""
+        home_m, home = self._home_altitude_amsl_m, self._sources.get("home")
+        if home_m is None or home is None or self._sequence.value < home[0]:
+            return
+        if self.home_watch.is_contradicted(home_m, altitude_m, above_home_m):
+            self._home_altitude_amsl_m = altitude_m - above_home_m
 
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
         latitude_deg, longitude_deg = degrees(message.latitude), degrees(message.longitude)

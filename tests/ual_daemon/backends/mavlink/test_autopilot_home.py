@@ -1,0 +1,117 @@
+"""Home that is set elsewhere just before it is used: a height above home is that above the home of now."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from tests.simulators.physics import plus
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.geometry import Vector3
+from ual.types import AltitudeReference, GeoPoint, State
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+HEIGHT_M = 9.0
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
+    flight = Flight(str(request.param))
+    yield flight
+    flight.uav.close()
+
+
+def set_home(flight: Flight, north_m: float, east_m: float, down_m: float) -> None:
+    """A ground station sets home elsewhere."""
+    with flight.autopilot.lock:
+        home = flight.autopilot.home
+        assert home is not None
+        flight.autopilot.home = plus(home, (north_m, east_m, down_m))
+
+
+def above_home_m(flight: Flight) -> float:
+    home = flight.autopilot.home
+    assert home is not None
+    return home[2] - flight.autopilot.position[2]
+
+
+def here(flight: Flight) -> GeoPoint:
+    flight.wait_for(lambda: flight.uav.telemetry().position_geo is not None, "its place on Earth")
+    found = flight.uav.telemetry().position_geo
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("lower_m", [6.0, -4.0])
+def test_a_height_above_home_is_that_above_a_home_that_was_set_just_before(flight: Flight, lower_m: float) -> None:
+    """PX4 tells its home every 2 s: "9 m above home" ended at 2.8 m."""
+    flight.take_off()
+    place = here(flight)
+    for moved_m in (lower_m, -lower_m):
+        set_home(flight, 0.0, 0.0, moved_m)
+        flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M, AltitudeReference.HOME)
+        assert above_home_m(flight) == pytest.approx(HEIGHT_M, abs=0.6)
+    flight.land()
+
+
+def test_a_height_above_home_where_it_is_already_by_the_home_before(flight: Flight) -> None:
+    """It needs no time to get there, in which the new home would be told."""
+    flight.take_off()
+    place = here(flight)
+    flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
+    flight.let_pass(1.0)
+    set_home(flight, 0.0, 0.0, 5.0)
+    flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
+    assert above_home_m(flight) == pytest.approx(HEIGHT_M, abs=0.6)
+    flight.land()
+
+
+def test_the_way_home_leads_to_a_home_that_was_set_just_before(flight: Flight) -> None:
+    flight.take_off()
+    flight.uav.go_to_waypoint(flight.goal(4.0, 0.0))
+    set_home(flight, 0.0, 12.0, 0.0)
+    home = flight.autopilot.home
+    assert home is not None
+    task = flight.uav.return_to_launch(blocking=False)
+    flight.wait_for(task.done, "the landing")
+    task.wait(0.0)
+    assert math.dist(flight.autopilot.position[:2], home[:2]) < 0.7
+
+
+def test_home_is_asked_for_when_a_command_relies_on_it_and_not_by_a_dry_run(flight: Flight) -> None:
+    flight.take_off()
+    flight.let_pass(1.0)
+    place = here(flight)
+
+    def asked() -> int:
+        requests = [
+            each
+            for each in flight.autopilot.commands
+            if each[1] == mavlink.MAV_CMD_REQUEST_MESSAGE and each[2][0] == mavlink.MAVLINK_MSG_ID_HOME_POSITION
+        ]
+        return len(requests)
+
+    before = asked()
+    flight.uav.dry_run.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
+    flight.let_pass(0.5)
+    assert asked() == before
+    flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
+    assert asked() == before + 1
+    flight.land()
+
+
+def test_a_height_that_contradicts_home_asks_for_it_and_counts_at_once(flight: Flight) -> None:
+    flight.take_off()
+    flight.let_pass(1.0)
+    before_m = flight.backend.snapshot().home_altitude_amsl_m
+    assert before_m is not None
+    set_home(flight, 0.0, 20.0, 2.0)
+    set_s = flight.now_s
+    flight.wait_for(lambda: flight.backend.snapshot().home_altitude_amsl_m != before_m, "its new height")
+    flight.wait_for(lambda: (flight.backend.snapshot().home or Vector3()).x > 19.0, "its new place")
+    assert flight.now_s - set_s < 0.5
+    assert flight.backend.snapshot().home_altitude_amsl_m == pytest.approx(before_m - 2.0, abs=0.05)
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()

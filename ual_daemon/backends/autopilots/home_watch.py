@@ -1,0 +1,42 @@
+"""Whether home is still as high as the autopilot said last: its own height above home tells, all the time."""
+
+from __future__ import annotations
+
+import logging
+
+from ual_daemon import logs
+
+_log = logging.getLogger(__name__)
+
+TOLERANCE_M = 0.1
+"""Both heights come in millimetres."""
+_DOUBTS_COUNT = 2
+"""So many heights in a row must contradict it: one of them may have come late."""
+
+
+class HomeWatch:
+    """Compares home with what the height above home implies. Not thread-safe.
+
+    Autopilots tell home seldom (PX4 every 2 s), and a ground station may set it at any time.
+    """
+
+    def __init__(self, tolerance_m: float = TOLERANCE_M, doubts_count: int = _DOUBTS_COUNT) -> None:
+        self._tolerance_m, self._most_doubts = tolerance_m, doubts_count
+        self._doubts_count = 0
+        self.is_wanted = False
+        """Whether home should be requested now. The caller sets this back."""
+
+    def is_contradicted(self, home_m: float, altitude_m: float, above_home_m: float) -> bool:
+        """Takes an altitude and a height above home of the same moment. Returns whether home is not at `home_m` any
+        more, which is an altitude, too.
+        """
+        if altitude_m == above_home_m or abs(altitude_m - above_home_m - home_m) <= self._tolerance_m:
+            self._doubts_count = 0  # the same: it says so while it has no home
+            return False
+        self._doubts_count += 1
+        is_contradicted = self._doubts_count >= self._most_doubts
+        if self._doubts_count == self._most_doubts:
+            moved_m = round(altitude_m - above_home_m - home_m, 2)
+            logs.event(_log, logging.INFO, "home_moved", up_m=moved_m, why="its height above home contradicts its home")
+        self.is_wanted = self.is_wanted or is_contradicted
+        return is_contradicted

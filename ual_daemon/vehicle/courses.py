@@ -1,0 +1,210 @@
+"""What go-tos, paths and ways home are planned by, so that what is left of them can be planned anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+from typing_extensions import override
+
+from ual.geometry import Vector3
+from ual.types import Limits, PathHeading
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.course import Course, Flown, Onward
+from ual_daemon.flight.flight import Flight
+from ual_daemon.flight.home import home_place
+from ual_daemon.flight.manoeuvre import Manoeuvre
+from ual_daemon.flight.return_to_launch import HomeCourse
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.settings import VehicleSettings
+from ual_daemon.trajectory import Motion, Trajectory, Waypoint, path
+from ual_daemon.vehicle.way_home import WayHome, plan_way_home
+
+LONG_COUNT = 200
+"""A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
+_BEFORE_S = 1e-6
+_SAME_HEIGHT_M = 0.25
+"""What PX4 corrects its home by at a time is less."""
+
+
+class PathBounds(NamedTuple):
+    """What a path is planned with: the limits, and the speed of a leg that has none of its own (None: the limits')."""
+
+    limits: Limits
+    leg_speed_m_s: float | None = None
+
+
+Resolve: TypeAlias = Callable[[Snapshot], Waypoint]
+"""Returns where a goal is in the local frame now. Raises a `UalError` if that is not known any more."""
+
+
+class PathCourse(Course):
+    """A path through waypoints, which stay where they are in the local frame, but for those whose heights count from
+    home: they follow it up and down.
+    """
+
+    def __init__(
+        self,
+        flight: Flight,
+        command: str,
+        waypoints: Sequence[Waypoint],
+        corner_radius_m: float,
+        bounds: Callable[[], PathBounds],
+        heading: PathHeading = PathHeading.WAYPOINTS,
+        look_at: Vector3 | None = None,
+        above_home: Sequence[bool] = (),
+        home_m: float | None = None,
+    ) -> None:
+        """`above_home` says of each waypoint whether its height counts from home, which is at `home_m`; none: no."""
+        self._flight, self._command = flight, command
+        self._waypoints = list(waypoints)
+        """Those that are left; a speed of None is that of `bounds`, which returns what bounds the path now."""
+        self._radius_m, self._bounds, self._heading, self._look_at = corner_radius_m, bounds, heading, look_at
+        self._planned_by = bounds()
+        self._above_home, self._home_m = list(above_home), home_m
+
+    def first(self, snapshot: Snapshot) -> Trajectory:
+        """Plans the whole way, from the motion that is commanded now."""
+        start = self._flight.start(snapshot)
+        kept_rad = start.yaw_rad
+        for number, waypoint in enumerate(self._waypoints):  # what keeps the heading before must keep it later, too
+            kept_rad = kept_rad if waypoint.yaw_rad is None else waypoint.yaw_rad
+            self._waypoints[number] = replace(waypoint, yaw_rad=kept_rad)
+        return self._path(start, self._waypoints, self._planned_by)
+
+    def _path(self, start: Motion, waypoints: Sequence[Waypoint], bounds: PathBounds) -> Trajectory:
+        speed_m_s = bounds.leg_speed_m_s
+        if speed_m_s is not None:
+            waypoints = [replace(each, max_speed_m_s=each.max_speed_m_s or speed_m_s) for each in waypoints]
+        return path(start, waypoints, self._radius_m, bounds.limits, self._heading, self._look_at)
+
+    @property
+    @override
+    def is_long(self) -> bool:
+        return len(self._waypoints) > LONG_COUNT
+
+    @override
+    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+        return self._bounds() != self._planned_by or abs(self._risen_m(snapshot)) > _SAME_HEIGHT_M
+
+    def _risen_m(self, snapshot: Snapshot) -> float:
+        """Returns by how much home has risen since it was planned, where a height counts from it."""
+        before_m, now_m = self._home_m, snapshot.home_altitude_amsl_m
+        return 0.0 if before_m is None or now_m is None or not any(self._above_home) else now_m - before_m
+
+    @override
+    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+        bounds, (passed_count, rest) = self._bounds(), self._rest(flown)
+        above_home, risen_m = self._above_home[passed_count:], self._risen_m(snapshot)
+        if risen_m:
+            rest = [
+                _raised(each, risen_m) if is_above else each for each, is_above in zip(rest, above_home, strict=True)
+            ]
+        trajectory = self._path(flown.motion, rest, bounds)
+        self._flight.geofence.admit(self._command, trajectory, self._flight.limits.get(), snapshot)
+        why = "limits" if bounds != self._planned_by else "home has moved"
+        self._waypoints, self._planned_by, self._above_home = rest, bounds, above_home
+        self._home_m = snapshot.home_altitude_amsl_m
+        self.fence = self._flight.geofence.fence(snapshot)
+        return Onward(trajectory, passed_count, why)
+
+    def _rest(self, flown: Flown) -> tuple[int, list[Waypoint]]:
+        """Returns how many waypoints are passed, and those that are left."""
+        trajectory, time_s = flown.trajectory, flown.time_s
+        begun_s = next(
+            (stop_s for stop_s, hold_s in trajectory.holds_s.items() if 0.0 < time_s - stop_s < hold_s), None
+        )
+        if begun_s is not None:  # it holds: the rest of the hold is left
+            number = trajectory.waypoint_at(begun_s - _BEFORE_S)
+            left_s = begun_s + trajectory.holds_s[begun_s] - time_s
+            return number, [replace(self._waypoints[number], hold_s=left_s), *self._waypoints[number + 1 :]]
+        number = trajectory.waypoint_at(time_s - _BEFORE_S if flown.is_waiting else self._after_corner_s(flown))
+        return number, self._waypoints[number:]
+
+    @staticmethod
+    def _after_corner_s(flown: Flown) -> float:
+        """Returns the end of the corner that it flies: the waypoint there counts as passed. Elsewhere the time now."""
+        bends = (end_s for begin_s, end_s in flown.trajectory.bends_s() if begin_s < flown.time_s < end_s)
+        return next(bends, flown.time_s)
+
+
+def _raised(waypoint: Waypoint, risen_m: float) -> Waypoint:
+    return replace(waypoint, position=waypoint.position + Vector3(0.0, 0.0, risen_m))
+
+
+class StraightCourse(PathCourse):
+    """A straight line to a goal, which may be elsewhere now: home has moved, or a client has moved its frame."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        command: str,
+        resolve: Resolve,
+        bounds: Callable[[], PathBounds],
+        same_place_m: float,
+        catch_up: Callable[[VehicleTask, Snapshot], Manoeuvre | None],
+        snapshot: Snapshot,
+    ) -> None:
+        """`same_place_m`: a goal that has moved by less has not. `catch_up` returns what goes on once it moves on."""
+        super().__init__(flight, command, [resolve(snapshot)], 0.0, bounds)
+        self._resolve, self._same_place_m, self._catch_up = resolve, same_place_m, catch_up
+
+    @property
+    def goal(self) -> Waypoint:
+        """The goal in the local frame, as it was planned last."""
+        return self._waypoints[0]
+
+    @override
+    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+        return super().is_outdated(flown, snapshot) or self._has_moved(snapshot)
+
+    def _has_moved(self, snapshot: Snapshot) -> bool:
+        return (self._resolve(snapshot).position - self.goal.position).norm() > self._same_place_m
+
+    @override
+    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+        found, has_moved = self._resolve(snapshot), self._has_moved(snapshot)
+        self._waypoints = [replace(found, yaw_rad=self.goal.yaw_rad if found.yaw_rad is None else found.yaw_rad)]
+        return super().plan(flown, snapshot)._replace(why="the goal has moved" if has_moved else "limits")
+
+    @override
+    def _rest(self, flown: Flown) -> tuple[int, list[Waypoint]]:
+        return 0, self._waypoints
+
+    @override
+    def successor(self, task: VehicleTask, snapshot: Snapshot) -> Manoeuvre | None:
+        return self._catch_up(task, snapshot)
+
+
+class WayHomeCourse(HomeCourse):
+    """The way home: home may be set elsewhere, or be corrected."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        settings: VehicleSettings,
+        height_m: float | None,
+        bounds: Callable[[], Limits],
+        way: WayHome,
+    ) -> None:
+        self._flight, self._settings, self._height_m, self._bounds = flight, settings, height_m, bounds
+        self._planned_by = bounds()
+        self._home = way.home.position
+        self.ground_z_m = self._home.z
+
+    @override
+    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+        return self._bounds() != self._planned_by or self._has_moved(snapshot)
+
+    def _has_moved(self, snapshot: Snapshot) -> bool:
+        home = home_place(snapshot, self._flight.geofence.ground)
+        return home is not None and (home.position - self._home).norm() > self._settings.tolerance.position_m
+
+    @override
+    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+        bounds, why = self._bounds(), "home has moved" if self._has_moved(snapshot) else "limits"
+        way = plan_way_home(self._flight, self._settings, self._height_m, bounds, snapshot)
+        self._planned_by, self._home, self.ground_z_m = bounds, way.home.position, way.home.position.z
+        self.fence = self._flight.geofence.fence(snapshot)
+        return Onward(way.trajectory, 0, why)
