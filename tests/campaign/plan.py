@@ -10,7 +10,20 @@ OURS, FOREIGN = "ours", "foreign"
 AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
 HEIGHT_M = 3.0
 _LOWEST_M, _HIGHEST_M = 2.5, 5.0
-_MOTIONS = ("go_to", "go_to", "go_to_geo", "path", "velocity", "pose", "outside", "push", "abort")
+_MOTIONS = (
+    "go_to",
+    "go_to",
+    "go_to_geo",
+    "go_above_home",
+    "path",
+    "velocity",
+    "line",
+    "line",
+    "pose",
+    "outside",
+    "push",
+    "abort",
+)
 _KINDS = {
     "loss": 4,
     "delay": 4,
@@ -25,12 +38,17 @@ _KINDS = {
     "battery": 2,
     "fence": 2,
     "ekf": 2,
+    "limits": 5,
+    "wide_fence": 5,
+    "home": 5,
+    "origin": 4,
+    "station": 3,
     "freeze": 5,
     "busy": 3,
 }
 """How often each is chosen, relative to the others."""
 _GROUND_ONLY = frozenset({"reboot"})
-_IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
+_IN_FLIGHT = frozenset({"pilot", "fence", "ekf", "limits", "wide_fence", "home", "origin", "station"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
@@ -89,6 +107,10 @@ def _motion(dice: random.Random) -> Step:
         speed_m_s = dice.uniform(0.3, 1.5)
         east, north = speed_m_s * math.cos(direction_rad), speed_m_s * math.sin(direction_rad)
         return Step(name, (east, north, 0.0, dice.uniform(1.0, 2.5)))
+    if name == "line":
+        direction_rad, speed_m_s = dice.uniform(-math.pi, math.pi), dice.uniform(0.5, 1.5)
+        east, north = speed_m_s * math.cos(direction_rad), speed_m_s * math.sin(direction_rad)
+        return Step("velocity", (east, north, 0.0, dice.uniform(4.0, 8.0)))
     if name == "push":
         direction_rad = dice.choice((0, 1, 2, 3)) * math.pi / 2
         return Step("velocity", (5.0 * math.cos(direction_rad), 5.0 * math.sin(direction_rad), 0.0, 4.0))

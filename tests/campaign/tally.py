@@ -6,7 +6,8 @@ import statistics
 from collections import Counter
 from collections.abc import Sequence
 
-from tests.campaign.judge import Case, misses_m
+from tests.campaign.evidence import Case
+from tests.campaign.judge import misses_m
 from tests.campaign.record import Record
 
 

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
-from tests.campaign.judge import Case, judge
+from tests.campaign.judge import judge
 from tests.campaign.places import Origin
 from tests.campaign.plan import OURS, Fault, Plan, Step
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
