@@ -9,6 +9,7 @@ from dataclasses import dataclass
 OURS, FOREIGN = "ours", "foreign"
 AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
 HEIGHT_M = 3.0
+_FAR_M = 9.0
 _LOWEST_M, _HIGHEST_M = 2.5, 5.0
 _MOTIONS = (
     "go_to",
@@ -16,6 +17,8 @@ _MOTIONS = (
     "go_to_geo",
     "go_above_home",
     "path",
+    "across",
+    "across",
     "velocity",
     "line",
     "line",
@@ -48,7 +51,8 @@ _KINDS = {
 }
 """How often each is chosen, relative to the others."""
 _GROUND_ONLY = frozenset({"reboot"})
-_IN_FLIGHT = frozenset({"pilot", "fence", "ekf", "limits", "wide_fence", "home", "origin", "station"})
+_IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
+_IN_MOTION = frozenset({"limits", "wide_fence", "home", "origin", "station"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
@@ -102,6 +106,9 @@ def _motion(dice: random.Random) -> Step:
     name = dice.choice(_MOTIONS)
     if name == "path":
         return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
+    if name == "across":
+        side, north_m = dice.choice((-1, 1)), dice.uniform(-_FAR_M / 2.0, _FAR_M / 2.0)
+        return Step("path", (side * _FAR_M, north_m, HEIGHT_M, -side * _FAR_M, -north_m, HEIGHT_M))
     if name == "velocity":
         direction_rad = dice.uniform(-math.pi, math.pi)
         speed_m_s = dice.uniform(0.3, 1.5)
@@ -131,6 +138,8 @@ def _place(dice: random.Random) -> tuple[float, float, float]:
 
 def _fault(dice: random.Random, steps_count: int) -> Fault:
     kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
-    step = 0 if kind in _GROUND_ONLY else dice.randrange(1 if kind in _IN_FLIGHT else 0, steps_count)
+    first = 2 if kind in _IN_MOTION else 1 if kind in _IN_FLIGHT else 0
+    last = 0 if kind in _GROUND_ONLY else steps_count - 2 if kind in _IN_MOTION else steps_count - 1
+    step = dice.randint(first, last)
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
     return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())
