@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from tests.campaign.bounds import is_near_own_fence, own_fences
 from tests.campaign.evidence import DISTURBING, Breach, Case, between, is_befallen, nearest
 from tests.campaign.places import distance_m
 from tests.campaign.record import Called, Located, Place, Record
@@ -22,7 +23,17 @@ _NEAR_M = 3.0
 _UP_M = 0.5
 _MOVING = frozenset({"take_off", "rtl", "go_to", "go_to_geo", "go_above_home", "path"})
 _INTERRUPTING = (*DISTURBING, "second_sender", "ekf")
-_LEADING_ASIDE = (*_INTERRUPTING, "pilot", "rc_loss", "battery", "fence", "wide_fence", "station")
+_STARVING = "busy"
+_PAUSED_S = 0.5
+"""After longer without a new velocity it stops."""
+_LEADING_ASIDE = (
+    *(kind for kind in _INTERRUPTING if kind != _STARVING),
+    "pilot",
+    "rc_loss",
+    "battery",
+    "fence",
+    "station",
+)
 
 
 def a_task_makes_way(case: Case) -> Iterator[Breach]:
@@ -82,17 +93,25 @@ def _on_the_line(case: Case, call: Called) -> Iterator[Located]:
     record = case.record
     if call.velocity is None or math.hypot(*call.velocity[:2]) < _SLOWEST_M_S:
         return
-    if is_befallen(record, _LEADING_ASIDE, call.began_s - LONG_S, call.ended_s):
+    if is_befallen(record, _LEADING_ASIDE, call.began_s - LONG_S, call.ended_s) or _starved_s(record, call) > _PAUSED_S:
         return
     if any(each.mode != case.modes.references for each in between(case.changes, call.began_s, call.ended_s)):
         return
     places = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s]
     if not places or places[0].velocity is None or math.hypot(*places[0].velocity) > _HELD_M_S:
         return
+    circles = own_fences(record)
     for each in places:
-        if _is_near_a_fence(record, each.place):
+        if _is_near_a_fence(record, each.place) or is_near_own_fence(circles, each, _NEAR_M):
             return
         yield each
+
+
+def _starved_s(record: Record, call: Called) -> float:
+    """For how long the computer did not run what flies it, meanwhile."""
+    starvations = [each for each in record.troubles if each.kind == _STARVING]
+    times = [(max(each.began_s, call.began_s), min(each.ended_s, call.ended_s)) for each in starvations]
+    return sum(max(0.0, until_s - since_s) for since_s, until_s in times)
 
 
 def _is_near_a_fence(record: Record, place: Place) -> bool:

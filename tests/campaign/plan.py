@@ -9,7 +9,7 @@ from dataclasses import dataclass
 OURS, FOREIGN = "ours", "foreign"
 AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
 HEIGHT_M = 3.0
-_FAR_M = 9.0
+_FAR_M, _ASIDE_M = 9.0, 4.0
 _LOWEST_M, _HIGHEST_M = 2.5, 5.0
 _MOTIONS = (
     "go_to",
@@ -95,15 +95,27 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
     mission = FOREIGN if dice.random() < _FOREIGN else OURS
     armed_by = "client" if dice.random() < _ARMED_BY_CLIENT else "pilot"
     steps = [Step("arm"), Step("take_off", (HEIGHT_M,))]
-    steps += [_motion(dice) for _ in range(dice.choice((1, 2, 2)))]
+    steps += [step for _ in range(dice.choice((1, 2, 2))) for step in _motions(dice)]
     steps.append(Step("rtl", (4.0,)) if dice.random() < _BY_RTL else Step("land"))
     count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
     faults = tuple(_fault(dice, len(steps)) for _ in range(count))
     return Plan(seed, mission, armed_by, tuple(steps), faults if has_faults else ())
 
 
-def _motion(dice: random.Random) -> Step:
+def _motions(dice: random.Random) -> tuple[Step, ...]:
     name = dice.choice(_MOTIONS)
+    return _line(dice) if name == "line" else (_motion(dice, name),)
+
+
+def _line(dice: random.Random) -> tuple[Step, ...]:
+    """A velocity out of a hold, from one side of home to the other."""
+    direction_rad, speed_m_s = dice.uniform(-math.pi, math.pi), dice.uniform(0.5, 1.5)
+    east, north = math.cos(direction_rad), math.sin(direction_rad)
+    velocity = (speed_m_s * east, speed_m_s * north, 0.0, dice.uniform(4.0, 8.0))
+    return Step("go_to", (-_ASIDE_M * east, -_ASIDE_M * north, HEIGHT_M)), Step("velocity", velocity)
+
+
+def _motion(dice: random.Random, name: str) -> Step:
     if name == "path":
         return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
     if name == "across":
@@ -114,10 +126,6 @@ def _motion(dice: random.Random) -> Step:
         speed_m_s = dice.uniform(0.3, 1.5)
         east, north = speed_m_s * math.cos(direction_rad), speed_m_s * math.sin(direction_rad)
         return Step(name, (east, north, 0.0, dice.uniform(1.0, 2.5)))
-    if name == "line":
-        direction_rad, speed_m_s = dice.uniform(-math.pi, math.pi), dice.uniform(0.5, 1.5)
-        east, north = speed_m_s * math.cos(direction_rad), speed_m_s * math.sin(direction_rad)
-        return Step("velocity", (east, north, 0.0, dice.uniform(4.0, 8.0)))
     if name == "push":
         direction_rad = dice.choice((0, 1, 2, 3)) * math.pi / 2
         return Step("velocity", (5.0 * math.cos(direction_rad), 5.0 * math.sin(direction_rad), 0.0, 4.0))

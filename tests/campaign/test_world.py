@@ -111,6 +111,26 @@ def test_a_velocity_that_begins_in_motion_or_is_short_or_befallen_is_not_judged(
         assert rules(record) == found
 
 
+def test_a_short_starvation_does_not_excuse_a_velocity() -> None:
+    record = flight(eastwards(SPEEDS, aside_m_s=0.2), LINE)
+    record.troubles.append(Trouble("busy", 11.0, 11.4))
+    assert rules(record) == {"aside"}
+    record.troubles.append(Trouble("busy", 13.0, 13.2))
+    assert rules(record) == set()
+
+
+def test_a_velocity_is_judged_as_far_as_it_is_away_from_fences() -> None:
+    record = flight(eastwards(SPEEDS, aside_m_s=0.06), LINE)
+    record.fence_m = (7.0, 100.0)  # within 3 m of it after 4 s
+    assert rules(record) == set()
+    record = flight(eastwards(SPEEDS, aside_m_s=0.06), LINE)
+    record.told_homes.append(HOME)
+    record.values += [Value(-5.0, name, value) for name, value in AP_FENCE.items()]
+    assert rules(record) == {"aside"}
+    record.values.append(Value(9.0, "FENCE_RADIUS", 7.0))
+    assert rules(record) == set()
+
+
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
