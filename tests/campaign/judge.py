@@ -47,6 +47,8 @@ LANDED_M = 0.5
 _HOME_S = 1.0
 _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
+_GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
+"""So ended, a take-off or landing goes on: its client has only stopped waiting for it."""
 _PAUSE_S = 0.8
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
@@ -177,7 +179,7 @@ def _doing(record: Record, since_s: float, until_s: float) -> set[str]:
     names = {
         call.name
         for call in record.called
-        if begins(call) and call.began_s <= until_s and (call.ended_s >= since_s or call.outcome == "CLIENT_KILLED")
+        if begins(call) and call.began_s <= until_s and (call.ended_s >= since_s or call.outcome in _GOING_ON)
     }
     return ({"TAKING_OFF"} if "take_off" in names else set()) | ({"LANDING"} if names & {"land", "rtl"} else set())
 

@@ -173,6 +173,15 @@ def test_a_state_that_is_not_true_is_found(wrong: str) -> None:
     assert rules(record) == {"state"}
 
 
+def test_a_take_off_whose_client_does_not_wait_any_longer_goes_on() -> None:
+    """PX4's seed 4900003: it took longer than the client's 20 s."""
+    record = clean()
+    record.called[0] = dataclasses.replace(record.called[0], ended_s=6.0)
+    assert rules(record) == {"state"}
+    record.called[0] = dataclasses.replace(record.called[0], outcome="TIMEOUT")
+    assert rules(record) == set()
+
+
 def test_a_state_is_not_known_while_the_autopilot_is_silent() -> None:
     record = clean()
     record.told = [told for told in record.told if not 9.0 < told.time_s < 13.0]
