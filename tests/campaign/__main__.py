@@ -18,8 +18,9 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from tests.campaign.evidence import Breach
 from tests.campaign.flight import fly
-from tests.campaign.judge import Breach, judge
+from tests.campaign.judge import judge
 from tests.campaign.places import Origin
 from tests.campaign.plan import Plan, plan
 from tests.campaign.processes import ROOT, NotFlownError

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 from typing_extensions import Self
 
 from tests.campaign.plan import Fault
-from tests.campaign.rig import NAMES, Rig
+from tests.campaign.rig import NAMES, Rig, take_mode
 from tests.sitl.troubles import TROUBLES, Change, changed
 
 _CLIMB_TIMES = 60
 _BLIND_S = 7.0
 """So long both autopilots fly on without GPS until they act (PX4 5.8 s)."""
 _NARROW_M = 2.0
-_FENCES = {
-    "px4": (Change("GF_MAX_HOR_DIST", _NARROW_M, 150.0),),
-    "ardupilot": (
-        Change("FENCE_TYPE", 2.0, 2.0),
-        Change("FENCE_RADIUS", _NARROW_M, 150.0),
-        Change("FENCE_ENABLE", 1.0, 0.0),
-    ),
+_LIMITS = {
+    "px4": (Change("MPC_XY_CRUISE", 1.0, 5.0), Change("MPC_XY_VEL_MAX", 1.5, 12.0)),
+    "ardupilot": (Change("WPNAV_SPEED", 150.0, 1000.0), Change("WPNAV_SPEED_UP", 80.0, 250.0)),
 }
+_WIDE_M, _WIDER_M = 8.0, 4.0
+_HOME_M, _HOME_UP_M = 3.0, 2.0
+_ORIGIN_M = 5.0
+_LAND = {"px4": (4.0, 6.0), "ardupilot": (9.0, 0.0)}
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""
 
@@ -166,8 +167,55 @@ def _battery(rig: Rig, fault: Fault, wait: Wait) -> None:
 
 def _fence(rig: Rig, fault: Fault, wait: Wait) -> None:
     """The autopilot's own fence becomes so narrow that most flights are beyond it."""
-    with changed(rig.pilot, _FENCES[rig.options.autopilot]):
+    with changed(rig.pilot, _fences(rig.options.autopilot, _NARROW_M)):
         wait(2.0 + fault.duration_s)
+
+
+def _wide_fence(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """The autopilot's own fence becomes one in which most flights are, but not all that they may want."""
+    with changed(rig.pilot, _fences(rig.options.autopilot, _WIDE_M + _WIDER_M * fault.strength)):
+        wait(2.0 + fault.duration_s)
+
+
+def _fences(autopilot: str, radius_m: float) -> Sequence[Change]:
+    if autopilot == "px4":
+        return (Change("GF_MAX_HOR_DIST", radius_m, 150.0),)
+    return (
+        Change("FENCE_TYPE", 2.0, 2.0),
+        Change("FENCE_RADIUS", radius_m, 150.0),
+        Change("FENCE_ENABLE", 1.0, 0.0),
+    )
+
+
+def _limits(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """The autopilot's own limits of speed become low."""
+    with changed(rig.pilot, _LIMITS[rig.options.autopilot]):
+        wait(2.0 + fault.duration_s)
+
+
+def _home(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """A ground station moves the autopilot's home aside and up or down, and back."""
+    before = rig.record.homes[-1].place if rig.record.homes else (0.0, 0.0, 0.0)
+    angle_rad, up_m = 2.0 * math.pi * fault.strength, _HOME_UP_M * (2.0 * fault.strength - 1.0)
+    east_m, north_m = _HOME_M * math.cos(angle_rad), _HOME_M * math.sin(angle_rad)
+    rig.truth.set_home((before[0] + east_m, before[1] + north_m, before[2] + up_m))
+    wait(2.0 + fault.duration_s)
+    rig.truth.set_home(before)
+
+
+def _origin(rig: Rig, fault: Fault, wait: Wait) -> None:
+    """PX4's local frame moves, and back. ArduPilot takes no other origin while its estimator has one."""
+    if rig.options.autopilot != "px4":
+        return
+    angle_rad = 2.0 * math.pi * fault.strength
+    rig.truth.set_origin((_ORIGIN_M * math.cos(angle_rad), _ORIGIN_M * math.sin(angle_rad), 1.0))
+    wait(2.0 + fault.duration_s)
+    rig.truth.set_origin((0.0, 0.0, 0.0))
+
+
+def _station(rig: Rig, _fault: Fault, _wait: Wait) -> None:
+    """A ground station has it land."""
+    take_mode(rig, *_LAND[rig.options.autopilot])
 
 
 def _ekf(rig: Rig, fault: Fault, wait: Wait) -> None:
@@ -204,6 +252,11 @@ FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
     "battery": _battery,
     "fence": _fence,
     "ekf": _ekf,
+    "limits": _limits,
+    "wide_fence": _wide_fence,
+    "home": _home,
+    "origin": _origin,
+    "station": _station,
     "freeze": _freeze,
     "busy": _busy,
 }

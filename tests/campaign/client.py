@@ -78,6 +78,10 @@ def _geo(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
     uav.go_to_waypoint_geo(values[0], values[1], values[2], AltitudeReference.AMSL, timeout_s=_LIMIT_S)
 
 
+def _above_home(uav: ual.Uav, values: Sequence[float], _: _Count) -> None:
+    uav.go_to_waypoint_geo(values[0], values[1], values[2], AltitudeReference.HOME, timeout_s=_LIMIT_S)
+
+
 _STEPS: dict[str, Callable[[ual.Uav, Sequence[float], _Count], Any]] = {
     "arm": lambda uav, *_: uav.arm(timeout_s=_LIMIT_S),
     "set_home": lambda uav, *_: uav.set_home(set_z=True),
@@ -88,6 +92,7 @@ _STEPS: dict[str, Callable[[ual.Uav, Sequence[float], _Count], Any]] = {
     "abort": lambda uav, values, _: uav.abort(freeze=bool(values[0])),
     "go_to": lambda uav, values, _: uav.go_to_waypoint(Pose.at(*values[:3]), timeout_s=_LIMIT_S),
     "go_to_geo": _geo,
+    "go_above_home": _above_home,
     "path": _path,
     "velocity": _velocity,
     "pose": _pose,

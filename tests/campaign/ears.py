@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
-from tests.campaign.record import Located, Record, Sent, Told
+from tests.campaign.record import Located, Record, Sent, Told, Value
+from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
@@ -23,10 +24,24 @@ _AUTOPILOT = frozenset(
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
         _CURRENT_MODE,
         _EVENT,
     }
 )
+_BOUNDING = frozenset(
+    {
+        "GF_MAX_HOR_DIST",
+        "FENCE_ENABLE",
+        "FENCE_TYPE",
+        "FENCE_RADIUS",
+        "MPC_XY_VEL_MAX",
+        "MPC_XY_CRUISE",
+        "WPNAV_SPEED",
+    }
+)
+"""Parameters that bound where and how fast it may be flown. All are sent as numbers in floating point."""
 _PLACED = mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_ABS
 _HARMLESS = frozenset(
     {
@@ -127,6 +142,11 @@ class Ears:
         elif isinstance(message, mavlink.MAVLink_extended_sys_state_message):
             if self._is_newest(_LANDED):
                 self.record.told.append(Told(now_s, landed=message.landed_state))
+        elif isinstance(message, mavlink.MAVLink_home_position_message):
+            note_home(self.record.told_homes, self._origin, message, now_s)
+        elif isinstance(message, mavlink.MAVLink_param_value_message):
+            if message.param_id in _BOUNDING:
+                self.record.values.append(Value(now_s, message.param_id, message.param_value))
         elif hasattr(message, "flags"):
             if self._is_newest(_PLACE_FLAGS):
                 self.record.told.append(Told(now_s, is_placed=message.flags & _PLACED == _PLACED))

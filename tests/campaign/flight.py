@@ -13,6 +13,8 @@ from ual_daemon.backends.mavlink.wire.messages import mavlink
 _CALM_S = 12.0
 _ATTEMPTS = 3
 _DOWN_S = 45.0
+_LEAVING = ("rc_loss", "battery", "fence", "ekf", "limits", "wide_fence")
+"""Faults that change parameters."""
 _SHOWN_S = 0.2
 """Until the daemon's new state has surely come."""
 
@@ -32,7 +34,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
     with Befalling(rig, plan.faults) as faults:
         (_foreign if plan.mission == FOREIGN else _ours)(rig, plan, faults)
     rig.bring_down()
-    if any(fault.kind in ("rc_loss", "battery", "fence", "ekf") for fault in plan.faults):
+    if any(fault.kind in _LEAVING for fault in plan.faults):
         rig.set_parameters()
     return record
 
@@ -75,7 +77,7 @@ def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
 
 def _values(rig: Rig, step: Step) -> tuple[tuple[float, ...], Place | None]:
     """The numbers of a step as the client needs them, and its goal. Plans have places from the simulator's start."""
-    if step.name == "go_to_geo":
+    if step.name in ("go_to_geo", "go_above_home"):
         east, north, up = step.values
         return (), (east, north, up)
     if step.name not in ("go_to", "path", "pose"):

@@ -7,99 +7,62 @@ which state is true, is decided anew here from what the autopilot has told the d
 from __future__ import annotations
 
 import bisect
-import dataclasses
-import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
-from tests.campaign.modes import BY_AUTOPILOT, Modes
+from tests.campaign.bounds import FENCE_M, inside_the_newest_fence, newest, within_the_newest_limits
+from tests.campaign.evidence import (
+    DISTURBED_S,
+    DISTURBING,
+    ENTERS,
+    FLIES,
+    NOTICED_S,
+    OWN_S,
+    STATE_S,
+    TASKS,
+    Breach,
+    Case,
+    Known,
+    allowed_from_s,
+    begins,
+    between,
+    estimate_error_m,
+    flown,
+    known_since_s,
+    place_text,
+)
+from tests.campaign.modes import Modes
+from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
 from tests.campaign.places import distance_m
-from tests.campaign.record import DAEMON_STARTED, Called, Located, Place, Record, Said, Sent, Told
+from tests.campaign.record import DAEMON_STARTED, Called, Place, Record, Said
+from tests.campaign.words import words_are_true
 
-NOTICED_S = 0.1
-"""So long after it was told the daemon may still send what was under way."""
-STATE_S = 0.5
-"""By then the state that is told must be true."""
 AHEAD_S = 0.1
 """The daemon may know a little earlier, from a message that is not noted here."""
 SILENT_S = 2.0
 """After so long without any word of the autopilot its state is not known."""
-OWN_S = 8.0
-"""A mode that follows an order of the daemon within this time is its own."""
-WAKE_S = 0.3
-"""So long a daemon that was stopped, or starved, takes until it has read what has come meanwhile."""
 REACHED_M = 1.0
 """The tolerance of UAL (0.5 m), and what it may overshoot or wander meanwhile."""
 LANDED_M = 0.5
-FENCE_M = 1.0
-"""The fence bounds references: the vehicle may deviate by so much, and by the error of its estimate."""
-UNKNOWN_M = 0.5
-"""The error of an estimate that is not known at a time."""
-ENTERS = frozenset({"recover", "land", "rtl", "take_off", "arm"})
-"""Commands that may lead out of a mode in which setpoints are not followed."""
-FLIES = ENTERS | {"go_to", "go_to_geo", "path", "velocity", "pose", "abort", "disarm"}
-REFUSED = frozenset(
-    {
-        "WRONG_STATE",
-        "GEOFENCE",
-        "INVALID_ARGUMENT",
-        "UNKNOWN_FRAME",
-        "PERMISSION_DENIED",
-        "UNAUTHENTICATED",
-        "FRAME_LOST",
-        "NOT_SUPPORTED",
-        "RESOURCE_EXHAUSTED",
-        "LINK_LOST",
-        "UNAVAILABLE",
-    }
-)
-"""So ended, a call has begun nothing. (LINK_LOST and UNAVAILABLE may come in the middle: see `_begins`.)"""
+_HOME_S = 1.0
 _UNPLACED_S = 2.5
 """The autopilot tells once a second whether it is sure of its position."""
+_GOING_ON = ("CLIENT_KILLED", "TIMEOUT")
+"""So ended, a take-off or landing goes on: its client has only stopped waiting for it."""
 _PAUSE_S = 0.8
-_FLOWN_S = 0.5
-"""So long after its last setpoint a vehicle is flown by it."""
 ENDED_S = 1.0
 """By then a task has ended whose vehicle was taken."""
-_TASKS = frozenset({"take_off", "land", "rtl", "go_to", "go_to_geo", "path"})
 _TAKERS = {
     "pilot": ("safety pilot",),
     "rc_loss": ("rc failsafe",),
     "battery": ("battery failsafe",),
     "fence": ("fence",),
+    "wide_fence": ("fence",),
+    "station": ("ground station",),
     "ekf": ("position failsafe", "autopilot"),  # without a position UAL ends a task by itself, too
 }
 _BLINDING = ("ekf",)
-_STARVING = ("freeze", "busy")
-_DISTURBING = ("loss", "delay", "corruption", "silence", "freeze", "busy", "reboot", "kill_daemon")
-_DISTURBED_S = 6.0
 ON_GROUND, IN_AIR, TAKEOFF, LANDING = 1, 2, 3, 4
-
-
-class Case:
-    """A record, and what follows from it for several rules."""
-
-    def __init__(self, record: Record) -> None:
-        self.record = record
-        self.modes = BY_AUTOPILOT[record.autopilot]
-        self.changes = known(record.told)
-        """What the autopilot has told."""
-        self.taken_s = _take_overs(record, self.changes, self.modes)
-        """When something else took the vehicle."""
-        self.disarmed_s = [
-            after.time_s for before, after in pairwise(self.changes) if before.armed and after.armed is False
-        ]
-        self.setpoints_s = [sent.time_s for sent in record.sent if sent.what == "setpoint"]
-
-
-@dataclass(frozen=True)
-class Breach:
-    """A rule that was broken, when, and how."""
-
-    rule: str
-    time_s: float
-    text: str
 
 
 def judge(record: Record) -> list[Breach]:
@@ -124,111 +87,6 @@ def _first_ones(breaches: Iterator[Breach]) -> list[Breach]:
     ]
 
 
-# --- What the autopilot has told --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Known:
-    """What the daemon could know of the autopilot from a time on."""
-
-    time_s: float
-    armed: bool | None
-    mode: int | None
-    landed: int | None
-    is_placed: bool | None = None
-
-
-def known(told: Sequence[Told]) -> list[Known]:
-    """Returns what is known from when on: each message says a part of it."""
-    found: list[Known] = []
-    armed: bool | None = None
-    mode = landed = None
-    is_placed: bool | None = None
-    for each in told:
-        armed = each.armed if each.armed is not None else armed
-        mode = each.mode if each.mode is not None else mode
-        landed = each.landed if each.landed is not None else landed
-        is_placed = each.is_placed if each.is_placed is not None else is_placed
-        now = Known(each.time_s, armed, mode, landed, is_placed)
-        if not found or dataclasses.replace(now, time_s=found[-1].time_s) != found[-1]:
-            found.append(now)
-    return found
-
-
-def _between(changes: Sequence[Known], since_s: float, until_s: float) -> Iterator[Known]:
-    """All that held at some time in between."""
-    begin = max(0, bisect.bisect_right(changes, since_s, key=lambda each: each.time_s) - 1)
-    for each in changes[begin:]:
-        if each.time_s > until_s:
-            return
-        yield each
-
-
-def _since_s(record: Record, time_s: float, allowed_s: float) -> float:
-    """When the daemon must have read what it shows at a time: earlier where it was stopped or starved meanwhile.
-
-    A starvation that lasts is noted in pieces, which follow each other.
-    """
-    since_s = time_s - allowed_s
-    for trouble in sorted(record.troubles, key=lambda each: each.began_s, reverse=True):
-        if trouble.kind in _STARVING and trouble.began_s < time_s and trouble.ended_s + WAKE_S > since_s:
-            since_s = min(since_s, trouble.began_s - allowed_s)
-    return since_s
-
-
-# --- What was asked ---------------------------------------------------------------------------------------------------
-
-
-def _begins(call: Called) -> bool:
-    """Whether the call may have begun something. One that took a while before the link was lost may have."""
-    if call.accepted_count:
-        return True
-    if call.outcome in ("LINK_LOST", "UNAVAILABLE"):
-        return call.ended_s - call.began_s > 0.05
-    return call.outcome not in REFUSED
-
-
-def _own_modes(record: Record, modes: Modes, time_s: float) -> set[int]:
-    """The modes into which the daemon's own orders of the last seconds, and its calls under way, may lead."""
-    found: set[int] = set()
-    for sent in record.sent:
-        if time_s - OWN_S < sent.time_s <= time_s:
-            if sent.mode is not None:
-                found.add(sent.mode)
-            if sent.what == "take_off":
-                found |= modes.takes_off | {modes.hold}
-            if sent.what == "land":
-                found |= modes.lands
-    if any(call.name == "take_off" and call.began_s <= time_s <= call.ended_s + 1.0 for call in record.called):
-        found |= modes.takes_off | {modes.hold}
-    return found
-
-
-def _take_overs(record: Record, changes: Sequence[Known], modes: Modes) -> list[float]:
-    """When the daemon was told that something else has taken the armed vehicle out of a mode of ours.
-
-    From one mode of others to another nothing is taken: a failsafe first holds, then returns.
-    """
-    found = []
-    for before, after in pairwise(changes):
-        if not after.armed or after.mode is None or before.mode in (None, after.mode):
-            continue
-        own = _own_modes(record, modes, after.time_s) | {modes.references}
-        if before.mode in own and after.mode not in own:
-            found.append(after.time_s)
-    return found
-
-
-def _allowed_from_s(case: Case, sent: Sent) -> float:
-    """The last time at which whatever allowed the daemon to fly ended: its start, a take-over, the disarming."""
-    record = case.record
-    ends = [life.time_s for life in record.lives if life.what == DAEMON_STARTED]
-    noticed_s, shown_s = _since_s(record, sent.time_s, NOTICED_S), _since_s(record, sent.time_s, STATE_S)
-    ends += [time_s for time_s in case.taken_s if time_s < noticed_s]
-    ends += [time_s for time_s in case.disarmed_s if time_s < shown_s]
-    return max((time_s for time_s in ends if time_s <= sent.time_s), default=-math.inf)
-
-
 # --- The rules --------------------------------------------------------------------------------------------------------
 
 
@@ -238,17 +96,17 @@ def nothing_after_a_take_over(case: Case) -> Iterator[Breach]:
     for sent in record.sent:
         if sent.what != "setpoint":
             continue
-        since_s = _since_s(record, sent.time_s, NOTICED_S)
-        recent = list(_between(case.changes, since_s, sent.time_s))
+        since_s = known_since_s(record, sent.time_s, NOTICED_S)
+        recent = list(between(case.changes, since_s, sent.time_s))
         if not recent or any(each.mode in (modes.references, None) or not each.armed for each in recent):
             continue
         entering = any(
-            call.name in ENTERS and _begins(call) and call.began_s <= sent.time_s <= call.ended_s + OWN_S
+            call.name in ENTERS and begins(call) and call.began_s <= sent.time_s <= call.ended_s + OWN_S
             for call in record.called
         )
         taken = [time_s for time_s in case.taken_s if time_s <= since_s]
         if taken and not any(
-            call.name in ENTERS and _begins(call) and taken[-1] <= call.began_s <= sent.time_s for call in record.called
+            call.name in ENTERS and begins(call) and taken[-1] <= call.began_s <= sent.time_s for call in record.called
         ):
             entering = False
         if not entering:
@@ -259,9 +117,9 @@ def nothing_unasked(case: Case) -> Iterator[Breach]:
     """Nothing that flies without a command of ours since the daemon's start, the last take-over, the last disarming."""
     record = case.record
     for sent in record.sent:
-        since_s = _allowed_from_s(case, sent)
+        since_s = allowed_from_s(case, sent)
         asked = any(
-            call.name in FLIES and _begins(call) and since_s <= call.began_s <= sent.time_s for call in record.called
+            call.name in FLIES and begins(call) and since_s <= call.began_s <= sent.time_s for call in record.called
         )
         if not asked:
             mode = "" if sent.mode is None else f" {sent.mode:#x}"
@@ -273,11 +131,11 @@ def the_state_is_true(case: Case) -> Iterator[Breach]:
     record, changes, modes = case.record, case.changes, case.modes
     times = [each.time_s for each in record.told]
     for said in record.said:
-        since_s = _since_s(record, said.time_s, STATE_S)
-        true = {state for each in _between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
+        since_s = known_since_s(record, said.time_s, STATE_S)
+        true = {state for each in between(changes, since_s, said.time_s + AHEAD_S) for state in _states(each, modes)}
         true |= _doing(record, since_s, said.time_s)
         if said.state == "UNINITIALIZED":
-            lost = any(each.is_placed is False for each in _between(changes, said.time_s - _UNPLACED_S, said.time_s))
+            lost = any(each.is_placed is False for each in between(changes, said.time_s - _UNPLACED_S, said.time_s))
             if not (lost or _is_disturbed(record, said.time_s) or _was_silent(times, said.time_s)):
                 yield _untrue(said, true, "although nothing disturbs it")
         elif _silence_s(times, said.time_s) > SILENT_S and not _was_starved(record, said.time_s):
@@ -321,14 +179,14 @@ def _doing(record: Record, since_s: float, until_s: float) -> set[str]:
     names = {
         call.name
         for call in record.called
-        if _begins(call) and call.began_s <= until_s and (call.ended_s >= since_s or call.outcome == "CLIENT_KILLED")
+        if begins(call) and call.began_s <= until_s and (call.ended_s >= since_s or call.outcome in _GOING_ON)
     }
     return ({"TAKING_OFF"} if "take_off" in names else set()) | ({"LANDING"} if names & {"land", "rtl"} else set())
 
 
 def _is_disturbed(record: Record, time_s: float) -> bool:
     return _has_just_begun(record, time_s) or any(
-        trouble.kind in _DISTURBING + _BLINDING and trouble.began_s <= time_s <= trouble.ended_s + _DISTURBED_S
+        trouble.kind in DISTURBING + _BLINDING and trouble.began_s <= time_s <= trouble.ended_s + DISTURBED_S
         for trouble in record.troubles
     )
 
@@ -339,12 +197,12 @@ def _has_just_begun(record: Record, time_s: float) -> bool:
 
 
 def _was_starved(record: Record, time_s: float) -> bool:
-    return _since_s(record, time_s, STATE_S) < time_s - STATE_S
+    return known_since_s(record, time_s, STATE_S) < time_s - STATE_S
 
 
 def _was_silent(times: Sequence[float], time_s: float) -> bool:
     """Whether the autopilot itself paused within the last seconds."""
-    begin, end = bisect.bisect_left(times, time_s - _DISTURBED_S), bisect.bisect_right(times, time_s)
+    begin, end = bisect.bisect_left(times, time_s - DISTURBED_S), bisect.bisect_right(times, time_s)
     recent = [*times[max(0, begin - 1) : end], time_s]
     return any(after - before > _PAUSE_S for before, after in pairwise(recent))
 
@@ -358,11 +216,11 @@ def who_took_it_is_told(case: Case) -> Iterator[Breach]:
     """A task ends within a second of the take-over, and names who took the vehicle where only one can have done it."""
     record = case.record
     for taken_s in case.taken_s:
-        if _since_s(record, taken_s + ENDED_S, 0.0) < taken_s + ENDED_S:
+        if known_since_s(record, taken_s + ENDED_S, 0.0) < taken_s + ENDED_S:
             continue  # starved
         names = _takers(record, taken_s)
         for call in record.called:
-            if call.name not in _TASKS or not call.began_s < taken_s - NOTICED_S < taken_s < call.ended_s:
+            if call.name not in TASKS or not call.began_s < taken_s - NOTICED_S < taken_s < call.ended_s:
                 continue
             if call.ended_s > taken_s + ENDED_S:
                 yield Breach("task", taken_s, f"{call.name} went on for {call.ended_s - taken_s:.2f} s")
@@ -372,15 +230,15 @@ def who_took_it_is_told(case: Case) -> Iterator[Breach]:
 
 def _takers(record: Record, time_s: float) -> set[str]:
     """Who or what can have taken the vehicle, in the words of UAL; empty where the link may have lost the reason."""
-    active = {each.kind for each in record.troubles if each.began_s <= time_s <= each.ended_s + _DISTURBED_S}
-    return set() if active & set(_DISTURBING) else {name for kind in active & set(_TAKERS) for name in _TAKERS[kind]}
+    active = {each.kind for each in record.troubles if each.began_s <= time_s <= each.ended_s + DISTURBED_S}
+    return set() if active & set(DISTURBING) else {name for kind in active & set(_TAKERS) for name in _TAKERS[kind]}
 
 
 def goals_are_reached(case: Case) -> Iterator[Breach]:
     """Where a goal was reported as reached the vehicle was there, by the simulator's truth."""
     for call, missed_m, allowed_m in misses_m(case.record):
         if missed_m > allowed_m:
-            text = f"{call.name} to {_text(call.goal)} was reported as done {missed_m:.2f} m from it"
+            text = f"{call.name} to {place_text(call.goal)} was reported as done {missed_m:.2f} m from it"
             yield Breach("goal", call.ended_s, f"{text} (allowed {allowed_m:.2f})")
 
 
@@ -399,12 +257,22 @@ def misses_m(record: Record) -> Iterator[tuple[Called, float, float]]:
 
 def _goal_on_earth(record: Record, call: Called) -> Place | None:
     """The goal, from the simulator's start; None where there is none, or where home is not known."""
+    if call.goal is not None and call.is_above_home:
+        return _above_home(record, call, call.goal)
     if call.goal is None or call.is_on_earth:
         return call.goal
     if record.anchor is None:
         return None
     (east, north, up), (home_east, home_north, home_up) = call.goal, record.anchor
     return (east + home_east, north + home_north, up + home_up)
+
+
+def _above_home(record: Record, call: Called, goal: Place) -> Place | None:
+    """The goal by the autopilot's home at the call; None where that was not known, or moved just then."""
+    heights_m = [each.place[2] for each in newest(record.homes, call.began_s - _HOME_S, call.began_s + _HOME_S)]
+    if not heights_m or max(heights_m) - min(heights_m) > LANDED_M:
+        return None
+    return (goal[0], goal[1], heights_m[-1] + goal[2])
 
 
 def the_ground_is_reached(case: Case) -> Iterator[Breach]:
@@ -421,36 +289,17 @@ def the_ground_is_reached(case: Case) -> Iterator[Breach]:
 
 def inside_the_fence(case: Case) -> Iterator[Breach]:
     """While the daemon's setpoints fly it, the vehicle stays inside the fence."""
-    record, times = case.record, case.setpoints_s
+    record = case.record
     if record.fence_m is None:
         return
     side_m, height_m = record.fence_m
-    for each in record.truth:
-        index = bisect.bisect_right(times, each.time_s)
-        if not index or each.time_s - times[index - 1] > _FLOWN_S:
-            continue
+    for each, _ in flown(case):
         east, north, up = each.place
         beyond_m = max(abs(east) - side_m, abs(north) - side_m, up - height_m)
         allowed_m = FENCE_M + estimate_error_m(record, each.time_s)
         if beyond_m > allowed_m:
-            text = f"{beyond_m:.2f} m outside at {_text(each.place)} (allowed {allowed_m:.2f})"
+            text = f"{beyond_m:.2f} m outside at {place_text(each.place)} (allowed {allowed_m:.2f})"
             yield Breach("fence", each.time_s, text)
-
-
-def estimate_error_m(record: Record, time_s: float) -> float:
-    """How wrong the autopilot's own estimate was: UAL can be no better."""
-    estimate, truth = _nearest(record.estimate, time_s), _nearest(record.truth, time_s)
-    return UNKNOWN_M if estimate is None or truth is None else distance_m(estimate, truth)
-
-
-def _nearest(found: Sequence[Located], time_s: float) -> Place | None:
-    index = bisect.bisect_left(found, time_s, key=lambda each: each.time_s)
-    near = [each for each in found[max(0, index - 1) : index + 1] if abs(each.time_s - time_s) < 0.5]
-    return min(near, key=lambda each: abs(each.time_s - time_s)).place if near else None
-
-
-def _text(place: Place | None) -> str:
-    return "nowhere" if place is None else "(" + ", ".join(f"{value:.1f}" for value in place) + ")"
 
 
 RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
@@ -461,4 +310,9 @@ RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     goals_are_reached,
     the_ground_is_reached,
     inside_the_fence,
+    inside_the_newest_fence,
+    within_the_newest_limits,
+    a_task_makes_way,
+    a_velocity_leads_straight,
+    words_are_true,
 )

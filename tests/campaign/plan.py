@@ -9,8 +9,24 @@ from dataclasses import dataclass
 OURS, FOREIGN = "ours", "foreign"
 AREA_M, FENCE_SIDE_M, FENCE_HEIGHT_M = 5.0, 12.0, 15.0
 HEIGHT_M = 3.0
+_FAR_M, _ASIDE_M = 9.0, 4.0
 _LOWEST_M, _HIGHEST_M = 2.5, 5.0
-_MOTIONS = ("go_to", "go_to", "go_to_geo", "path", "velocity", "pose", "outside", "push", "abort")
+_MOTIONS = (
+    "go_to",
+    "go_to",
+    "go_to_geo",
+    "go_above_home",
+    "path",
+    "across",
+    "across",
+    "velocity",
+    "line",
+    "line",
+    "pose",
+    "outside",
+    "push",
+    "abort",
+)
 _KINDS = {
     "loss": 4,
     "delay": 4,
@@ -25,12 +41,18 @@ _KINDS = {
     "battery": 2,
     "fence": 2,
     "ekf": 2,
+    "limits": 5,
+    "wide_fence": 5,
+    "home": 5,
+    "origin": 4,
+    "station": 3,
     "freeze": 5,
     "busy": 3,
 }
 """How often each is chosen, relative to the others."""
 _GROUND_ONLY = frozenset({"reboot"})
 _IN_FLIGHT = frozenset({"pilot", "fence", "ekf"})
+_IN_MOTION = frozenset({"limits", "wide_fence", "home", "origin", "station"})
 _FOREIGN = 0.08
 _NO_FAULT = 0.1
 _ARMED_BY_CLIENT = 0.3
@@ -73,17 +95,32 @@ def plan(seed: int, *, has_faults: bool = True) -> Plan:
     mission = FOREIGN if dice.random() < _FOREIGN else OURS
     armed_by = "client" if dice.random() < _ARMED_BY_CLIENT else "pilot"
     steps = [Step("arm"), Step("take_off", (HEIGHT_M,))]
-    steps += [_motion(dice) for _ in range(dice.choice((1, 2, 2)))]
+    steps += [step for _ in range(dice.choice((1, 2, 2))) for step in _motions(dice)]
     steps.append(Step("rtl", (4.0,)) if dice.random() < _BY_RTL else Step("land"))
     count = 0 if dice.random() < _NO_FAULT else dice.choice((1, 1, 2))
     faults = tuple(_fault(dice, len(steps)) for _ in range(count))
     return Plan(seed, mission, armed_by, tuple(steps), faults if has_faults else ())
 
 
-def _motion(dice: random.Random) -> Step:
+def _motions(dice: random.Random) -> tuple[Step, ...]:
     name = dice.choice(_MOTIONS)
+    return _line(dice) if name == "line" else (_motion(dice, name),)
+
+
+def _line(dice: random.Random) -> tuple[Step, ...]:
+    """A velocity out of a hold, from one side of home to the other."""
+    direction_rad, speed_m_s = dice.uniform(-math.pi, math.pi), dice.uniform(0.5, 1.5)
+    east, north = math.cos(direction_rad), math.sin(direction_rad)
+    velocity = (speed_m_s * east, speed_m_s * north, 0.0, dice.uniform(4.0, 8.0))
+    return Step("go_to", (-_ASIDE_M * east, -_ASIDE_M * north, HEIGHT_M)), Step("velocity", velocity)
+
+
+def _motion(dice: random.Random, name: str) -> Step:
     if name == "path":
         return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
+    if name == "across":
+        side, north_m = dice.choice((-1, 1)), dice.uniform(-_FAR_M / 2.0, _FAR_M / 2.0)
+        return Step("path", (side * _FAR_M, north_m, HEIGHT_M, -side * _FAR_M, -north_m, HEIGHT_M))
     if name == "velocity":
         direction_rad = dice.uniform(-math.pi, math.pi)
         speed_m_s = dice.uniform(0.3, 1.5)
@@ -109,6 +146,8 @@ def _place(dice: random.Random) -> tuple[float, float, float]:
 
 def _fault(dice: random.Random, steps_count: int) -> Fault:
     kind = dice.choices(list(_KINDS), list(_KINDS.values()))[0]
-    step = 0 if kind in _GROUND_ONLY else dice.randrange(1 if kind in _IN_FLIGHT else 0, steps_count)
+    first = 2 if kind in _IN_MOTION else 1 if kind in _IN_FLIGHT else 0
+    last = 0 if kind in _GROUND_ONLY else steps_count - 2 if kind in _IN_MOTION else steps_count - 1
+    step = dice.randint(first, last)
     durations = {"silence": (0.3, 4.0), "freeze": (0.1, 3.0), "kill_daemon": (0.0, 3.0), "busy": (1.0, 2.0)}
     return Fault(kind, step, dice.uniform(0.0, 2.5), dice.uniform(*durations.get(kind, (1.5, 4.0))), dice.random())

@@ -59,6 +59,12 @@ class Called:
     is_on_earth: bool = False
     accepted_count: int = 0
     """Of a stream: the setpoints before its end that were accepted."""
+    velocity: Place | None = None
+    """Of a velocity: m/s east, north and up."""
+    is_above_home: bool = False
+    """Whether `goal` has its height above the autopilot's home."""
+    text: str = ""
+    """What the error says."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,17 @@ class Located:
 
     time_s: float
     place: Place
+    velocity: Place | None = None
+    """By the truth: m/s east, north and up."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter of the autopilot, as it reached the daemon."""
+
+    time_s: float
+    name: str
+    value: float
 
 
 @dataclass(frozen=True)
@@ -105,6 +122,11 @@ class Record:
     estimate: list[Located] = field(default_factory=list)
     troubles: list[Trouble] = field(default_factory=list)
     lives: list[Life] = field(default_factory=list)
+    values: list[Value] = field(default_factory=list)
+    told_homes: list[Located] = field(default_factory=list)
+    """Where the autopilot's home is, as it reached the daemon."""
+    homes: list[Located] = field(default_factory=list)
+    """Where it is, as the autopilot told it on another link, several times a second."""
 
     def to_json(self) -> str:
         """Returns it as text, to be judged again later."""
@@ -115,7 +137,7 @@ class Record:
         """Returns what `to_json` has written."""
         values: dict[str, Any] = json.loads(text)
         for name, kind in _KINDS.items():
-            values[name] = [kind(**_tuples(each)) for each in values[name]]
+            values[name] = [kind(**_tuples(each)) for each in values.get(name, ())]
         for name in ("fence_m", "anchor"):
             values[name] = None if values[name] is None else tuple(values[name])
         return cls(**values)
@@ -130,6 +152,9 @@ _KINDS: dict[str, type] = {
     "estimate": Located,
     "troubles": Trouble,
     "lives": Life,
+    "values": Value,
+    "told_homes": Located,
+    "homes": Located,
 }
 assert set(_KINDS) <= {each.name for each in fields(Record)}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import ual
 from tests.campaign.ears import Ears
-from tests.campaign.judge import estimate_error_m
+from tests.campaign.evidence import estimate_error_m
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.places import Origin
 from tests.campaign.plan import AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M
@@ -32,17 +32,27 @@ _PARAMETERS = {
     "ardupilot": {
         "RTL_ALT": 400.0,
         "RTL_LOIT_TIME": 500.0,
+        "WPNAV_SPEED": 1000.0,
+        "WPNAV_SPEED_UP": 250.0,
         "BATT_FS_LOW_ACT": 2.0,
         "BATT_LOW_TIMER": 1.0,
         "BATT_LOW_VOLT": 10.5,
         "SIM_BATT_VOLTAGE": 12.6,
         "SIM_RC_FAIL": 0.0,
     },
-    "px4": {"RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 5.0, "SIM_BAT_DRAIN": 60.0, "SIM_BAT_MIN_PCT": 50.0},
+    "px4": {
+        "RTL_RETURN_ALT": 5.0,
+        "RTL_DESCEND_ALT": 5.0,
+        "SIM_BAT_DRAIN": 60.0,
+        "SIM_BAT_MIN_PCT": 50.0,
+        "MPC_XY_VEL_MAX": 12.0,
+        "MPC_XY_CRUISE": 5.0,
+    },
 }
 """So that a failsafe's return is short, and comes when it is caused."""
 NAMES = {"px4": "PX4", "ardupilot": "ArduPilot"}
 """The autopilots, as UAL names them."""
+_ON_EARTH = ("go_to_geo", "go_above_home")
 _STATES_HZ = 20.0
 _BOOT_S = 150.0
 _DOWN_S = 60.0
@@ -82,10 +92,10 @@ class Rig:
         self.daemon = DaemonProcess(options.module, self._flags(), options.folder)
         self._observer: ual.Uav | None = None
         self._client: ClientProcess | None = None
-        self.pilot = self._make_pilot()
         self.anchor: Place | None = None
         self.anchor_error_m = 0.0
-        self.start_daemon()
+        self.start_daemon()  # first: ArduPilot's simulator opens its other ports for the first client of this one
+        self.pilot = self._make_pilot()
         self._starvation = StarvationWatch(self._daemon_pid, self._note_starvation)
 
     def close(self) -> None:
@@ -106,10 +116,13 @@ class Rig:
 
     def begin_record(self) -> Record:
         """Begins a new one. What is true already is in it."""
-        known = self.record.told[-200:]
+        before, known = self.record, self.record.told[-200:]
         self.record = self._new_record()
         self.record.anchor, self.record.anchor_error_m = self.anchor, self.anchor_error_m
         self.record.told.extend(known)
+        self.record.values.extend({each.name: each for each in before.values}.values())
+        self.record.told_homes.extend(before.told_homes[-1:])
+        self.record.homes.extend(before.homes[-1:])
         self.record.lives.append(Life(known[0].time_s if known else time.monotonic(), DAEMON_STARTED))
         self._ears.record = self.truth.record = self.record
         return self.record
@@ -139,9 +152,10 @@ class Rig:
         if self._client is None:
             self._client = ClientProcess(self.daemon.address)
         sent = values
-        if name == "go_to_geo":
+        if name in _ON_EARTH:
             assert goal is not None
-            sent = self.options.origin.geo(goal)
+            latitude_deg, longitude_deg, altitude_m = self.options.origin.geo(goal)
+            sent = (latitude_deg, longitude_deg, altitude_m if name == "go_to_geo" else goal[2])
         answer = self._client.run(name, sent)
         if "ended_s" not in answer:
             self._end_client()
@@ -153,8 +167,11 @@ class Rig:
             answer["outcome"],
             answer["by"],
             goal,
-            name == "go_to_geo",
+            name in _ON_EARTH,
             answer.get("accepted", 0),
+            (values[0], values[1], values[2]) if name == "velocity" else None,
+            name == "go_above_home",
+            answer["text"],
         )
         self.record.called.append(call)
         return call

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
-from tests.campaign.judge import Case, judge
+from tests.campaign.judge import judge
 from tests.campaign.places import Origin
 from tests.campaign.plan import OURS, Fault, Plan, Step
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
@@ -24,6 +25,14 @@ TAKE_OVER = Plan(0, OURS, "pilot", STEPS, (Fault("pilot", 2, 0.3, 1.5, 0.0),))
 TO_AND_FRO = Step("path", (9.0, 0.0, 3.0, -9.0, 0.0, 3.0, 9.0, 0.0, 3.0))
 BREACH = Plan(0, OURS, "pilot", (*STEPS[:2], TO_AND_FRO, STEPS[3]), (Fault("fence", 2, 0.0, 1.5, 0.0),))
 BLIND = Plan(0, OURS, "pilot", STEPS, (Fault("ekf", 2, 0.3, 1.5, 0.0),))
+LINE, FAST = Step("velocity", (-0.8, -0.4, 0.0, 4.5)), Step("velocity", (5.0, 0.0, 0.0, 4.5))
+BOUNDED = Plan(
+    0,
+    OURS,
+    "client",
+    (*STEPS[:2], LINE, FAST, STEPS[3]),
+    (Fault("wide_fence", 2, 0.0, 6.0, 0.0), Fault("limits", 3, 0.2, 2.5, 0.0)),
+)
 RESTART = Plan(0, OURS, "client", STEPS, (Fault("kill_daemon", 2, 0.3, 0.2, 0.0),))
 
 
@@ -73,6 +82,15 @@ def test_a_flight_that_the_autopilots_fence_ends_is_clean(tmp_path: Path) -> Non
     assert judge(record) == []
     assert "fence" in {call.by for call in record.called}
     assert Case(record).taken_s
+
+
+def test_a_velocity_leads_straight_and_keeps_to_limits_and_a_fence_that_are_new(tmp_path: Path) -> None:
+    with ardupilot(tmp_path, "ual_daemon") as rig:
+        record = fly(rig, BOUNDED)
+    assert judge(record) == []
+    told = {(value.name, value.value) for value in record.values}
+    assert {("WPNAV_SPEED", 150.0), ("WPNAV_SPEED", 1000.0), ("FENCE_RADIUS", 8.0), ("FENCE_ENABLE", 1.0)} <= told
+    assert max(abs(each.place[0]) for each in record.truth) > 1.0
 
 
 def test_a_flight_that_loses_its_position_is_clean(tmp_path: Path) -> None:

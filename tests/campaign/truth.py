@@ -8,13 +8,14 @@ import threading
 import time
 from urllib.parse import urlsplit
 
-from tests.campaign.places import Origin
+from tests.campaign.places import Origin, distance_m
 from tests.campaign.record import Located, Place, Record
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 STATION_ID = 253
 _TRUTHS = frozenset({mavlink.MAVLINK_MSG_ID_SIM_STATE, mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION})
+_NOTED = _TRUTHS | {mavlink.MAVLINK_MSG_ID_HOME_POSITION}
 _UNWANTED = (
     mavlink.MAVLINK_MSG_ID_ATTITUDE,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
@@ -26,6 +27,8 @@ _UNWANTED = (
 """PX4 sends these unasked on each link, and then the truth too rarely."""
 _RATE_HZ = 20.0
 _ASK_S = 5.0
+_HOMES_HZ = 5.0
+_HOME_MOVED_M = 0.05
 _POSITION_ONLY = 0b110111111000
 
 
@@ -66,6 +69,19 @@ class TruthLink:
             )
         )
 
+    def set_home(self, place: Place) -> None:
+        """Moves the autopilot's home, as a ground station does."""
+        latitude_deg, longitude_deg, altitude_m = self._origin.geo(place)
+        command, frame = mavlink.MAV_CMD_DO_SET_HOME, mavlink.MAV_FRAME_GLOBAL
+        on_wire = (round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_m)
+        self._tell(mavlink.MAVLink_command_int_message(self._system_id, 1, frame, command, 0, 0, *(0.0,) * 4, *on_wire))
+
+    def set_origin(self, place: Place) -> None:
+        """Moves the origin of the autopilot's local frame: the vehicle stays where it is."""
+        latitude_deg, longitude_deg, altitude_m = self._origin.geo(place)
+        on_wire = (round(latitude_deg * 1e7), round(longitude_deg * 1e7), round(altitude_m * 1e3))
+        self._tell(mavlink.MAVLink_set_gps_global_origin_message(self._system_id, *on_wire))
+
     def _run(self) -> None:
         while not self._is_closing:
             try:
@@ -97,7 +113,7 @@ class TruthLink:
             if not data:
                 raise ConnectionResetError
             for frame in reader.feed(data):
-                if frame.message_id in _TRUTHS:
+                if frame.message_id in _NOTED:
                     with contextlib.suppress(CorruptFrameError):
                         self._note(self._codec.decode(frame))
                 if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and not self._system_id:
@@ -105,14 +121,20 @@ class TruthLink:
                     self._ask()
 
     def _note(self, message: Message) -> None:
+        now_s = time.monotonic()
+        if isinstance(message, mavlink.MAVLink_home_position_message):
+            note_home(self.record.homes, self._origin, message, now_s)
+            return
         if isinstance(message, mavlink.MAVLink_sim_state_message):
             geo = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
+            velocity = (message.ve, message.vn, -message.vd)
         else:
             geo = (message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
+            velocity = (message.vy / 100.0, message.vx / 100.0, -message.vz / 100.0)
         if not geo[0]:
             return
         self.place = self._origin.place(*geo)
-        self.record.truth.append(Located(time.monotonic(), self.place))
+        self.record.truth.append(Located(now_s, self.place, velocity))
 
     def _ask(self) -> None:
         if not self._system_id:
@@ -122,6 +144,7 @@ class TruthLink:
                 self._set_interval(message_id, -1.0)
         wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION if self._is_udp else mavlink.MAVLINK_MSG_ID_SIM_STATE
         self._set_interval(wanted, 1e6 / _RATE_HZ)
+        self._set_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1e6 / _HOMES_HZ)
 
     def _set_interval(self, message_id: int, interval_us: float) -> None:
         params = (float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -137,3 +160,10 @@ class TruthLink:
                 self._link.sendto(data, self._peer)
             elif not self._is_udp:
                 self._link.sendall(data)
+
+
+def note_home(homes: list[Located], origin: Origin, message: Message, now_s: float) -> None:
+    """Notes where the autopilot's home is, where it has moved."""
+    place = origin.place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+    if not homes or distance_m(homes[-1].place, place) > _HOME_MOVED_M:
+        homes.append(Located(now_s, place))

@@ -29,6 +29,8 @@ class Authority:
     def __init__(self) -> None:
         self.is_ours = False
         """Whether UAL was commanded in this flight, and nobody has taken the UAV since."""
+        self.was_ours = False
+        """Whether UAL was commanded in this flight, whoever flies it now."""
         self.is_ground_theirs = False
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
         self.given_up = ""
@@ -42,7 +44,8 @@ class Authority:
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
         # What is heard now was there when the command was judged: a silence before it ended before it.
-        self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
+        self.is_ours = self.was_ours = True
+        self.is_ground_theirs, self.given_up, self._heard_s = False, "", None
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
@@ -67,8 +70,9 @@ class Authority:
             self.given_up = ""
         if state is State.LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
             self.is_ours, self.is_ground_theirs = False, True
+            self.was_ours = False  # it may have been armed anew
         elif state is State.LANDED_DISARMED:
-            self.is_ours = self.is_ground_theirs = False
+            self.is_ours = self.was_ours = self.is_ground_theirs = False
         elif state is State.LANDED_ARMED:
             self.is_ours = self.is_ours and is_sending
         elif state in (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING):

@@ -45,6 +45,7 @@ from ual_daemon.trajectory import Motion
 _log = logging.getLogger(__name__)
 
 _NOT_COMMANDED = "; UAL has not been commanded in this flight and sends nothing"
+_TAKEN = "; it was taken from UAL in this flight, which sends nothing until it is commanded anew"
 
 
 class LastCommand(NamedTuple):
@@ -500,7 +501,8 @@ class Flight:
         if self.is_flown_by_us():
             return ""
         loss, given_up = self._backend.info().setpoint_loss, self.authority.given_up
-        why = f"; {given_up}: UAL sends nothing until it is commanded anew" if given_up else _NOT_COMMANDED
+        why = _TAKEN if self.authority.was_ours else _NOT_COMMANDED
+        why = f"; {given_up}: UAL sends nothing until it is commanded anew" if given_up else why
         return f"{why}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else why
 
     @property

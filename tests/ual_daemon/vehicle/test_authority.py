@@ -146,7 +146,11 @@ def test_what_was_taken_and_given_back_waits_for_a_command(uav: Stepped, monkeyp
     uav.run(3.0)
     assert uav.state is State.FLYING_AUTO
     assert sent.setpoints == []
+    reason = uav.vehicle.telemetry().state_reason
+    assert "it was taken from UAL in this flight, which sends nothing until it is commanded anew" in reason
+    assert "has not been commanded" not in reason
     uav.end(uav.prepare.go_to_waypoint(at(2.0, 0.0, 3.0)).begin().future)
+    assert "sends nothing" not in uav.vehicle.telemetry().state_reason
 
 
 def test_a_task_that_ended_with_a_lost_link_leaves_a_uav_that_is_stopped_when_the_link_is_back(uav: Stepped) -> None:

@@ -1,0 +1,135 @@
+"""The judge's rules for how it is flown: a task makes way, and a velocity leads along its line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from tests.campaign.bounds import is_near_own_fence, own_fences
+from tests.campaign.evidence import DISTURBING, Breach, Case, between, is_befallen, nearest
+from tests.campaign.places import distance_m
+from tests.campaign.record import Called, Located, Place, Record
+
+STILL_S = 13.0
+"""A task ends that has made no way for 10 s; it may take a while to begin, and to notice."""
+STILL_M = 0.5
+ASIDE_M = 0.3
+LONG_S = 3.0
+"""A velocity that is flown for so long out of a held position is judged."""
+_HELD_M_S = 0.3
+_SLOWEST_M_S = 0.2
+_NEAR_M = 3.0
+"""Nearer to a fence it is stopped, and held."""
+_UP_M = 0.5
+_MOVING = frozenset({"take_off", "rtl", "go_to", "go_to_geo", "go_above_home", "path"})
+_INTERRUPTING = (*DISTURBING, "second_sender", "ekf")
+_STARVING = "busy"
+_PAUSED_S = 0.5
+"""After longer without a new velocity it stops."""
+_LEADING_ASIDE = (
+    *(kind for kind in _INTERRUPTING if kind != _STARVING),
+    "pilot",
+    "rc_loss",
+    "battery",
+    "fence",
+    "station",
+)
+
+
+def a_task_makes_way(case: Case) -> Iterator[Breach]:
+    """No task goes on whose vehicle has stood for 13 s, by the truth, whatever its cause."""
+    record = case.record
+    ground_m = min((each.place[2] for each in record.truth), default=0.0)
+    for call in record.called:
+        if call.name not in _MOVING:
+            continue
+        places = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s]
+        stood = _stood(record, places)
+        if stood is None:
+            continue
+        if call.name != "rtl" or stood.place[2] - ground_m > _UP_M:
+            text = f"{call.name} went on although it had stood at {stood.place} for {STILL_S:.0f} s"
+            yield Breach("way", stood.time_s + STILL_S, text)
+
+
+def _stood(record: Record, places: Sequence[Located]) -> Located | None:
+    """From where on it did not move for so long, though nothing interrupted it; None if it always did."""
+    begin = places[0] if places else None
+    for each in places:
+        assert begin is not None
+        is_interrupted = is_befallen(record, _INTERRUPTING, each.time_s, each.time_s)
+        if is_interrupted or distance_m(each.place, begin.place) > STILL_M:
+            begin = each
+        elif each.time_s - begin.time_s > STILL_S:
+            return begin
+    return None
+
+
+def a_velocity_leads_straight(case: Case) -> Iterator[Breach]:
+    """A velocity that is flown out of a held position leads along its line; the estimate's own error is allowed."""
+    for call, worst_m, allowed_m in asides_m(case):
+        if worst_m > allowed_m:
+            text = f"a velocity of {call.velocity} led {worst_m:.2f} m beside its line (allowed {allowed_m:.2f})"
+            yield Breach("aside", call.ended_s, text)
+
+
+def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
+    """How far beside its line each velocity led at worst, and how far it may there."""
+    record = case.record
+    for call in record.called:
+        places = list(_on_the_line(case, call))
+        if not places or places[-1].time_s - places[0].time_s < LONG_S:
+            continue
+        begin = places[0]
+        off = [_aside_m(call, begin.place, each.place) for each in places]
+        errors = [_error_m(record, call, begin, each) for each in places]
+        allowed = [ASIDE_M + abs(error) for error in errors]
+        worst = max(range(len(off)), key=lambda number: abs(off[number]) - allowed[number])
+        yield call, abs(off[worst]), allowed[worst]
+
+
+def _on_the_line(case: Case, call: Called) -> Iterator[Located]:
+    """Where it was while the velocity flew it, far from fences; nothing where something else may have led it aside."""
+    record = case.record
+    if call.velocity is None or math.hypot(*call.velocity[:2]) < _SLOWEST_M_S:
+        return
+    if is_befallen(record, _LEADING_ASIDE, call.began_s - LONG_S, call.ended_s) or _starved_s(record, call) > _PAUSED_S:
+        return
+    if any(each.mode != case.modes.references for each in between(case.changes, call.began_s, call.ended_s)):
+        return
+    places = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s]
+    if not places or places[0].velocity is None or math.hypot(*places[0].velocity) > _HELD_M_S:
+        return
+    circles = own_fences(record)
+    for each in places:
+        if _is_near_a_fence(record, each.place) or is_near_own_fence(circles, each, _NEAR_M):
+            return
+        yield each
+
+
+def _starved_s(record: Record, call: Called) -> float:
+    """For how long the computer did not run what flies it, meanwhile."""
+    starvations = [each for each in record.troubles if each.kind == _STARVING]
+    times = [(max(each.began_s, call.began_s), min(each.ended_s, call.ended_s)) for each in starvations]
+    return sum(max(0.0, until_s - since_s) for since_s, until_s in times)
+
+
+def _is_near_a_fence(record: Record, place: Place) -> bool:
+    if record.fence_m is None:
+        return False
+    return max(abs(place[0]), abs(place[1])) > record.fence_m[0] - _NEAR_M
+
+
+def _aside_m(call: Called, begin: Place, place: Place) -> float:
+    """How far to the left of the line from `begin`."""
+    assert call.velocity is not None
+    east, north, _ = call.velocity
+    return (east * (place[1] - begin[1]) - north * (place[0] - begin[0])) / math.hypot(east, north)
+
+
+def _error_m(record: Record, call: Called, begin: Located, each: Located) -> float:
+    """How far the autopilot's own estimate has gone aside since then."""
+    then, now = nearest(record.estimate, begin.time_s), nearest(record.estimate, each.time_s)
+    if then is None or now is None:
+        return math.inf
+    return _aside_m(call, then, now) - _aside_m(call, begin.place, each.place)
