@@ -1,10 +1,8 @@
 """Numbers inside MAVLink messages, by which a message that arrives can be matched with the one that was sent.
 
-A setpoint carries its number in its speed to the north, a position in its distance to the north. Both are exact in the
-32-bit floating point numbers of MAVLink, and small enough to be plausible for any autopilot.
-
-A UAV that really flies gets a speed that is corrected (decision 21), but no corrected yaw rate while it is to turn: the
-number is in the yaw rate there.
+A position carries its number in its distance to the north. A setpoint of UAL carries it in its yaw rate, and one of the
+other ways in its speed to the north: what UAL sends is a velocity that is corrected (decision 21), but no corrected yaw
+rate while the UAV is to turn. All are exact in MAVLink's 32-bit floating point numbers, and plausible to an autopilot.
 """
 
 from __future__ import annotations
@@ -38,6 +36,11 @@ def yaw_rate_rad_s(number: int) -> float:
 def number_of_yaw_rate(yaw_rate_rad_s: float) -> int:
     """Converts a yaw rate, in either direction, to its number; negative for one without a number."""
     return round((abs(yaw_rate_rad_s) - _YAW_RATE_RAD_S) / _YAW_RATE_STEP_RAD_S)
+
+
+def number_of_setpoint(speed_m_s: float, yaw_rate_rad_s: float) -> int:
+    """Converts what a setpoint commands to its number; negative for one without a number."""
+    return number_of_yaw_rate(yaw_rate_rad_s) if yaw_rate_rad_s else number_of_speed(speed_m_s)
 
 
 def distance_m(number: int) -> float:

@@ -4,7 +4,8 @@ It streams to a UDP port of this computer the messages of a PX4 that hovers in O
 accepts all commands. It records, on the monotonic clock that all processes of a computer share, when it sent each
 marked position and when each marked setpoint came. See `marks`.
 
-Tasks (see `children`): ``fly``, ``replay``, ``rest``, ``setpoints``, ``positions``.
+Tasks (see `children`): ``fly``, ``replay``, ``rest``, ``setpoints``, ``positions``. In the first two it has a fence of
+its own, or none.
 """
 
 from __future__ import annotations
@@ -30,12 +31,33 @@ from benchmarks import marks
 _TRACES = Path(__file__).parents[1] / "tests" / "data"
 _HEADER_SIZE = 10
 _SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
-_NORTH_SPEED = struct.Struct("<f")
-_NORTH_SPEED_AT = _HEADER_SIZE + 16
+_FLOAT = struct.Struct("<f")
+_NORTH_SPEED_AT, _YAW_RATE_AT = _HEADER_SIZE + 16, _HEADER_SIZE + 44
 _BUFFER = 4 << 20
 _OFFBOARD = 6 << 16
 _RATES_HZ = {"attitude": 50.0, "position": 30.0, "landed": 5.0, "power": 5.0, "heartbeat": 1.0, "estimator": 1.0}
 """PX4's default rates."""
+PARAMETERS = {
+    "MPC_XY_VEL_MAX": 12.0,
+    "MPC_Z_VEL_MAX_UP": 3.0,
+    "MPC_Z_VEL_MAX_DN": 1.5,
+    "MPC_ACC_HOR": 3.0,
+    "MPC_ACC_UP_MAX": 4.0,
+    "MPC_ACC_DOWN_MAX": 3.0,
+    "MPC_YAWRAUTO_MAX": 60.0,
+    "MPC_XY_CRUISE": 5.0,
+    "MPC_XY_VEL_P_ACC": 1.8,
+    "MPC_XY_VEL_D_ACC": 0.2,
+    "MPC_Z_VEL_P_ACC": 4.0,
+    "MPC_Z_VEL_D_ACC": 0.0,
+    "COM_OF_LOSS_T": 1.0,
+    "GF_ACTION": 2.0,
+    "GF_MAX_HOR_DIST": 0.0,
+    "GF_MAX_VER_DIST": 0.0,
+}
+"""PX4's defaults of what UAL reads: no fence. Others are not answered, as by PX4."""
+OWN_FENCE = {"GF_MAX_HOR_DIST": 100.0, "GF_MAX_VER_DIST": 50.0}
+"""What differs with a fence."""
 
 
 class Vehicle:
@@ -52,6 +74,7 @@ class Vehicle:
         self._began_s = time.monotonic()
         self._due: list[tuple[float, str]] = []
         self._rates_hz = _RATES_HZ
+        self._parameters = PARAMETERS
         self._recorded: list[tuple[float, bytes]] = []
         self._setpoints: list[tuple[int, int]] = []
         self._positions: list[tuple[int, int]] = []
@@ -98,9 +121,10 @@ class Vehicle:
 
     # --- Tasks --------------------------------------------------------------------------------------------------------
 
-    def _fly(self, port: int, rate_factor: float = 1.0) -> dict[str, Any]:
+    def _fly(self, port: int, rate_factor: float = 1.0, *, has_fence: bool = False) -> dict[str, Any]:
         """Streams to a port, `rate_factor` times as fast as PX4."""
         self._rest()
+        self._set_fence(has_fence=has_fence)
         self._rates_hz = {name: rate_hz * rate_factor for name, rate_hz in _RATES_HZ.items()}
         self._peer = ("127.0.0.1", port)
         now_s = time.monotonic()
@@ -108,14 +132,18 @@ class Vehicle:
         heapq.heapify(self._due)
         return {}
 
-    def _replay(self, port: int, trace: str, from_s: float, to_s: float) -> dict[str, Any]:
+    def _replay(self, port: int, trace: str, from_s: float, to_s: float, *, has_fence: bool = False) -> dict[str, Any]:
         """Sends a part of a recorded flight to a port, as the autopilot did."""
         self._rest()
+        self._set_fence(has_fence=has_fence)
         self._peer = ("127.0.0.1", port)
         frames = [(time_s, frame) for time_s, frame in _frames(trace) if from_s <= time_s <= to_s]
         begin_s = time.monotonic() - frames[0][0]
         self._recorded = [(begin_s + time_s, frame) for time_s, frame in reversed(frames)]
         return {"messages_per_s": len(frames) / (frames[-1][0] - frames[0][0])}
+
+    def _set_fence(self, *, has_fence: bool) -> None:
+        self._parameters = {**PARAMETERS, **OWN_FENCE} if has_fence else PARAMETERS
 
     def _rest(self) -> dict[str, Any]:
         """Stops sending."""
@@ -194,8 +222,7 @@ class Vehicle:
                 return
             came_ns = time.monotonic_ns()
             if data[0] == mavlink.PROTOCOL_MARKER_V2 and int.from_bytes(data[7:10], "little") == _SETPOINT_ID:
-                (speed_m_s,) = _NORTH_SPEED.unpack_from(data, _NORTH_SPEED_AT)
-                self._setpoints.append((marks.number_of_speed(speed_m_s), came_ns))
+                self._setpoints.append((number_of(data), came_ns))
             else:
                 for message in self._mavlink.parse_buffer(data) or ():
                     self._obey(message)
@@ -213,9 +240,14 @@ class Vehicle:
             if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._send_requested(int(message.param1))
         elif kind == "PARAM_REQUEST_READ":
-            self._send(mavlink.MAVLink_param_value_message(message.param_id.encode("ascii"), 5.0, 9, 1, 0))
+            self._send_parameter(message.param_id)
         elif kind == "TIMESYNC" and message.tc1 == 0:
             self._send(mavlink.MAVLink_timesync_message(time.monotonic_ns(), message.ts1))
+
+    def _send_parameter(self, name: str) -> None:
+        value = self._parameters.get(name)
+        if value is not None:
+            self._send(mavlink.MAVLink_param_value_message(name.encode("ascii"), value, 9, 1, 0))
 
     def _send_requested(self, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
@@ -236,6 +268,12 @@ class Vehicle:
             self._send(
                 mavlink.MAVLink_home_position_message(473977420, 85455940, 488000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
             )
+
+
+def number_of(setpoint: bytes) -> int:
+    """Returns the number of a SET_POSITION_TARGET_LOCAL_NED, whose type mask is not 0: else the yaw rate is cut off."""
+    (speed_m_s,), (yaw_rate_rad_s,) = (_FLOAT.unpack_from(setpoint, at) for at in (_NORTH_SPEED_AT, _YAW_RATE_AT))
+    return marks.number_of_setpoint(speed_m_s, yaw_rate_rad_s)
 
 
 def _frames(trace: str) -> list[tuple[float, bytes]]:

@@ -16,19 +16,24 @@ from benchmarks.servers import BareServer, MavsdkServer, UalDaemon
 class Way:
     """One way: its name in tables, the module of `benchmarks.peers`, and the server's address, if there is a server.
 
-    `flags` are further ones of ``ual-daemon``.
+    `flags` are further ones of ``ual-daemon``. With `has_fence` the vehicle has a fence of its own, and so has UAL.
     """
 
     name: str
     peer: str
     address: str = ""
     flags: tuple[str, ...] = ()
+    has_fence: bool = False
 
     @property
     def is_missing(self) -> bool:
         """Whether a package that it needs is not installed."""
         return is_missing(self.peer)
 
+
+FENCE = ((-8.0, -8.0), (13.0, -8.0), (13.0, 72.0), (-8.0, 72.0))
+"""The configured fence, x and y in metres in ``uav_1/odom``: its nearest edge is 8 m beside the vehicle."""
+_FENCE_FLAGS = ("--set", f"geofence.polygon={[list(corner) for corner in FENCE]}")
 
 RAW = Way("pymavlink", "raw")
 NATIVE = Way("mavsdk", "native")
@@ -40,18 +45,25 @@ STREAM_AIO = Way("UAL stream, grpc.aio", "ual_stream", "tcp", ("--transport", "a
 UNARY = Way("UAL unary", "ual_unary", "tcp")
 UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
 UNARY_AIO = Way("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"))
+CLASS_FENCE = Way("UAL class, fence", "ual_class_fence", has_fence=True)
+STREAM_FENCE = Way("UAL stream, fence", "ual_stream", "tcp", _FENCE_FLAGS, has_fence=True)
+UNARY_FENCE = Way("UAL unary, fence", "ual_unary", "tcp", _FENCE_FLAGS, has_fence=True)
 BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
 BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
-FLOORS = {STREAM: BARE_STREAM, UNARY: BARE_UNARY, CLASS: RAW}
+FLOORS = {
+    **dict.fromkeys((STREAM, STREAM_FENCE), BARE_STREAM),
+    **dict.fromkeys((UNARY, UNARY_FENCE), BARE_UNARY),
+    **dict.fromkeys((CLASS, CLASS_FENCE), RAW),
+}
 """For each way, the one that does the same without UAL: the cost of Python and gRPC alone."""
 
 SETPOINT_WAYS = (
-    *(RAW, NATIVE, CLASS, MAVSDK_GRPC),
-    *(BARE_STREAM, STREAM, STREAM_UNIX, STREAM_AIO),
-    *(BARE_UNARY, UNARY, UNARY_UNIX, UNARY_AIO),
+    *(RAW, NATIVE, CLASS, CLASS_FENCE, MAVSDK_GRPC),
+    *(BARE_STREAM, STREAM, STREAM_FENCE, STREAM_UNIX, STREAM_AIO),
+    *(BARE_UNARY, UNARY, UNARY_FENCE, UNARY_UNIX, UNARY_AIO),
 )
 TELEMETRY_WAYS = (MAVSDK_GRPC, BARE_STREAM, STREAM, STREAM_AIO, NATIVE, CLASS)
-SERVER_WAYS = (MAVSDK_GRPC, STREAM)
+SERVER_WAYS = (MAVSDK_GRPC, STREAM, STREAM_FENCE)
 
 Server = UalDaemon | MavsdkServer | BareServer
 
@@ -96,7 +108,7 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
 def flown(vehicle: Child, way: Way) -> Iterator[Flight]:
     """Provides the vehicle, its server and client, once all are connected and a setpoint was sent."""
     port = free_port(socket.SOCK_DGRAM)
-    vehicle.ask("fly", port=port)
+    vehicle.ask("fly", port=port, has_fence=way.has_fence)
     with ExitStack() as stack:
         server = stack.enter_context(server_of(way, port))
         address = "" if server is None else server.addresses[way.address]

@@ -22,8 +22,8 @@ def measure(vehicle: Child, results: Results, way: Way) -> None:
     port = free_port(socket.SOCK_DGRAM)
     with ExitStack() as stack:
         began_s = time.monotonic()
-        rate = vehicle.ask("replay", port=port, trace=TRACE, from_s=_FROM_S, to_s=_TO_S)["messages_per_s"]
-        results.add("stream_messages_per_s", "vehicle", [rate])
+        replayed = vehicle.ask("replay", port=port, trace=TRACE, from_s=_FROM_S, to_s=_TO_S, has_fence=way.has_fence)
+        results.add("stream_messages_per_s", "vehicle", [replayed["messages_per_s"]])
         server = stack.enter_context(server_of(way, port))
         assert server is not None
         address = server.addresses[way.address]

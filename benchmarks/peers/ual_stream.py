@@ -7,7 +7,7 @@ import time
 import grpc
 
 import ual
-from benchmarks.marks import speed_m_s
+from benchmarks.marks import yaw_rate_rad_s
 from benchmarks.peers.base import SynchronousPeer, Times, until
 from benchmarks.peers.grpc_flood import flood
 from benchmarks.peers.ual_samples import listen
@@ -45,5 +45,5 @@ def _setpoint(number: int) -> pb.StreamSetpointsRequest:
 
 
 def velocity(number: int) -> ual.Twist:
-    """Returns a velocity to the north that carries a number."""
-    return ual.Twist(ual.Vector3(0.0, speed_m_s(number), 0.0))
+    """Returns a velocity to the north, with a turn that carries a number."""
+    return ual.Twist(ual.Vector3(0.0, 1.5, 0.0), ual.Vector3(0.0, 0.0, yaw_rate_rad_s(number)))

@@ -1,0 +1,11 @@
+"""UAL in the process, within a configured fence."""
+
+from __future__ import annotations
+
+from benchmarks.peers import ual_class
+from benchmarks.ways import FENCE
+from ual_daemon.settings import GeofenceSettings, VehicleSettings
+
+
+class Peer(ual_class.Peer):
+    settings = VehicleSettings(geofence=GeofenceSettings(polygon=FENCE))
