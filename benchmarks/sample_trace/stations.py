@@ -47,12 +47,12 @@ def of_class() -> Iterator[Station]:
 
 def of_daemon() -> Iterator[Station]:
     """Returns the stations in the daemon."""
-    from ual import _convert
+    from ual_daemon.server.packing import TelemetryPacker
     from ual_daemon.server.transport.core import CoreCall
 
     yield from of_vehicle()
-    yield Station(_convert, "write_telemetry", "message begins", "message written")
-    yield Station(CoreCall, "send", "message packed", "given to gRPC")
+    yield Station(TelemetryPacker, "response", "a reader is due", "message packed")
+    yield Station(CoreCall, "send", after="sent by gRPC")
 
 
 def of_client() -> Iterator[Station]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
-from functools import partial
+from operator import attrgetter
 from typing import Any, TypeAlias, TypeVar
 
 from google.protobuf.duration_pb2 import Duration
@@ -588,18 +588,11 @@ def telemetry_from_proto(message: pb.Telemetry, missed_count: int = 0) -> Teleme
     know is read now, so that it fails here.
     """
     return Telemetry.late(
-        partial(_part_of_telemetry, message),
-        state=_state(message.state),
+        lambda name: _TELEMETRY_READERS[name](message),
+        state=_STATE_FROM_PROTO.get(message.state) or _enum(State, message.state, "state"),
         task=task_from_proto(message.task) if message.HasField("task") else None,
         missed_count=missed_count,
     )
-
-
-def _part_of_telemetry(message: pb.Telemetry, name: str) -> object:
-    read = _TELEMETRY_READERS.get(name)
-    if read is None:  # a plain value
-        return getattr(message, name)
-    return read(message)
 
 
 def _write_odometry(odometry: Odometry, message: pb.Odometry, telemetry: Telemetry, written: pb.Telemetry) -> None:
@@ -720,6 +713,10 @@ _TELEMETRY_READERS: Mapping[str, Callable[[pb.Telemetry], object]] = {
     "battery": _reader("battery", _battery_from_proto),
     "gps": _reader("gps", _gps_from_proto),
     "health": _reader("health", _health_from_proto),
+    **{
+        name: attrgetter(name)
+        for name in ("state_reason", "flight_mode", "armed", "sequence", "status_text", "frame_lost")
+    },
 }
 
 
@@ -939,11 +936,6 @@ def _command(command: Command) -> sim_pb.Command.ValueType:
 
 def _not_set(field: str) -> InvalidArgumentError:
     return InvalidArgumentError(f"{field}: not set", {"field": field})
-
-
-def _state(value: int) -> State:
-    state = _STATE_FROM_PROTO.get(value)
-    return _enum(State, value, "state") if state is None else state
 
 
 def _enum(kind: type[_E], value: int, field: str) -> _E:

@@ -130,6 +130,8 @@ class _Feed:
         self._sample: Telemetry | None = None
         self._is_closing = threading.Event()
         self._is_answered = threading.Event()
+        self._is_flowing = False
+        """Whether the present stream has given a sample. Belongs to the leader."""
         self._refusal: UalError | None = None
         self._stream: TelemetryStream | None = None
         self._responses: Generator[pb.StreamTelemetryResponse, None, None] | None = None
@@ -248,7 +250,7 @@ class _Feed:
                     break
                 if not self._is_closing.is_set():
                     self._interruptions.interrupted(error)
-            self._responses = None
+            self._responses, self._is_flowing = None, False
             self._is_closing.wait(RETRY_S)
         if self._responses is not None:
             self._responses.close()  # else gRPC keeps what the call holds
@@ -270,8 +272,9 @@ class _Feed:
             subscriptions = self.subscriptions
         for subscription in subscriptions:
             subscription.listener.offer(sample)
-        if not self._is_answered.is_set():
+        if not self._is_flowing:
+            self._is_flowing = True
             self._connection.note_answer()
             self._is_answered.set()
-        self._interruptions.resumed()
+            self._interruptions.resumed()
         return subscriptions

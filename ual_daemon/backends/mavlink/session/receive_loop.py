@@ -192,8 +192,6 @@ class ReceiveLoop:
         trouble = self._connection.trouble or self._discovery.why_silent(now_s)
         if trouble:
             snapshot = snapshot._replace(link_trouble=trouble)
-        if session is not None and session.refused:
-            snapshot = snapshot._replace(refused=session.refused)
         self.snapshot = snapshot
         try:
             self._on_update(snapshot)

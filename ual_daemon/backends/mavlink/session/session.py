@@ -295,6 +295,7 @@ class Session:
                 now_s, telemetry.readiness, causes.failing_sensors, lambda: self._supervision.loss(now_s)
             ),
             failsafe=causes.failsafe(is_armed=is_armed),
+            refused=self.refused if self._setup.refused else "",
         )
 
     @property
