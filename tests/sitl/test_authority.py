@@ -79,7 +79,10 @@ def test_a_ground_stations_flight_goes_on_while_daemons_start_and_end(
         flight.wait_for(second.is_ready, "a state")
         flight.wait_for(lambda: abs(flight.position().y - start.y - FAR_M) < 1.0, "the ground station's goal")
         assert second.state() is State.FLYING_AUTO
-        assert "UAL has not been commanded in this flight and sends nothing" in second.telemetry().state_reason
+        assert (
+            "UAL has not been commanded in this flight since it was started, and sends nothing"
+            in second.telemetry().state_reason
+        )
         station_goes(copter, start.y, start.x, -HEIGHT_M)
         flight.wait_for(
             lambda: "another program sends setpoints" in second.telemetry().state_reason, "the other's name", 5.0

@@ -6,7 +6,7 @@ import logging
 
 from ual.types import State
 from ual_daemon import logs
-from ual_daemon.backends.values import Control, LandedState, Snapshot
+from ual_daemon.backends.values import Cause, Control, LandedState, Snapshot
 
 _log = logging.getLogger(__name__)
 
@@ -29,12 +29,14 @@ class Authority:
     def __init__(self) -> None:
         self.is_ours = False
         """Whether UAL was commanded in this flight, and nobody has taken the UAV since."""
-        self.was_ours = False
-        """Whether UAL was commanded in this flight, whoever flies it now."""
         self.is_ground_theirs = False
         """Whether others have flown the UAV since it was disarmed, and UAL has not been commanded since."""
         self.given_up = ""
         """Why UAL has given the flight up by itself, for people; empty if it has not."""
+        self.taken = ""
+        """Who took the UAV from UAL in this flight, for people; empty if nobody has."""
+        self._has_flown = False
+        """Whether UAL was commanded in this flight."""
         self._heard_s: float | None = None
         self._is_in_air = self._was_in_air = False
         """Whether it was in the air when that was known last, and when it was known before the present update."""
@@ -44,8 +46,8 @@ class Authority:
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
         # What is heard now was there when the command was judged: a silence before it ended before it.
-        self.is_ours = self.was_ours = True
-        self.is_ground_theirs, self.given_up, self._heard_s = False, "", None
+        self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
+        self._has_flown, self.taken = True, ""
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
@@ -70,15 +72,25 @@ class Authority:
             self.given_up = ""
         if state is State.LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
             self.is_ours, self.is_ground_theirs = False, True
-            self.was_ours = False  # it may have been armed anew
+            self._has_flown, self.taken = False, ""  # it may have been armed anew
         elif state is State.LANDED_DISARMED:
-            self.is_ours = self.was_ours = self.is_ground_theirs = False
+            self.is_ours = self.is_ground_theirs = self._has_flown = False
+            self.taken = ""
         elif state is State.LANDED_ARMED:
             self.is_ours = self.is_ours and is_sending
         elif state in (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING):
             self.is_ours, self.is_ground_theirs = False, True
+            self._note_taken(snapshot)
         elif state is State.FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
+
+    def _note_taken(self, snapshot: Snapshot) -> None:
+        """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known."""
+        by, mode = snapshot.held_by, snapshot.mode
+        if not self._has_flown or mode is None or by is Cause.OPEN:
+            return
+        who = "others" if by is None else f"the autopilot's {by.value}" if by.is_failsafe else f"the {by.value}"
+        self.taken = f"{who} took it (mode {mode.value.name})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence."""

@@ -44,8 +44,8 @@ from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
 
-_NOT_COMMANDED = "; UAL has not been commanded in this flight and sends nothing"
-_TAKEN = "; it was taken from UAL in this flight, which sends nothing until it is commanded anew"
+_NOT_COMMANDED = "; UAL has not been commanded in this flight since it was started, and sends nothing"
+_UNTIL = "UAL sends nothing until it is commanded anew"
 
 
 class LastCommand(NamedTuple):
@@ -500,9 +500,8 @@ class Flight:
     def _not_commanded(self) -> str:
         if self.is_flown_by_us():
             return ""
-        loss, given_up = self._backend.info().setpoint_loss, self.authority.given_up
-        why = _TAKEN if self.authority.was_ours else _NOT_COMMANDED
-        why = f"; {given_up}: UAL sends nothing until it is commanded anew" if given_up else why
+        loss, lost = self._backend.info().setpoint_loss, self.authority.given_up or self.authority.taken
+        why = f"; {lost}: {_UNTIL}" if lost else _NOT_COMMANDED
         return f"{why}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else why
 
     @property

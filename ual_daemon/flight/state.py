@@ -47,7 +47,7 @@ def estimate(snapshot: Snapshot, freshness: Freshness, manoeuvre: State | None =
     if manoeuvre is State.LANDING:
         return Estimate(State.LANDING, "our landing is under way")
     if landed is LandedState.LANDING or control is Control.LAND:
-        return Estimate(State.LANDING, f"the autopilot lands (mode {mode}){_because(snapshot.held_by)}")
+        return Estimate(State.LANDING, f"the autopilot lands{_in_mode(snapshot)}")
     if control is Control.REFERENCES:
         return _in_auto(mode, note)
     return _in_manual(mode, snapshot.held_by)
@@ -75,6 +75,15 @@ def _in_auto(mode: str, note: str) -> Estimate:
 
 def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
     return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references{_because(held_by)}")
+
+
+def _in_mode(snapshot: Snapshot) -> str:
+    """Returns in which mode it lands, and why. The landed state may come ahead of its mode: that is then an old one."""
+    assert snapshot.mode is not None
+    mode = snapshot.mode.value
+    if mode.control is not Control.LAND and not mode.is_autonomous:
+        return f"; its mode was still {mode.name} when it was told last"
+    return f" (mode {mode.name}){_because(snapshot.held_by)}"
 
 
 def _because(held_by: Cause | None) -> str:

@@ -9,7 +9,17 @@ from hypothesis import strategies as st
 
 from ual.geometry import Pose
 from ual.types import State
-from ual_daemon.backends.values import NEVER_S, Control, Estimator, Freshness, LandedState, Mode, Sample, Snapshot
+from ual_daemon.backends.values import (
+    NEVER_S,
+    Cause,
+    Control,
+    Estimator,
+    Freshness,
+    LandedState,
+    Mode,
+    Sample,
+    Snapshot,
+)
 from ual_daemon.flight.state import Estimate, estimate
 
 NOW_S = 100.0
@@ -251,6 +261,18 @@ def test_a_position_that_the_autopilot_does_not_trust_makes_the_state_uninitiali
         (snapshot(control=Control.TAKE_OFF), None, "the autopilot takes off (mode a mode)"),
         (snapshot(), OUR_LANDING, "our landing is under way"),
         (snapshot(control=Control.LAND), None, "the autopilot lands (mode a mode)"),
+        (
+            snapshot(landed=LandedState.LANDING)._replace(held_by=Cause.FENCE),
+            None,
+            "the autopilot lands; its mode was still a mode when it was told last",
+        ),
+        (
+            snapshot(landed=LandedState.LANDING)._replace(
+                mode=Sample(Mode("RTL", PILOT, is_autonomous=True), NOW_S), held_by=Cause.FENCE
+            ),
+            None,
+            "the autopilot lands (mode RTL): fence",
+        ),
         (snapshot(), None, "in the air, the autopilot takes our references (mode a mode)"),
         (snapshot(control=PILOT), None, "in the air, mode a mode does not take our references"),
     ],

@@ -71,7 +71,10 @@ def test_a_daemon_started_in_a_flight_sends_nothing_until_it_is_commanded(
     new.run(5.0)
     assert new.state is State.FLYING_AUTO
     assert sent.setpoints == []
-    assert "UAL has not been commanded in this flight and sends nothing" in new.vehicle.telemetry().state_reason
+    assert (
+        "UAL has not been commanded in this flight since it was started, and sends nothing"
+        in new.vehicle.telemetry().state_reason
+    )
     new.vehicle.commands.abort()
     new.run(1.0)
     assert len(sent.setpoints) >= 45
@@ -147,7 +150,7 @@ def test_what_was_taken_and_given_back_waits_for_a_command(uav: Stepped, monkeyp
     assert uav.state is State.FLYING_AUTO
     assert sent.setpoints == []
     reason = uav.vehicle.telemetry().state_reason
-    assert "it was taken from UAL in this flight, which sends nothing until it is commanded anew" in reason
+    assert "UAL sends nothing until it is commanded anew" in reason
     assert "has not been commanded" not in reason
     uav.end(uav.prepare.go_to_waypoint(at(2.0, 0.0, 3.0)).begin().future)
     assert "sends nothing" not in uav.vehicle.telemetry().state_reason
@@ -224,3 +227,30 @@ def test_a_command_from_just_before_the_mode_changed_is_withdrawn_while_nobody_k
     now = backend.snapshot()
     uav.vehicle._flight.step(now._replace(mode=Sample(Mode(mode, Control.OTHER), now.time_s), held_by=Cause.OPEN))
     assert answer.cancelled() is is_withdrawn
+
+
+def test_a_flight_that_others_took_and_gave_back_is_not_told_as_one_that_ual_was_not_commanded_in(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(1.0)
+    uav.sim.pilot_give_back()
+    uav.run(1.0)
+    assert uav.state is State.FLYING_AUTO
+    reason = uav.vehicle.telemetry().state_reason
+    assert "took it (mode MANUAL): UAL sends nothing until it is commanded anew" in reason
+    assert "has not been commanded" not in reason
+    uav.vehicle.commands.abort()
+    uav.run(0.1)
+    assert "sends nothing" not in uav.vehicle.telemetry().state_reason
+
+
+def test_the_next_flight_knows_nothing_of_who_took_the_last_one(uav: Stepped) -> None:
+    uav.fly()
+    uav.sim.pilot_take_over()
+    uav.run(1.0)
+    uav.sim.pilot_move_sticks(up=-0.5)
+    uav.until(lambda: uav.is_in(State.LANDED_ARMED))
+    uav.sim.pilot_disarm()
+    uav.run(0.1)
+    assert uav.is_in(State.LANDED_DISARMED)
+    assert uav.vehicle._flight.authority.taken == ""

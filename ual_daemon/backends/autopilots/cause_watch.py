@@ -185,6 +185,10 @@ class CauseWatch:
         # of a heartbeat tells.
         is_status_awaited = not self._names_intended_mode and self._has_paused
         is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else SETTLE_S)
+        if self._names_intended_mode and self._is_unintended is None and not is_over:
+            # A heartbeat may tell the mode first. The signs alone may be of a failsafe before it: PX4 reports a breach
+            # of its fence anew with each mode that a ground station selects.
+            return Cause.OPEN
         if self._is_unintended is not False:
             failsafe = self._failsafe_that_flies(mode, is_over=is_over)
             if failsafe is not None or self._is_unintended:

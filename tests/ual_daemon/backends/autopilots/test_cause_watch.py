@@ -160,6 +160,22 @@ def test_the_check_of_the_stream_says_nothing_in_another_mode() -> None:
     assert not watch.causes._signs
 
 
+def test_a_ground_stations_mode_beyond_a_breached_fence_is_not_the_fences() -> None:
+    """PX4 reports the breach anew with each mode. As measured with 1.17, a heartbeat tells LAND first."""
+    watch, land = Px4Watch(), 4 << 16 | 6 << 24
+    watch.pass_s(5.0, is_sending=True)
+    watch.event("check_gf_violation_max_hor_dist", IN_ANY)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.FENCE
+    watch.mode = watch.intended = POSCTL
+    assert watch.pass_s(3.0, is_sending=False) is Cause.SAFETY_PILOT
+    watch.event("check_gf_violation_max_hor_dist", IN_ANY)
+    watch.mode, watch.names_intended_mode = land, False
+    assert watch.tell() is Cause.OPEN
+    watch.intended, watch.names_intended_mode = land, True
+    assert watch.pass_s(1.0, is_sending=False) is Cause.GROUND_STATION
+
+
 def test_a_failsafe_in_another_mode_than_ours_is_not_for_missing_setpoints() -> None:
     """A ground station's mission: nobody needs setpoints there."""
     watch, mission = Px4Watch(), 4 << 16 | 4 << 24

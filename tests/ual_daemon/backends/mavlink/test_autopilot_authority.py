@@ -74,7 +74,7 @@ def test_a_daemon_that_starts_and_ends_in_a_ground_stations_flight_does_not_touc
     assert ours(flight) == 0
     assert abs(flight.autopilot.position[0] - 15.0) < 1.0
     reason = flight.uav.telemetry().state_reason
-    assert "UAL has not been commanded in this flight and sends nothing" in reason
+    assert "UAL has not been commanded in this flight since it was started, and sends nothing" in reason
     assert "another program sends setpoints" in reason
     assert flight.commands_since(flight.started_s) == set()
     until = flight.now_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from ual._cli.launch.flying import NOT_OURS
+from ual._cli.launch.flying import SENDS_NOTHING
 from ual._cli.launch.team import AtEnd, Condition, Program, Team
 
 RUNTIME_DIR = "/run/ual"
@@ -42,4 +42,4 @@ def landing_of(team: Team, program: Program, ual: str) -> str | None:
         return None
     words = f"{shlex.quote(ual)} --ns {program.ns}"
     land = f"{words} --take --timeout {team.land_limit_s:g} land"
-    return f"{words} --json watch --once | grep -q '{NOT_OURS}' || {land}"
+    return f"{words} --json watch --once | grep -q '{SENDS_NOTHING}' || {land}"

@@ -20,7 +20,7 @@ IN_THE_AIR = (*_COMMANDED, State.FLYING_MANUAL)
 _ON_GROUND = (State.LANDED_DISARMED, State.LANDED_ARMED)
 _DECIDED = (*_ON_GROUND, State.FLYING_AUTO, State.FLYING_MANUAL)
 """A take-off or landing that runs comes to its end first."""
-NOT_OURS = "sends nothing"
+SENDS_NOTHING = "sends nothing"
 """What the daemon's reason says of a flight that is not UAL's, or not any more (docs/daemon.md, who flies)."""
 
 
@@ -62,7 +62,7 @@ class Watched:
         """Takes one sample."""
         state, before = telemetry.state, self.state
         self.state = state
-        if state in _COMMANDED and NOT_OURS not in telemetry.state_reason:
+        if state in _COMMANDED and SENDS_NOTHING not in telemetry.state_reason:
             self.is_flown_by_us = self._is_commanded = True
         elif state in _ON_GROUND or (state is State.FLYING_MANUAL and self._is_commanded):
             self.is_flown_by_us = self._is_commanded = False
