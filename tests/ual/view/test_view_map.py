@@ -147,10 +147,13 @@ def test_the_page_has_a_picture_between_its_corners(daemon: DaemonProcess, start
 def test_a_picture_lies_with_its_upper_edge_to_the_north() -> None:
     image = pytest.importorskip("PIL.Image")
     pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+    from trimesh.visual import TextureVisuals
+
     from ual._cli.view.map_layer import quad
 
     corners = [Vector3(-1.0, 1.0, 0.0), Vector3(1.0, 1.0, 0.0), Vector3(1.0, -1.0, 0.0), Vector3(-1.0, -1.0, 0.0)]
     mesh = quad(corners, image.new("RGB", (4, 4)))
     assert [tuple(normal) for normal in mesh.face_normals] == [(0.0, 0.0, 1.0)] * 2
     north_west = [tuple(vertex) for vertex in mesh.vertices].index((-1.0, 1.0, 0.0))
+    assert isinstance(mesh.visual, TextureVisuals)
     assert tuple(mesh.visual.uv[north_west]) == (0.0, 1.0)  # v is up
