@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -47,6 +48,22 @@ def test_client_flight(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     assert any(re.fullmatch(r"take-off: SUCCEEDED 100%", line) for line in lines)
     assert any(line.startswith("refused, as it should be: recover_from_manual") for line in lines)
     assert lines[-1] == "landed"
+
+
+def test_the_cells_of_the_notebook_of_the_first_hour(
+    start_daemon: StartDaemon, runtime_dir: Path, tmp_path: Path
+) -> None:
+    armed_daemon(start_daemon)
+    cells = json.loads((EXAMPLES / "first_hour.ipynb").read_text("utf-8"))["cells"]
+    program = tmp_path / "first_hour.py"
+    program.write_text("\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), "utf-8")
+    lines = run(str(program), MPLBACKEND="agg", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    assert lines[0] == "light LANDED_ARMED"
+    assert any(line.startswith("refused: ") for line in lines)
+    flown = re.fullmatch(r"(\S+) m flown, up to (\S+) m", lines[-1])
+    assert flown is not None
+    assert 21.0 < float(flown[1]) < 24.0  # up 3 m, a square of 16 m, down 3 m
+    assert 2.8 < float(flown[2]) < 3.2
 
 
 def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:

@@ -11,6 +11,7 @@ from ual import _extras
 from ual._cli.app import Many, Session, command, pass_session
 from ual._cli.help import Section
 from ual._cli.view.access import access
+from ual._cli.view.map_source import MOST_ZOOM, ZOOM, ground
 from ual._cli.view.shown import MODEL_NAMES
 
 _PORT = 8080
@@ -52,6 +53,15 @@ class Model(click.ParamType[tuple[str, str]]):
 @click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
 @click.option("--tls-key", "key", type=_FILE, help="The key of the certificate (PEM).")
 @click.option("--token-file", type=_FILE, help="The token that a browser needs with --control or TLS; else a new one.")
+@click.option("--map-tiles", metavar="URL", help="A map below: your own server or cache, with {z}, {x} and {y}.")
+@click.option("--map-zoom", type=click.IntRange(0, MOST_ZOOM), default=ZOOM, show_default=True, help="Of the tiles.")
+@click.option("--map-picture", type=_FILE, help="A picture below the scene instead, with --map-corners.")
+@click.option(
+    "--map-corners",
+    nargs=4,
+    metavar="LAT,LON×4",
+    help="Where its corners are: upper left, upper right, lower right, lower left.",
+)
 @pass_session
 def view(
     session: Session,
@@ -63,6 +73,10 @@ def view(
     certificate: Path | None,
     key: Path | None,
     token_file: Path | None,
+    map_tiles: str | None,
+    map_zoom: int,
+    map_picture: Path | None,
+    map_corners: tuple[str, ...] | None,
 ) -> None:
     """Show the UAVs in a page of the browser until Ctrl-C.
 
@@ -70,10 +84,11 @@ def view(
     their daemons start. A UAV that is lost turns grey at once. Needs ual-client[view].
     """
     _require_viser()
+    below = ground(map_tiles, map_zoom, map_picture, map_corners)
     where = access(host, port, certificate, key, token_file, control=control)
     from ual._cli.view import show
 
-    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models))
+    fleet = show.Choice(tuple(filter(None, [session.address, *addresses])), dict(models), below)
     show.show(session, fleet, where, control=control)
 
 

@@ -15,7 +15,7 @@ from ual._cli.view.fleet import Fleet
 from ual._cli.view.journal import Journal
 from ual._cli.view.labels import Labels, seen_by
 from ual._cli.view.picture import Moment
-from ual._cli.view.scene import wxyz, xyz
+from ual._cli.view.scene import below, wxyz, xyz
 from ual._cli.view.shown import Shown
 from ual._cli.view.team_panel import TeamPanel
 from ual.geometry import Transform
@@ -153,7 +153,9 @@ class Page:
 
     def _frame(self, uavs: Sequence[Shown]) -> bool:
         """Turns the camera to some UAVs. Returns whether it could."""
-        camera, places = seen_by(self._client), [uav.body.position for uav in uavs if uav.body is not None]
+        camera = seen_by(self._client)
+        above = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
+        places = [each for uav, place in above for each in (place, below(uav, place))]
         if camera is None or not places:
             return False
         position, look_at = framing(places, camera.fov_rad, camera.width_px / camera.height_px)

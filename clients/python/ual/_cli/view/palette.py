@@ -1,4 +1,7 @@
-"""A colour of each UAV, by which its trail, its drop line and its line of the table belong together. Pure."""
+"""A colour of each UAV, by which its trail, its drop line and its line of the table belong together. Pure.
+
+None is that of a way (orange) or of a fence (red).
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,14 @@ Colour = tuple[int, int, int]
 
 _COLOURS: tuple[Colour, ...] = (
     (31, 119, 180),
-    (214, 90, 10),
     (44, 140, 60),
     (148, 80, 190),
     (140, 86, 75),
     (220, 60, 160),
     (110, 110, 20),
     (0, 150, 170),
-    (120, 60, 10),
+    (20, 60, 40),
+    (90, 90, 110),
     (60, 60, 150),
 )
 

@@ -211,7 +211,7 @@ class Drops:
         """Draws them as they are now."""
         drawn = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
         marks = [GREY if uav.is_lost else uav.mark for uav, _ in drawn]
-        lines = [(place, Vector3(place.x, place.y, _ground_m(uav))) for uav, place in drawn]
+        lines = [(place, below(uav, place)) for uav, place in drawn]
         if self._handle is None or marks != self._marks:
             self._make(lines, marks)
         elif not all((a - b).norm() < _NEAR_M for (a, _), (b, _) in zip(lines, self._lines, strict=True)):
@@ -233,8 +233,9 @@ class Drops:
             )
 
 
-def _ground_m(uav: Shown) -> float:
-    return 0.0 if uav.odom is None else uav.odom.translation.z
+def below(uav: Shown, place: Vector3) -> Vector3:
+    """Returns the place on the ground of a UAV's home that is straight below another one."""
+    return Vector3(place.x, place.y, 0.0 if uav.odom is None else uav.odom.translation.z)
 
 
 class Lines:

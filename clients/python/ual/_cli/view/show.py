@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -16,9 +17,11 @@ from ual._cli.view.desk import Desk
 from ual._cli.view.fences import Fences
 from ual._cli.view.fleet import RATE_HZ, Fleet
 from ual._cli.view.journal import Journal
+from ual._cli.view.map_source import Picture, Tiles
 from ual._cli.view.models import MODELS
 from ual._cli.view.page import Page
-from ual._cli.view.picture import Moment, Picture
+from ual._cli.view.picture import Moment
+from ual._cli.view.picture import Picture as Looker
 from ual._cli.view.scene import Scene
 from ual._cli.view.server import serving
 from ual._cli.view.shown import MODEL_NAMES
@@ -32,13 +35,14 @@ _PANEL_EVERY = 3
 
 @dataclass(frozen=True)
 class Choice:
-    """Which UAVs are shown besides those of this computer, and what is known of them.
+    """Which UAVs are shown besides those of this computer, what is known of them, and the map below, if there is one.
 
     `models` has the model of each UAV that has one of its own, and under the empty name that of all others.
     """
 
     addresses: Sequence[str] = ()
     models: Mapping[str, str] = field(default_factory=dict)
+    ground: Tiles | Picture | None = None
 
 
 def title(*, control: bool) -> str:
@@ -54,7 +58,8 @@ def show(session: Session, choice: Choice, where: Access, *, control: bool) -> N
         viewer = Viewer(server, fleet, journal, choice, control=control)
         url = where.url(server.get_port())
         session.emit({"url": url, "control": control}, f"{url}   {'can fly' if control else 'shows only'}; Ctrl-C ends")
-        viewer.run()
+        with viewer.map_running():
+            viewer.run()
 
 
 class Viewer:
@@ -76,7 +81,7 @@ class Viewer:
         self._fleet = fleet
         self._journal = journal
         self._is_control = control
-        self._picture = Picture(fleet.board, journal)
+        self._picture = Looker(fleet.board, journal)
         self._choice = choice
         self._fences = Fences(server.scene, fleet)
         self._scene = Scene(server.scene, self._model_of, self._way_of)
@@ -91,6 +96,14 @@ class Viewer:
         server.initial_camera.look_at = (1.5, 0.0, 1.0)
         server.on_client_connect(self._open)
         server.on_client_disconnect(self._close)
+
+    def map_running(self) -> AbstractContextManager[None]:
+        """Draws the map, if there is one, while the block runs."""
+        if self._choice.ground is None:
+            return nullcontext()
+        from ual._cli.view.map_layer import MapLayer
+
+        return MapLayer(self._server.scene, self._fleet.board, self._choice.ground, self._journal).running()
 
     def run(self) -> None:
         """Draws until Ctrl-C."""

@@ -20,6 +20,7 @@ class TeamPanel:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._names: tuple[str, ...] = ()
+        self._all: tuple[str, ...] = ()
         self._count = -1
 
     def build(self, gui: viser.GuiApi) -> None:
@@ -34,9 +35,9 @@ class TeamPanel:
 
     def choose(self, found: tuple[str, ...], names: Sequence[str]) -> None:
         """Takes the UAVs that are chosen among all of these."""
-        if found == self._names:
+        if (found, tuple(names)) == (self._names, self._all):
             return
-        self._names = found
+        self._names, self._all = found, tuple(names)
         self._folder.visible = len(found) > 1
         for button, what in self._buttons:
             button.label = f"{what} {chosen.title(found, names)}"
