@@ -25,6 +25,7 @@ _BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
 """A UAV that is so far behind (in seconds of its speed, or the distance if that is more; `MOST_LAG_M` at most), and
 makes less than half of its speed, is stopped by something."""
 _STEP_S = 0.03
+_TINY = 1e-9
 
 
 class ExpectedMotion:
@@ -42,13 +43,23 @@ class ExpectedMotion:
         for _ in range(count):
             self._advance(commanded, passed_s / count, response)
 
-    def _advance(self, commanded: Vector3, step_s: float, response: VelocityResponse) -> None:
-        self._heard += (commanded - self._heard) * _share(step_s, response.delay_s)
-        wanted = at_most((self._heard - self.velocity) / max(response.time_s, step_s), response.acceleration_m_s2)
-        self._acceleration += at_most(wanted - self._acceleration, response.jerk_m_s3 * step_s)
-        change = self._acceleration * step_s
-        self.position += (self.velocity + change / 2) * step_s
-        self.velocity += change
+    def _advance(self, c: Vector3, step_s: float, response: VelocityResponse) -> None:
+        """Makes one step, in plain numbers, as each update passes here."""
+        h, v, a, p = self._heard, self.velocity, self._acceleration, self.position
+        share = _share(step_s, response.delay_s)
+        hx, hy, hz = h.x + (c.x - h.x) * share, h.y + (c.y - h.y) * share, h.z + (c.z - h.z) * share
+        time_s = max(response.time_s, step_s)
+        wx, wy, wz = (hx - v.x) / time_s, (hy - v.y) / time_s, (hz - v.z) / time_s
+        part = min(1.0, response.acceleration_m_s2 / max(math.hypot(wx, wy, wz), _TINY))
+        jx, jy, jz = wx * part - a.x, wy * part - a.y, wz * part - a.z
+        part = min(1.0, response.jerk_m_s3 * step_s / max(math.hypot(jx, jy, jz), _TINY))
+        ax, ay, az = a.x + jx * part, a.y + jy * part, a.z + jz * part
+        half_s = step_s * step_s / 2
+        self._heard, self._acceleration = Vector3(hx, hy, hz), Vector3(ax, ay, az)
+        self.position = Vector3(
+            p.x + v.x * step_s + ax * half_s, p.y + v.y * step_s + ay * half_s, p.z + v.z * step_s + az * half_s
+        )
+        self.velocity = Vector3(v.x + ax * step_s, v.y + ay * step_s, v.z + az * step_s)
 
     def follow(self, velocity: Vector3, direction: Vector3) -> None:
         """Takes the part of a velocity along a direction as its own."""
@@ -90,24 +101,28 @@ class Place:
 
     def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
         """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
-        self._free = tuple(each for each in self._free if not _is_flown(commanded.dot(each), flown.dot(each)))
+        if self._free:
+            self._free = tuple(each for each in self._free if not _is_flown(commanded.dot(each), flown.dot(each)))
         if self._is_stopped(commanded, here, flown):
             self._make_free(commanded)
-        carried = self._held(_without_slower(flown - self._expected.velocity, self._expected.velocity))
+        carried = flown - self._expected.velocity
         if carried.norm() > _CARRIED_M_S:
-            self._make_free(carried)
+            carried = self._held(_without_slower(carried, self._expected.velocity))
+            if carried.norm() > _CARRIED_M_S:
+                self._make_free(carried)
         for direction in self._free:
             self._expected.follow(flown, direction)
 
     def _is_stopped(self, commanded: Vector3, here: Vector3, flown: Vector3) -> bool:
         """Whether something stops it: it is behind, and makes less than half of the commanded speed."""
-        if commanded.norm() <= _FLOWN_M_S:
+        wanted_m_s = commanded.norm()
+        if wanted_m_s <= _FLOWN_M_S:
             return False
-        ahead = commanded / commanded.norm()
-        speed_m_s = min(commanded.norm(), self._expected.velocity.dot(ahead))
+        speed_m_s = min(wanted_m_s, self._expected.velocity.dot(commanded) / wanted_m_s)
+        if flown.dot(commanded) / wanted_m_s >= speed_m_s / 2:
+            return False
         behind_m = min(MOST_LAG_M, max(_LEAST_BEHIND_M, speed_m_s * _BEHIND_S))
-        lag_m = self._held(self._expected.position - here).dot(ahead)
-        return flown.dot(ahead) < speed_m_s / 2 and lag_m >= behind_m
+        return self._held(self._expected.position - here).dot(commanded) / wanted_m_s >= behind_m
 
     def _make_free(self, along: Vector3) -> None:
         rest = self._held(along)

@@ -25,11 +25,14 @@ class VelocityError:
         """When the last estimates came, and these: position and velocity."""
 
     def step(self, time_s: float, position: Vector3, velocity: Vector3) -> Vector3:
-        """Makes one update. Returns the error, m/s."""
+        """Makes one update. Returns the error, m/s. In plain numbers, as each update passes here."""
         last, self._last = self._last, (time_s, position, velocity)
         if last is None or not 0.0 < time_s - last[0] <= _LONGEST_GAP_S:
             return self.value
-        passed_s = time_s - last[0]
-        error = (velocity + last[2]) / 2 - (position - last[1]) / passed_s
-        self.value += (error - self.value) * (1.0 - math.exp(-passed_s / _SMOOTHING_S))
+        passed_s, p, v, old = time_s - last[0], last[1], last[2], self.value
+        share = 1.0 - math.exp(-passed_s / _SMOOTHING_S)
+        x = (velocity.x + v.x) / 2 - (position.x - p.x) / passed_s
+        y = (velocity.y + v.y) / 2 - (position.y - p.y) / passed_s
+        z = (velocity.z + v.z) / 2 - (position.z - p.z) / passed_s
+        self.value = Vector3(old.x + (x - old.x) * share, old.y + (y - old.y) * share, old.z + (z - old.z) * share)
         return self.value

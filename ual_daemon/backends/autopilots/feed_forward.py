@@ -116,7 +116,7 @@ class FeedForward:
             time_s,
             old.velocity + (velocity - old.velocity) * share,
             old.pull + (pull - old.pull) * share,
-            old.error + (_error(old, pose, velocity, passed_s) - old.error) * share,
+            _error(old, pose.position, velocity, passed_s, share),
             (pose.position, velocity),
         )
         self.velocity_error = new.error * min(1.0, MOST_VELOCITY_ERROR_M_S / max(new.error.norm(), 1e-9))
@@ -178,12 +178,16 @@ def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool
     return (pose.position - old.newest[0] - velocity * passed_s).norm() > _JUMP_M
 
 
-def _error(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> Vector3:
-    """Returns by how much the velocity since the last position was another one than that of the position."""
+def _error(old: _Smooth, p: Vector3, v: Vector3, passed_s: float, share: float) -> Vector3:
+    """Returns the error of the velocity with that since the last position, in plain numbers, as each sample passes."""
     if passed_s <= 0.0:
         return old.error
-    position_before, velocity_before = old.newest
-    return (velocity_before + velocity) / 2 - (pose.position - position_before) / passed_s
+    error, (q, u) = old.error, old.newest
+    return Vector3(
+        error.x + ((u.x + v.x) / 2 - (p.x - q.x) / passed_s - error.x) * share,
+        error.y + ((u.y + v.y) / 2 - (p.y - q.y) / passed_s - error.y) * share,
+        error.z + ((u.z + v.z) / 2 - (p.z - q.z) / passed_s - error.z) * share,
+    )
 
 
 class _Sums:

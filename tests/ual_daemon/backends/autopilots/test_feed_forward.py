@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 
@@ -18,7 +19,7 @@ from ual_daemon.backends.autopilots.feed_forward import (
     FeedForward,
 )
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.values import PositionSetpoint
+from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 
 STEP_S = 0.02
 STILL = Vector3()
@@ -161,3 +162,38 @@ def test_a_reset_of_the_estimate_is_not_learned_as_a_velocity() -> None:
         jumped_m = 5.0 if step >= 50 else 0.0
         feed_forward.learn(step * 0.02, Pose.at(jumped_m, 0.0, 3.0), Vector3())
         assert feed_forward.velocity_error.norm() < 1e-6
+
+
+def test_a_steady_speed_is_no_error_however_seldom_positions_come() -> None:
+    for step_s in (0.02, 0.05, 0.1):
+        learner = FeedForward()
+        for step in range(round(3.0 / step_s)):
+            position = Vector3(5.0 * step * step_s, 0.0, 0.0)
+            learner.learn(step * step_s, Pose(position, Quaternion()), Vector3(5.0, 0.0, 0.0))
+        assert learner.velocity_error.norm() < 1e-6  # it was 0.5 m/s at 10 Hz
+
+
+def test_a_velocity_gets_the_acceleration_against_the_drag_as_far_as_it_is_flown() -> None:
+    learner = FeedForward(0.5)
+    accelerations = []
+    for step in range(200):
+        sent = learner.apply(VelocitySetpoint(Vector3(2.0, -1.0, 0.5), 0.3), step * STEP_S)
+        assert (sent.velocity, sent.yaw_rate_rad_s) == (Vector3(2.0, -1.0, 0.5), 0.3)
+        assert sent.acceleration is not None
+        accelerations.append(sent.acceleration)
+    assert accelerations[0].norm() < 0.05
+    assert all(after.x >= before.x for before, after in itertools.pairwise(accelerations))
+    assert (accelerations[-1] - Vector3(1.0, -0.5, 0.0)).norm() < 0.01
+    assert accelerations[-1].z == 0.0
+
+
+def test_a_velocity_after_a_flight_to_a_goal_begins_with_the_drag_of_that() -> None:
+    learner = FeedForward(0.5)
+    before = learner.apply(PositionSetpoint(STILL, 0.0, Vector3(4.0)), 1.0)
+    sent = learner.apply(VelocitySetpoint(STILL), 1.0 + STEP_S)
+    assert sent.acceleration is not None
+    assert sent.acceleration.x == pytest.approx(before.acceleration.x, abs=0.1)
+
+
+def test_without_drag_a_velocity_gets_no_acceleration() -> None:
+    assert FeedForward().apply(VelocitySetpoint(Vector3(2.0)), 0.0).acceleration is None
