@@ -16,7 +16,7 @@ GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plu
 	--plugin=$(BIN)/protoc-gen-mypy_grpc --python_out=$(1) --grpc_python_out=$(1) --mypy_out=quiet:$(1) \
 	--mypy_grpc_out=quiet:$(1) $(PROTOS)
 
-.PHONY: help install dev dist run test test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline wire bench bench-fleet bench-tracker clean
+.PHONY: help install dev dist run test test-thorough test-newest test-newest-grpc test-oldest-grpc test-clients lock lint docs format proto proto-check proto-baseline wire bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -142,6 +142,9 @@ wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wir
 
 bench: $(DEV) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
 	$(BIN)/python -m benchmarks $(BENCH)
+
+bench-guard: $(DEV)  ## What setpoints and samples cost beside what was recorded: under 2 minutes; GUARD=--keep records
+	$(BIN)/python -m benchmarks.guard $(GUARD)
 
 bench-fleet: $(DEV)  ## Whether many UAVs in one daemon keep real time, and what each costs
 	$(BIN)/python -m benchmarks.fleet

@@ -17,7 +17,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import report, targets
+from benchmarks import recorded, report, targets
 from benchmarks.children import REPOSITORY, Child, ChildError, prefer_this, priority_text
 from benchmarks.effort import FULL, QUICK, Effort
 from benchmarks.measures import memory, noise, processor, setpoints, start, telemetry
@@ -35,7 +35,9 @@ def main() -> int:
     parser.add_argument("--only", action="append", choices=_PARTS, help="these parts only; may be given again")
     parser.add_argument("--rounds", type=int, help="how many rounds")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build" / "bench", help="where results are written")
-    parser.add_argument("--keep", action="store_true", help="write the figures into benchmarks/README.md, too")
+    parser.add_argument(
+        "--keep", action="store_true", help="write the figures into benchmarks/README.md and recorded.json, too"
+    )
     arguments = parser.parse_args()
     effort = QUICK if arguments.quick else FULL
     rounds = arguments.rounds or effort.rounds
@@ -58,6 +60,8 @@ def main() -> int:
     plot(results, arguments.output)
     if arguments.keep:
         keep(tables, results)
+        medians = {line.what: round(line.found.median, 4) for line in lines if line.found is not None}
+        recorded.record("bench", medians)
     return int(any(line.verdict == "FAIL" for line in lines))
 
 

@@ -40,6 +40,11 @@ class Place(NamedTuple):
 CORNER = Place(0.8, VehicleSettings(geofence=GeofenceSettings(polygon=CONCAVE)))
 
 
+def free() -> Place:
+    """Returns a place with room on all sides."""
+    return Place(8.0, VehicleSettings())
+
+
 def narrow(name: str) -> Place:
     """Returns the narrowest place for a backend: low, and between holes where its autopilot's fence can have some."""
     return CORNER._replace(has_holes=name.startswith("mavlink"))

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.patient_checks import grouped
 from tests.work import limits
 from tests.work.counting import Work, calls_of_samples, counted, least, usual
 from tests.work.flights import BACKENDS, flying, narrow, until
@@ -19,12 +18,12 @@ COUNT = 30
 SLOW = Vector3(0.3, 0.3, 0.0)
 
 
-@pytest.fixture(scope="module", params=[grouped(name, name, f"work_{name}") for name in BACKENDS])
+@pytest.fixture(params=BACKENDS)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def flight(name: str) -> Iterator[UAL]:
     with flying(name, narrow(name)) as uav:
         yield uav

@@ -20,7 +20,7 @@ from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.collisions import CollisionWatch
 from ual_daemon.backends.airsim.commands import Action, CommandQueue
 from ual_daemon.backends.airsim.landing import Landing
-from ual_daemon.backends.airsim.link import SimulatorLink
+from ual_daemon.backends.airsim.link import Simulator, SimulatorLink
 from ual_daemon.backends.airsim.pilot import Pilot
 from ual_daemon.backends.airsim.procedures import Procedures
 from ual_daemon.backends.airsim.setpoints import SetpointSender
@@ -105,6 +105,7 @@ class AirsimBackend(Backend):
         self._settings = convert(options.settings, AirsimSettings, SECTION)
         self._address = parse_address(options.url or DEFAULT_URL)
         self.clock = self._clock = SimulatorClock()
+        self._info: tuple[Simulator | None, VehicleInfo | None] = (None, None)
         self._link = SimulatorLink(
             self._address,
             self._settings.vehicle_name,
@@ -152,6 +153,13 @@ class AirsimBackend(Backend):
     @override
     def info(self) -> VehicleInfo:
         simulator = self._link.simulator
+        made_for, info = self._info
+        if info is None or made_for is not simulator:  # each setpoint asks three times
+            info = self._make_info(simulator)
+            self._info = (simulator, info)
+        return info
+
+    def _make_info(self, simulator: Simulator | None) -> VehicleInfo:
         identity = "" if simulator is None else f"airsim {self._address} {simulator.vehicle}"
         return VehicleInfo(
             autopilot="AirSim simple_flight",

@@ -103,6 +103,7 @@ class DjiBackend(Backend):
         self._discovery = Discovery(self._link)
         self._commands = Commands(self._link, self.clock, self._words, self._why_silent, self._tell)
         self._telemetry: Telemetry | None = None
+        self._info: tuple[Telemetry | None, VehicleInfo | None] = (None, None)
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
         self._own_pause = OwnPause()
@@ -149,6 +150,13 @@ class DjiBackend(Backend):
     @override
     def info(self) -> VehicleInfo:
         telemetry = self._telemetry
+        made_for, info = self._info
+        if info is None or made_for is not telemetry:  # each setpoint asks three times
+            info = self._make_info(telemetry)
+            self._info = (telemetry, info)
+        return info
+
+    def _make_info(self, telemetry: Telemetry | None) -> VehicleInfo:
         return VehicleInfo(
             autopilot="DJI" if telemetry is None else f"DJI through {telemetry.wrapper.name}",
             capabilities=_CAPABILITIES,

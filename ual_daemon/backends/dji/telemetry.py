@@ -37,6 +37,7 @@ class Telemetry:
 
     def __init__(self, wrapper: Wrapper, settings: DjiSettings) -> None:
         self.wrapper = wrapper
+        self._required = tuple(topic for topic in wrapper.topics if topic.is_required)
         self.frame = LocalFrame()
         self.authority = Authority()
         self.obstacles = ObstacleWatch()
@@ -377,10 +378,8 @@ class Telemetry:
     def missing_topics(self, now_s: float) -> tuple[Topic, ...]:
         """Returns the topics on which nothing came for long, and without which it cannot be flown."""
         self._begun_s = min(self._begun_s, now_s)
-        required = (topic for topic in self.wrapper.topics if topic.is_required)
-        return tuple(
-            topic for topic in required if now_s - self._taken_s.get(topic.taken_by, self._begun_s) > _MISSING_S
-        )
+        taken_s, never_s, oldest_s = self._taken_s, self._begun_s, now_s - _MISSING_S
+        return tuple([topic for topic in self._required if taken_s.get(topic.taken_by, never_s) < oldest_s])
 
     def _status_text(self, missing: str, now_s: float) -> str:
         """Returns the most important thing to say now."""
