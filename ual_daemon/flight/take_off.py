@@ -227,8 +227,11 @@ class TakeOff(Manoeuvre):
             self._climb_watch.expect(new.climb_speed_m_s)
             if self._climb is not None:
                 self._climb = self._climb_from(self._climb.motion(snapshot), snapshot)
+        # The clearance over the floor is for those that fly: a take-off may end lower.
+        top = self._top.position
+        highest = Vector3(top.x, top.y, max(top.z, self._ground_z + geofence.clearance_m))
         try:
-            geofence.require_goal_inside(self._top.position, self.name, snapshot)
+            geofence.require_goal_inside(highest, self.name, snapshot)
         except GeofenceError as error:
             words = f"{error.message}; this has changed in flight: the UAV stops and holds"
             is_ours = self._on_setpoints or self._climb is not None
