@@ -186,7 +186,14 @@ def test_ctrl_c_in_flight_lands_all_and_leaves_no_process(start_team: StartTeam)
         assert launched.wait() == 0, launched.log
     assert not list(filter(runs, below))
     order = ["prepare: ready", "first-1: ready", "second-1: ready", "uav_1: ready", "viewer: ready", "mission: ready"]
-    order += ["all are ready", "launch *ends", "uav_1: lands", "new=LANDING", "uav_1: stands", "program.supervision: ended"]
+    order += [
+        "all are ready",
+        "launch *ends",
+        "uav_1: lands",
+        "new=LANDING",
+        "uav_1: stands",
+        "program.supervision: ended",
+    ]
     places = [re.search(what, launched.log) for what in order]
     assert [place.start() for place in places if place] == sorted(place.start() for place in places if place)
     assert all(places), launched.log
