@@ -96,6 +96,8 @@ _CAREFUL = Limits(
 MPC_Z_VEL_MAX_DN 1, MPC_ACC_HOR 3, MPC_ACC_DOWN_MAX 2 (4061_atl_mantis_edu), MPC_YAWRAUTO_MAX 45."""
 _CAREFUL_CRUISE_M_S = 5.0
 """The MPC_XY_CRUISE that all of them ship."""
+_GAINS = ("MPC_XY_VEL_P_ACC", "MPC_XY_VEL_D_ACC", "MPC_Z_VEL_P_ACC", "MPC_Z_VEL_D_ACC")
+"""The gains of its velocity. Their defaults count where they are not read."""
 
 
 class Px4(Autopilot):
@@ -120,15 +122,13 @@ class Px4(Autopilot):
         "MPC_ACC_DOWN_MAX",
         "MPC_YAWRAUTO_MAX",
         "MPC_XY_CRUISE",
-        "MPC_XY_VEL_P_ACC",
-        "MPC_XY_VEL_D_ACC",
-        "MPC_Z_VEL_P_ACC",
-        "MPC_Z_VEL_D_ACC",
         "COM_OF_LOSS_T",
         "GF_ACTION",
         "GF_MAX_HOR_DIST",
         "GF_MAX_VER_DIST",
+        *_GAINS,
     )
+    optional_parameters = frozenset(_GAINS)
     has_zones = True
 
     @override
