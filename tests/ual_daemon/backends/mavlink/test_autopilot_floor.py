@@ -27,7 +27,7 @@ def test_a_take_off_and_goals_beyond_the_floor_and_the_ceiling_are_refused(fligh
     with pytest.raises(GeofenceError, match="ceiling_m: 120"):
         uav.take_off(9.9e6)
     uav.take_off(HEIGHT_M)
-    for z, named in ((-5.0, "floor_m: 0 in the configuration; z is up"), (150.0, "ceiling_m: 120")):
+    for z, named in ((-5.0, "floor_m: 0, clearance_m: 0.5 in the configuration; z is up"), (150.0, "ceiling_m: 120")):
         with pytest.raises(GeofenceError, match=named):
             uav.go_to_waypoint(Pose.at(1.0, 1.0, z))
     flight.land()
