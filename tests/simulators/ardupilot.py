@@ -582,10 +582,12 @@ class ArduPilot(Autopilot):
         scale = min(1.0, agility.acceleration_m_s2 / max(agility.velocity_gain * math.hypot(north, east), 1e-9))
         share, limit = agility.velocity_gain * scale * STEP_S, agility.vertical_acceleration_m_s2 * STEP_S
         down = clamp(down * agility.vertical_gain * STEP_S, -limit, limit)
-        velocity = (velocity[0] + north * share, velocity[1] + east * share, velocity[2] + down)
+        change = (north * share, east * share, down)
+        velocity = plus(velocity, change)
         position = plus(position, (velocity[0] * STEP_S, velocity[1] * STEP_S, velocity[2] * STEP_S))
         self._aim = position, velocity
-        return replace(target, position=position, velocity=velocity)
+        acceleration = (change[0] / STEP_S, change[1] / STEP_S, change[2] / STEP_S)
+        return replace(target, position=position, velocity=velocity, acceleration=acceleration)
 
     def _by_sticks(self) -> Target:
         sticks = self.sticks if self.has_sticks else Sticks()
