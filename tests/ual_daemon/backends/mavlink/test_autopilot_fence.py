@@ -174,7 +174,12 @@ def test_a_breach_of_a_zone_all_the_same_is_named_by_the_task(zoned: Flight) -> 
     flight.take_off()
     task = flight.uav.go_to_waypoint(Pose.at(-30.0, 0.0, HEIGHT_M), blocking=False)
     flight.let_pass(1.0)
-    flight.autopilot.set_fence(FIELD, (False, [(0.0, -8.0)], 4.0), POND)  # PX4 does not tell
+    flight.autopilot.set_fence(FIELD, (False, [(0.0, -8.0)], 4.0), POND)
+    if isinstance(flight.autopilot, ArduPilot):  # it tells of its new fence, so that the UAV stops before it
+        with pytest.raises(GeofenceError, match=r"the way to .* leads beyond the autopilot's own fence"):
+            task.wait(LIMIT_S)
+        assert flight.uav.state() is State.FLYING_AUTO
+        return
     with pytest.raises(TaskAbortedError) as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "fence"
@@ -273,12 +278,26 @@ def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     flight.take_off()
     flight.uav.go_to_waypoint(flight.goal(25.0, 0.0))
     task = flight.uav.go_to_waypoint(flight.goal(0.0, 15.0 - 4.0), blocking=False)
-    with flight.autopilot.lock:  # wind, or a fence that was made smaller
+    with flight.autopilot.lock:  # wind, or a fence that was made smaller without a word
         flight.autopilot.parameters["FENCE_RADIUS"] = 25.0
-        flight.autopilot.channels[0].send(flight.autopilot._parameter("FENCE_RADIUS"), flight.now_s)
-    with pytest.raises(TaskAbortedError, match=r"beyond the autopilot's own fence \(FENCE_RADIUS: 25 m\)") as caught:
+    with pytest.raises(TaskAbortedError) as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "fence"
+
+
+def test_a_smaller_fence_that_is_told_ends_the_task_before_the_breach(flight: Flight) -> None:
+    if not isinstance(flight.autopilot, ArduPilot):
+        pytest.skip("the simulated PX4 does not apply its distances")
+    flight.take_off()
+    flight.uav.go_to_waypoint(flight.goal(20.0, 0.0))
+    task = flight.uav.go_to_waypoint(flight.goal(0.0, 18.0), blocking=False)
+    with flight.autopilot.lock:
+        flight.autopilot.parameters["FENCE_RADIUS"] = 25.0
+        flight.autopilot.channels[0].send(flight.autopilot._parameter("FENCE_RADIUS"), flight.now_s)
+    with pytest.raises(GeofenceError, match=r"beyond the autopilot's own fence \(FENCE_RADIUS: 25 m"):
+        task.wait(LIMIT_S)
+    assert flight.uav.state() is State.FLYING_AUTO
+    flight.land()
 
 
 def beyond_its_new_fence(flight: Flight) -> Vector3:
