@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.descriptor import Descriptor
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -77,7 +77,7 @@ def fields(data: bytes, kind: Descriptor, path: str = "") -> Iterator[str]:
         key, data = varint(data)
         field = kind.fields_by_number[key >> 3]
         content, data = value_of(key & 7, data)
-        if field.label != FieldDescriptor.LABEL_REPEATED:
+        if not field.is_repeated:
             yield f"{path}.{field.name}"
             if field.message_type is not None:
                 yield from fields(content, field.message_type, f"{path}.{field.name}")
