@@ -48,7 +48,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.registry import make
 from ual_daemon.extensions.base import ExtensionContext
 from ual_daemon.extensions.loaded import Extensions
-from ual_daemon.flight.lease import NOBODY, carried
+from ual_daemon.flight.policy.lease import NOBODY, carried
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.settings import VehicleSettings

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from benchmarks import marks
 from benchmarks.vehicle import OWN_FENCE, PARAMETERS, number_of
-from ual_daemon.backends.autopilots.px4 import Px4
+from ual_daemon.backends.firmwares.px4 import Px4
 
 
 def test_it_answers_what_ual_reads_of_a_px4() -> None:

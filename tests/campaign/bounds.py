@@ -59,7 +59,7 @@ def inside_the_newest_fence(case: Case) -> Iterator[Breach]:
 
     Where it is beyond one that is new, or beyond one when it is commanded, it brakes and leads no farther out.
     """
-    record, circles = case.record, own_fences(case.record)
+    record, circles = case.record, autopilot_fences(case.record)
     for each, flown_s in flown(case):
         allowed_s = known_since_s(record, each.time_s, KNOWN_S)
         circle = next(iter(newest(circles, allowed_s, allowed_s)), None)
@@ -97,7 +97,7 @@ def within_the_newest_limits(case: Case) -> Iterator[Breach]:
             yield Breach("limits", each.time_s, f"{text} (allowed {allowed_m_s:.2f})")
 
 
-def own_fences(record: Record) -> list[Circle]:
+def autopilot_fences(record: Record) -> list[Circle]:
     """Each fence that the daemon could know, from when on."""
     found: list[Circle] = []
     for time_s in _heard_s(record):
@@ -110,7 +110,7 @@ def own_fences(record: Record) -> list[Circle]:
     return found
 
 
-def is_near_own_fence(circles: Sequence[Circle], each: Located, near_m: float) -> bool:
+def is_near_autopilot_fence(circles: Sequence[Circle], each: Located, near_m: float) -> bool:
     """Whether it was nearer than that to the autopilot's own fence, or beyond."""
     circle = next(iter(newest(circles, each.time_s, each.time_s)), None)
     if circle is None or circle.radius_m is None or circle.home is None:

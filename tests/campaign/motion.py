@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from tests.campaign.bounds import is_near_own_fence, own_fences
+from tests.campaign.bounds import autopilot_fences, is_near_autopilot_fence
 from tests.campaign.evidence import DISTURBING, Breach, Case, between, is_befallen, nearest
 from tests.campaign.places import distance_m
 from tests.campaign.record import Called, Located, Place, Record
@@ -100,9 +100,9 @@ def _on_the_line(case: Case, call: Called) -> Iterator[Located]:
     places = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s]
     if not places or places[0].velocity is None or math.hypot(*places[0].velocity) > _HELD_M_S:
         return
-    circles = own_fences(record)
+    circles = autopilot_fences(record)
     for each in places:
-        if _is_near_a_fence(record, each.place) or is_near_own_fence(circles, each, _NEAR_M):
+        if _is_near_a_fence(record, each.place) or is_near_autopilot_fence(circles, each, _NEAR_M):
             return
         yield each
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 
 from ual_daemon.backends import registry
-from ual_daemon.backends.autopilots import own_pause
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.firmwares import scheduling_gap
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.values import Freshness
 from ual_daemon.program.main import main
 
@@ -37,7 +37,7 @@ class PatientBackend(MavlinkBackend):
         super().__init__(options)
         for dialect in (Dialect, ArduCopter):
             dialect.freshness = Freshness(*[PATIENCE_S] * 5)
-        own_pause.PAUSE_S = PATIENCE_S
+        scheduling_gap.PAUSE_S = PATIENCE_S
 
 
 if __name__ == "__main__":

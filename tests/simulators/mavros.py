@@ -18,7 +18,7 @@ from tests.simulators.autopilot import Autopilot
 from tests.simulators.ports import MemoryPort
 from tests.simulators.rosbridge import Message, Service
 from ual.geometry import Quaternion, Vector3
-from ual_daemon.backends.mavlink.autopilots.axes import (
+from ual_daemon.backends.mavlink.dialects.axes import (
     enu_to_ned,
     enu_to_ned_yaw,
     enu_to_ned_yaw_rate,

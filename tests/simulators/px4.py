@@ -21,7 +21,7 @@ from tests.simulators.autopilot import (
 from tests.simulators.channel import Channel
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
-from ual_daemon.backends.autopilots.px4_events import event_id
+from ual_daemon.backends.firmwares.px4_events import event_id
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import SphereProjection
 

@@ -12,7 +12,7 @@ from tests.sitl.transmitter import Transmitter
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.interface import Uav
-from ual_daemon.backends.mavlink.autopilots.axes import orientation_to_enu
+from ual_daemon.backends.mavlink.dialects.axes import orientation_to_enu
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 RATE_HZ = 50.0

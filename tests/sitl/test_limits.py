@@ -83,12 +83,12 @@ def stream_until_refused(uav: UAL, velocity: Vector3) -> None:
     assert refused
 
 
-def test_a_goal_beyond_its_own_fence_is_refused_and_one_inside_is_reached(
+def test_a_goal_beyond_its_autopilot_fence_is_refused_and_one_inside_is_reached(
     flight: Flight, uav: UAL, fence: str, simulator: Simulator
 ) -> None:
     """Without the check a go-to 60 m away got to 46 m, where ArduPilot's fence sent the UAV home."""
     backend = uav.vehicle.backend
-    flight.wait_for(lambda: backend.snapshot().own_fence is not None, "its fence")
+    flight.wait_for(lambda: backend.snapshot().autopilot_fence is not None, "its fence")
     flight.take_off()
     begin = flight.position()
     with pytest.raises(GeofenceError, match=f"beyond the autopilot's own fence \\({fence}: 30 m") as caught:
@@ -135,13 +135,13 @@ def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3
         flight.pilot.set_parameter("FENCE_TYPE", ALL_KINDS)
 
 
-def test_a_way_through_a_polygon_of_its_own_fence_is_refused_and_one_around_it_is_flown(
+def test_a_way_through_a_polygon_of_its_autopilot_fence_is_refused_and_one_around_it_is_flown(
     flight: Flight, uav: UAL, building: Vector3, simulator: Simulator
 ) -> None:
     backend = uav.vehicle.backend
 
     def zones_count() -> int:
-        own = backend.snapshot().own_fence
+        own = backend.snapshot().autopilot_fence
         return 0 if own is None else len(own.zones)
 
     flight.wait_for(lambda: zones_count() == 2, "the polygon and the circle", READ_S)

@@ -120,7 +120,7 @@ def flying(name: str, place: Place) -> Iterator[UAL]:
         stack.callback(uav.vehicle.close)  # at once, in the air
         wait_until_ready(uav)
         if place.has_holes:
-            until(lambda: bool((backend.snapshot().own_fence or _NO_ZONES).zones), "its fence")
+            until(lambda: bool((backend.snapshot().autopilot_fence or _NO_ZONES).zones), "its fence")
         until(lambda: _is_home_known(backend), "its home")
         _arm(uav)
         uav.take_off(place.height_m)

@@ -148,7 +148,7 @@ class Zone(NamedTuple):
     radius_m: float | None = None
 
 
-class OwnFence(NamedTuple):
+class AutopilotFence(NamedTuple):
     """The fence that the autopilot itself applies; None: no such limit. The limits are around its home, heights above.
 
     `zones` are anywhere on Earth: it stays outside all exclusions, and inside all inclusions, or with
@@ -171,7 +171,7 @@ class OwnFence(NamedTuple):
         return tuple(each for each in (self.radius, self.highest, self.lowest) if each is not None)
 
 
-NO_FENCE = OwnFence()
+NO_FENCE = AutopilotFence()
 
 
 class Recorded(NamedTuple):
@@ -207,12 +207,12 @@ class Snapshot(NamedTuple):
     the delay of the link changes. `velocity` is linear along the
     local axes and angular in the body. `position_geo` is computed from the pose by the `projection` if the autopilot
     does not send it. Altitudes above home are relative to `home_altitude_amsl_m`; `home_geo` is where home lies, if the
-    autopilot says so (its altitude is the former). `own_fence` is the autopilot's own fence; None if it has no limit.
+    autopilot says so (its altitude is the former). `autopilot_fence` is the autopilot's own; None if it has no limit.
     `geoid_separation_m` is the height above the ellipsoid minus the height above mean sea level, at this place.
     `has_rangefinder` says whether the autopilot uses a distance sensor that looks down. `conflict` says for people why
     it is not sure that the values are those of one vehicle; nothing may be flown then. `updated_s` is when the backend
     last looked for data, which every backend says: what came later is not in the values, and while that is long ago no
-    setpoint is sent. `own_pause` says for people
+    setpoint is sent. `scheduling_gap` says for people
     that it had no time for that lately. `sequence` numbers the updates of a
     backend that may leave some out (`Backend.is_update_needed`), and counts these too; it is 0 if the vehicle is to
     count. `boots_count` changes when the autopilot has rebooted, or is another one: each boot begins a local frame of
@@ -252,9 +252,9 @@ class Snapshot(NamedTuple):
     boots_in_frame_count: int = 0
     has_rangefinder: bool = False
     conflict: str = ""
-    own_fence: OwnFence | None = None
+    autopilot_fence: AutopilotFence | None = None
     updated_s: float = math.inf
-    own_pause: str = ""
+    scheduling_gap: str = ""
     other_sender: str = ""
     link_trouble: str = ""
     refused: str = ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual.errors import GeofenceError, UalError
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.geofence import Geofence
+from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.tracker.limits import CurrentLimits, scaled_down
 from ual_daemon.tracker.references import Hold, Reference, Velocity
 

@@ -23,13 +23,13 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, LandedState, SetpointLoss, Snapshot, Takes
 from ual_daemon.flight import fitting
-from ual_daemon.flight.authority import Authority
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.external_silence import ExternalSilence
-from ual_daemon.flight.geofence import Geofence
-from ual_daemon.flight.jumps import Jump
-from ual_daemon.flight.lease import Lease, carried
-from ual_daemon.flight.manoeuvre import Handover, Manoeuvre, Step
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step
+from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.lease import Lease, carried
 from ual_daemon.flight.refusals import not_pausable, not_replaceable, only_watching, replaced, shutting_down
 from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.shutdown import Shutdown

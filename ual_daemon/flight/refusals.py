@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual.errors import NotSupportedError, PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import State
-from ual_daemon.flight.manoeuvre import Manoeuvre
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
 
 def shutting_down(command: str) -> WrongStateError:

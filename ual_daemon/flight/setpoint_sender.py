@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
-from ual_daemon.flight.dropped_positions import DroppedPositions
+from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.setpoint_adaptation import adapted
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 from ual.types import State
 from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Recorded, Sample, Snapshot
 
-_OWN_PAUSE_S = 0.5
+_SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
 
 
@@ -64,7 +64,9 @@ def replayed(snapshot: Snapshot, recorded: Recorded, freshness: Freshness) -> Es
 def _not_blaming(missing: Estimate, snapshot: Snapshot) -> Estimate:
     """Returns the same with its real cause, where UAL itself had no time to look for data."""
     pause_s = snapshot.time_s - snapshot.updated_s
-    own = f"this computer has not run UAL for {pause_s:.1f} s" if pause_s > _OWN_PAUSE_S else snapshot.own_pause
+    own = (
+        f"this computer has not run UAL for {pause_s:.1f} s" if pause_s > _SCHEDULING_GAP_S else snapshot.scheduling_gap
+    )
     return replace(missing, why=f"{own}: {missing.why}") if own and not snapshot.conflict else missing
 
 

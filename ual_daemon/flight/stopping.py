@@ -6,7 +6,7 @@ from itertools import islice
 
 from ual.errors import WrongStateError
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.geofence import Geofence
+from ual_daemon.flight.policy.geofence import Geofence
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import (
     Hold,

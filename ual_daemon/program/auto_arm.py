@@ -9,7 +9,7 @@ from ual.errors import PermissionDeniedError, UalError
 from ual.types import State
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock, SafetyPilot
-from ual_daemon.server.updates import Updates
+from ual_daemon.server.telemetry_stream import Updates
 
 _log = logging.getLogger(__name__)
 

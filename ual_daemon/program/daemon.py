@@ -19,9 +19,9 @@ from ual_daemon.program.supervision import Supervision, Unsupervised
 from ual_daemon.server.addresses import Address, ListenError
 from ual_daemon.server.call_log import Observer
 from ual_daemon.server.server import Server
+from ual_daemon.server.telemetry_stream import LoopCalls
 from ual_daemon.server.transport import selection
 from ual_daemon.server.transport.base import Transport
-from ual_daemon.server.updates import LoopCalls
 from ual_daemon.server.waiting import completion
 from ual_daemon.ual import UAL
 from ual_daemon.vehicle.vehicle import Vehicle

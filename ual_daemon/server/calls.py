@@ -21,7 +21,7 @@ from ual.errors import (
     UnauthenticatedError,
 )
 from ual_daemon import logs
-from ual_daemon.flight import lease
+from ual_daemon.flight.policy import lease
 from ual_daemon.server.access import caller
 from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role

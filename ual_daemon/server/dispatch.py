@@ -24,7 +24,7 @@ from typing_extensions import override
 from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
 from ual_daemon import logs
-from ual_daemon.flight.lease import NOBODY
+from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
 from ual_daemon.server.transport.base import Call
 

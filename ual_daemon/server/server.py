@@ -20,9 +20,9 @@ from ual_daemon.server.addresses import Address, bind
 from ual_daemon.server.call_log import Observer, observed
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.simulation_service import SimulationServicer
+from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.transport.base import Transport
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import LoopCalls, Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 _UAL_SERVICE: str = ual_pb2.DESCRIPTOR.services_by_name["UalService"].full_name

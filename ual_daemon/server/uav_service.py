@@ -20,12 +20,12 @@ from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon import logs
 from ual_daemon.flight.flight import LastCommand
-from ual_daemon.flight.lease import EXPIRES_AFTER_S
+from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.access import caller
 from ual_daemon.server.planning import Planning
+from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import Call
-from ual_daemon.server.updates import Updates
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.vehicle import Vehicle

@@ -26,12 +26,12 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.flight import Flight, LastCommand
-from ual_daemon.flight.land import Land
-from ual_daemon.flight.manoeuvre import Handover
-from ual_daemon.flight.recover import Recover
-from ual_daemon.flight.take_off import TakeOff
+from ual_daemon.flight.manoeuvres.await_arming import AwaitArming, is_after_landing
+from ual_daemon.flight.manoeuvres.land import Land
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover
+from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.take_off import TakeOff
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP

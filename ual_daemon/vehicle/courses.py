@@ -11,11 +11,11 @@ from typing_extensions import override
 from ual.geometry import Vector3
 from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.course import Course, Flown, Onward
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.home import home_place
-from ual_daemon.flight.manoeuvre import Manoeuvre
-from ual_daemon.flight.return_to_launch import HomeCourse
+from ual_daemon.flight.manoeuvres.course import Course, Flown, Onward
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
+from ual_daemon.flight.manoeuvres.return_to_launch import HomeCourse
+from ual_daemon.flight.policy.home import home_place
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, Trajectory, Waypoint, path
@@ -143,12 +143,12 @@ class StraightCourse(PathCourse):
         resolve: Resolve,
         bounds: Callable[[], PathBounds],
         same_place_m: float,
-        catch_up: Callable[[VehicleTask, Snapshot], Manoeuvre | None],
+        follow_goal: Callable[[VehicleTask, Snapshot], Manoeuvre | None],
         snapshot: Snapshot,
     ) -> None:
-        """`same_place_m`: a goal that has moved by less has not. `catch_up` returns what goes on once it moves on."""
+        """`same_place_m`: a goal that has moved by less has not. `follow_goal` returns what flies on then."""
         super().__init__(flight, command, [resolve(snapshot)], 0.0, bounds)
-        self._resolve, self._same_place_m, self._catch_up = resolve, same_place_m, catch_up
+        self._resolve, self._same_place_m, self._follow_goal = resolve, same_place_m, follow_goal
 
     @property
     def goal(self) -> Waypoint:
@@ -174,7 +174,7 @@ class StraightCourse(PathCourse):
 
     @override
     def successor(self, task: VehicleTask, snapshot: Snapshot) -> Manoeuvre | None:
-        return self._catch_up(task, snapshot)
+        return self._follow_goal(task, snapshot)
 
 
 class WayHomeCourse(HomeCourse):

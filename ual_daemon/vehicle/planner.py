@@ -31,13 +31,13 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot, Takes
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.catch_up import CatchUp
 from ual_daemon.flight.flight import Flight, LastCommand
-from ual_daemon.flight.follow import FollowTrajectory, MakeTracker
-from ual_daemon.flight.ground import SEEN_NOISE_M
-from ual_daemon.flight.manoeuvre import Manoeuvre
-from ual_daemon.flight.recover import RecoverFirst
-from ual_daemon.flight.return_to_launch import ReturnToLaunch
+from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
+from ual_daemon.flight.manoeuvres.follow_moving_goal import FollowMovingGoal
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
+from ual_daemon.flight.manoeuvres.recover import RecoverFirst
+from ual_daemon.flight.manoeuvres.return_to_launch import ReturnToLaunch
+from ual_daemon.flight.policy.ground import SEEN_NOISE_M
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.settings import Tracker, VehicleSettings
@@ -91,7 +91,7 @@ class Planner:
             max_speed_m_s = validation.max_speed(request.max_speed_m_s)
             snapshot = self._preconditions.require_state("go_to_waypoint", State.FLYING_AUTO)
             if self._resolver.is_moving(goal):
-                return self._catch_up(goal, snapshot, max_speed_m_s)
+                return self._follow_goal(goal, snapshot, max_speed_m_s)
             return self._go_straight(
                 TaskKind.GO_TO_WAYPOINT, goal, self._goal_resolver(goal, snapshot), max_speed_m_s, snapshot, since
             )
@@ -136,7 +136,7 @@ class Planner:
             at_speed,
             partial(self._path_bounds, max_speed_m_s),
             self._tolerance.position_m / 2,
-            partial(self._catch_up_instead, goal, max_speed_m_s),
+            partial(self._follow_goal_instead, goal, max_speed_m_s),
             snapshot,
         )
         above = "" if isinstance(goal, GeoWaypoint) else self._height_text(goal, course.goal)
@@ -354,7 +354,7 @@ class Planner:
                 "command this again"
             )
 
-    def _catch_up(self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None) -> Prepared[VehicleTask]:
+    def _follow_goal(self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None) -> Prepared[VehicleTask]:
         """Prepares the task that catches up with a goal in a frame that moves."""
         name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
         reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
@@ -365,13 +365,13 @@ class Planner:
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
                 task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
-                self._flight.begin(CatchUp(name, task, reference, bounds, self._tolerance))
+                self._flight.begin(FollowMovingGoal(name, task, reference, bounds, self._tolerance))
                 accepted(name, task_id=task.id, what=what, speed_m_s=round(motion.velocity.norm(), 2))
                 return task
 
         return Prepared(Plan((motion.position - measured_motion(snapshot).position).norm()), begin)
 
-    def _catch_up_instead(
+    def _follow_goal_instead(
         self, goal: Goal | GeoWaypoint, max_speed_m_s: float | None, task: VehicleTask, snapshot: Snapshot
     ) -> Manoeuvre | None:
         """Returns the manoeuvre that goes on with a go-to whose goal has begun to move; None if it has not."""
@@ -379,7 +379,7 @@ class Planner:
             return None
         bounds = partial(self._bounds, max_speed_m_s)
         reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
-        return CatchUp("go_to_waypoint", task, reference, bounds, self._tolerance)
+        return FollowMovingGoal("go_to_waypoint", task, reference, bounds, self._tolerance)
 
     def _tracker(self) -> MakeTracker:
         takes_motion = bool(self._flight.takes & (Takes.FEED_FORWARD | Takes.VELOCITY))

@@ -13,7 +13,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, LandedState, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.lease import carried
+from ual_daemon.flight.policy.lease import carried
 from ual_daemon.flight.refusals import not_flown, only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 

@@ -17,10 +17,10 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.geofence import geofence_of
-from ual_daemon.flight.heading_jumps import HeadingJumpDetector
-from ual_daemon.flight.jumps import JumpDetector
-from ual_daemon.flight.lease import EXPIRES_AFTER_S, NOBODY
+from ual_daemon.flight.policy.geofence import geofence_of
+from ual_daemon.flight.policy.heading_jumps import HeadingJumpDetector
+from ual_daemon.flight.policy.jumps import JumpDetector
+from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S, NOBODY
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.home_file import HomeFile

@@ -9,7 +9,7 @@ from ual.geometry import Vector3
 from ual.types import Limits, PathHeading, Plan
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.home import HomePlace, home_place
+from ual_daemon.flight.policy.home import HomePlace, home_place
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Brake, Chain, Motion, Trajectory, Waypoint, path
 from ual_daemon.vehicle.admission import admit

@@ -18,7 +18,7 @@ from ual_daemon.backends.values import (
     Snapshot,
 )
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.manoeuvre import Manoeuvre, Step
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.state import estimate
 from ual_daemon.flight.tasks import VehicleTask
 

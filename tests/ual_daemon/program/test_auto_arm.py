@@ -12,7 +12,7 @@ import pytest
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError
 from ual.types import State
 from ual_daemon.program.auto_arm import auto_arm
-from ual_daemon.server.updates import Updates
+from ual_daemon.server.telemetry_stream import Updates
 
 STEP_S = 0.125
 

@@ -25,9 +25,9 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
 from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
 from ual_daemon.server.server import NEEDED_TO_LAND
+from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 LIMIT_S = 30.0

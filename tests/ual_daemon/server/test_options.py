@@ -18,10 +18,10 @@ from ual.types import State
 from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import server
 from ual_daemon.server.calls import Calls
+from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import Call
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 LIMIT_S = 30.0

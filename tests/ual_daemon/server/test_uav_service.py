@@ -12,8 +12,8 @@ from tests.ual_daemon.stepped import stepped
 from ual.errors import TaskAbortedError
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.uav_service import UalServicer
-from ual_daemon.server.updates import Updates
 from ual_daemon.vehicle.prepared import Prepared
 
 LIMIT_S = 30.0

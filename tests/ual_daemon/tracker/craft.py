@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
-from ual_daemon.backends.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.autopilots.feed_forward import GRAVITY_M_S2, FeedForward
-from ual_daemon.backends.autopilots.px4 import Px4
+from ual_daemon.backends.firmwares.ardupilot import ArduCopter
+from ual_daemon.backends.firmwares.feed_forward import GRAVITY_M_S2, FeedForward
+from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.values import PositionSetpoint, Sample, Setpoint, Snapshot, VelocityResponses
 from ual_daemon.flight.stopping import motion_if_near
 from ual_daemon.tracker.drift import DriftCorrection

@@ -15,7 +15,7 @@ from ual.simulation import LinkLost
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, Sample, Setpoint, SetpointLoss
-from ual_daemon.flight.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
 

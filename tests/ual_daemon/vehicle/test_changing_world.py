@@ -16,7 +16,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError
 from ual.geometry import IDENTITY, Pose, Transform, Twist, TwistStamped, Vector3
 from ual.types import GeoPoint, PathHeading, State, TaskInfo, TaskStatus
-from ual_daemon.backends.values import FenceLimit, OwnFence, Snapshot
+from ual_daemon.backends.values import AutopilotFence, FenceLimit, Snapshot
 from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.vehicle import courses
 
@@ -50,7 +50,7 @@ class World:
         """The autopilot has a fence of its own from now on, around where its local frame begins."""
         radius = None if radius_m is None else FenceLimit(radius_m, "GF_MAX_HOR_DIST")
         highest = None if highest_m is None else FenceLimit(highest_m, "GF_MAX_VER_DIST")
-        self._changes["own_fence"] = OwnFence(radius, highest)
+        self._changes["autopilot_fence"] = AutopilotFence(radius, highest)
         if "home_geo" not in self._changes:
             self.home(Vector3())
 

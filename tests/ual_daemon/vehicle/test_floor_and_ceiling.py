@@ -15,7 +15,7 @@ from ual.types import AltitudeReference, Limits, State
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import LandedState, Sample, Snapshot
-from ual_daemon.flight.geofence import geofence_of
+from ual_daemon.flight.policy.geofence import geofence_of
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import ConfigError, GeofenceSettings, VehicleSettings

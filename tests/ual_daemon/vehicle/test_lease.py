@@ -11,7 +11,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.flight import lease
+from ual_daemon.flight.policy import lease
 from ual_daemon.flight.tasks import VehicleTask
 
 FAR = at(60.0, 0.0, 3.0)

@@ -835,7 +835,7 @@ def test_a_defect_in_a_manoeuvre_ends_it_and_the_uav_stops(flying: Stepped, monk
     task = flying.prepare.go_to_waypoint(at(9, 0, 3)).begin()
     flying.run(1.5)
     with monkeypatch.context() as patch:
-        patch.setattr("ual_daemon.flight.follow.why_not_ours", lambda *_: 1 / 0)
+        patch.setattr("ual_daemon.flight.manoeuvres.follow.why_not_ours", lambda *_: 1 / 0)
         flying.run(STEP_S)
     assert failure(task).reason == "INTERNAL"
     flying.run(3.0)

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
-from ual_daemon.backends.autopilots.plausibility import Plausibility
 from ual_daemon.backends.crazyflie.contact import Contact
 from ual_daemon.backends.crazyflie.ground import Ground
 from ual_daemon.backends.crazyflie.packets import decompress
 from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles
+from ual_daemon.backends.firmwares.plausibility import Plausibility
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState, Mode, Sample, Snapshot
 
 REST_S = 0.3

@@ -13,7 +13,6 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
-from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.authority import Holding
@@ -23,6 +22,7 @@ from ual_daemon.backends.dji.landing import Descent, LandingRequest
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
 from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
+from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
 from ual_daemon.backends.rosbridge import DEFAULT_URL, LinkState, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Control,
@@ -106,7 +106,7 @@ class DjiBackend(Backend):
         self._info: tuple[Telemetry | None, VehicleInfo | None] = (None, None)
         self._on_update: UpdateCallback | None = None
         self._poses_count = 0
-        self._own_pause = OwnPause()
+        self._scheduling_gap = SchedulingGap()
         self._stepped_s = self._read_s = self._late_s = float("-inf")
         self._updated_s = self._confirmed_s = float("-inf")
         self._holding = Holding()
@@ -179,7 +179,9 @@ class DjiBackend(Backend):
             why = self._why_no_vehicle()
             return Snapshot(now_s, status_text=why, link_trouble=why, updated_s=max(self._opened_s, self._stepped_s))
         snapshot = self._with_descent(telemetry.snapshot(now_s, self._missing(telemetry, now_s)), telemetry)
-        snapshot = snapshot._replace(updated_s=max(self._opened_s, self._read_s), own_pause=self._own_pause.why(now_s))
+        snapshot = snapshot._replace(
+            updated_s=max(self._opened_s, self._read_s), scheduling_gap=self._scheduling_gap.why(now_s)
+        )
         why = self._link.why_not
         return snapshot if self._link.is_up else snapshot._replace(status_text=why, link_trouble=why)
 
@@ -411,7 +413,7 @@ class DjiBackend(Backend):
 
     def _watch_pause(self, now_s: float) -> None:
         """Notes when this thread has read what came. What it finds after a pause is old, and so is what it knows."""
-        pause_s = self._own_pause.woke(now_s, self.freshness.link_s)
+        pause_s = self._scheduling_gap.woke(now_s, self.freshness.link_s)
         if pause_s and self._telemetry is not None:
             logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
             self._telemetry.discard_state(pause_s)

@@ -13,13 +13,13 @@ from typing_extensions import override
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError
 from ual.types import Limits
 from ual_daemon.backends import futures
-from ual_daemon.backends.autopilots.autopilot import HomeUnknownError
-from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.firmwares.autopilot import HomeUnknownError
+from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Connection, make_link
 from ual_daemon.backends.mavlink.links.endpoints import SerialEndpoint, parse_url
 from ual_daemon.backends.mavlink.packet_tap import PacketTap

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.errors import InvalidArgumentError, PermissionDeniedError
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message, set_message_interval
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message, set_message_interval
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.payload import Payload, PayloadCallback

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing_extensions import override
 
 from ual.geometry import Vector3
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.packet_tap import ENCODING, peer_address
 from ual_daemon.backends.mavlink.session.discovery import Discovery

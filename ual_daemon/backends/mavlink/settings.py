@@ -7,7 +7,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from ual_daemon.backends.autopilots.feed_forward import Drag
+from ual_daemon.backends.firmwares.feed_forward import Drag
 from ual_daemon.settings import Settings
 
 SECTION = "mavlink"

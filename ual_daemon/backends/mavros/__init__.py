@@ -12,7 +12,7 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``messages``, ``topics``: names, types and fields
 - ``settings``
 
-What PX4 and ArduPilot are is in ``ual_daemon.backends.autopilots``, the way to ROS in ``ual_daemon.backends.rosbridge``
+What PX4 and ArduPilot are is in ``ual_daemon.backends.firmwares``, the way to ROS in ``ual_daemon.backends.rosbridge``
 """
 
 from ual_daemon.backends.mavros.backend import MavrosBackend

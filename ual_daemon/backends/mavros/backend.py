@@ -15,12 +15,12 @@ from ual.errors import LinkLostError, UalError
 from ual.types import Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
-from ual_daemon.backends.autopilots.autopilot import HomeUnknownError
-from ual_daemon.backends.autopilots.own_pause import OwnPause
-from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.firmwares.autopilot import HomeUnknownError
+from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
+from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import commands, topics
 from ual_daemon.backends.mavros.commands import Step
 from ual_daemon.backends.mavros.discovery import Discovery
@@ -64,7 +64,7 @@ class MavrosBackend(Backend):
         self._info = VehicleInfo()
         self._has_news = False
         self._updated_s = -math.inf
-        self._own_pause = OwnPause()
+        self._scheduling_gap = SchedulingGap()
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -171,7 +171,7 @@ class MavrosBackend(Backend):
 
     def _watch_pause(self, now_s: float) -> None:
         session = None if self._discovery is None else self._discovery.session
-        pause_s = self._own_pause.woke(now_s, math.inf if session is None else session.freshness.link_s)
+        pause_s = self._scheduling_gap.woke(now_s, math.inf if session is None else session.freshness.link_s)
         if pause_s and session is not None:
             logs.event(_log, logging.WARNING, "thread_paused", pause_s=round(pause_s, 1))
             session.restart()
@@ -188,7 +188,7 @@ class MavrosBackend(Backend):
         else:
             self._info = discovery.info
         snapshot = Snapshot(now_s) if session is None else session.snapshot(now_s)
-        snapshot = snapshot._replace(updated_s=now_s, own_pause=self._own_pause.why(now_s))
+        snapshot = snapshot._replace(updated_s=now_s, scheduling_gap=self._scheduling_gap.why(now_s))
         self._snapshot = snapshot = snapshot._replace(status_text=why, link_trouble=why) if why else snapshot
         try:
             self._on_update(snapshot)

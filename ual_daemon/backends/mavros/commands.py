@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
-from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from functools import partial
 
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.commands import Answer
 from ual_daemon.backends.mavros.session import Session

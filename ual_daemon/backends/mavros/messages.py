@@ -7,8 +7,8 @@ import re
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, GpsFix, GpsInfo
-from ual_daemon.backends.autopilots.autopilot import Autopilot
-from ual_daemon.backends.autopilots.numbers import (
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.numbers import (
     ACCELERATED_VELOCITY_MASK,
     LOCAL_NED,
     POSITION_MASK,

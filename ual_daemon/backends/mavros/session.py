@@ -10,20 +10,20 @@ from dataclasses import replace
 
 from ual.types import Capability
 from ual_daemon import logs
-from ual_daemon.backends.autopilots import px4_events
-from ual_daemon.backends.autopilots.autopilot import (
+from ual_daemon.backends.firmwares import px4_events
+from ual_daemon.backends.firmwares.autopilot import (
     Autopilot,
     SimulationVerdict,
     assumed_text,
     assumption_text,
     version_text,
 )
-from ual_daemon.backends.autopilots.cause_watch import CauseWatch
-from ual_daemon.backends.autopilots.feed_forward import FeedForward
-from ual_daemon.backends.autopilots.health_report import HealthReport
-from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
-from ual_daemon.backends.autopilots.sender_watch import SenderWatch
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.firmwares.cause_watch import CauseWatch
+from ual_daemon.backends.firmwares.feed_forward import FeedForward
+from ual_daemon.backends.firmwares.health_report import HealthReport
+from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION
+from ual_daemon.backends.firmwares.sender_watch import SenderWatch
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
 from ual_daemon.backends.mavros.commands import Answer, CallService, Commands, Step, knows_mode
 from ual_daemon.backends.mavros.parameters import ParameterReader

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from ual_daemon.backends.autopilots.feed_forward import Drag
+from ual_daemon.backends.firmwares.feed_forward import Drag
 from ual_daemon.settings import Settings
 
 SECTION = "mavros"
@@ -17,7 +17,7 @@ class MavrosSettings(Settings, frozen=True, kw_only=True):
 
     `node` is the name of MAVROS' node, within the namespace of the URL. `pose_rate_hz` is the rate at which position
     and attitude are requested from the autopilot. With `learns_feed_forward` PX4's drag and the error of its estimate
-    are learned and compensated: see `ual_daemon.backends.autopilots.feed_forward`; `drag_1_s` is the drag that it
+    are learned and compensated: see `ual_daemon.backends.firmwares.feed_forward`; `drag_1_s` is the drag that it
     begins with.
     """
 

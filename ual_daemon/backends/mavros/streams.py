@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ual_daemon.backends.autopilots.autopilot import Autopilot
+from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.parameters import Call
 from ual_daemon.backends.rosbridge import Message

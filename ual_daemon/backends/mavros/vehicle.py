@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ual_daemon.backends.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.autopilots.autopilot import MULTIROTORS, Autopilot
-from ual_daemon.backends.autopilots.numbers import Firmware
-from ual_daemon.backends.autopilots.px4 import Px4
+from ual_daemon.backends.firmwares.ardupilot import ArduCopter
+from ual_daemon.backends.firmwares.autopilot import MULTIROTORS, Autopilot
+from ual_daemon.backends.firmwares.numbers import Firmware
+from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.rosbridge import Message
 
 _HAS_HEARTBEAT, _HAS_VERSION = 1, 2

@@ -654,7 +654,7 @@ def test_nothing_is_sent_while_the_thread_that_hears_the_aircraft_does_not_run(
         until(lambda: uav.state() is State.FLYING_MANUAL)
         late = [time_s for time_s, _, _ in backend.aircraft.setpoints if time_s > taken_s + 0.25]
         assert not late
-        assert backend.snapshot().own_pause == "" or pause_s > 1.0
+        assert backend.snapshot().scheduling_gap == "" or pause_s > 1.0
 
 
 class _Slow(Psdk):

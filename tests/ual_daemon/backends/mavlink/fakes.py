@@ -6,7 +6,7 @@ from typing import Any
 
 from typing_extensions import override
 
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.playback import NoLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery

@@ -16,7 +16,7 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, S
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
-from ual_daemon.flight.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 
 OURS, GROUND_STATION = (1, 191), (255, 190)
 POSITION_ONLY = 0b110111111000

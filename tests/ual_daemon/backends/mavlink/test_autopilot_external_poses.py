@@ -13,7 +13,7 @@ from tests.simulators.autopilot import Autopilot
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.types import Capability, State, Telemetry
-from ual_daemon.backends.mavlink.autopilots.axes import enu_to_ned_yaw, ned_to_enu
+from ual_daemon.backends.mavlink.dialects.axes import enu_to_ned_yaw, ned_to_enu
 
 NOISE_M = 0.005
 PERIOD_S = 0.02

@@ -31,7 +31,7 @@ def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
         flight.autopilot.parameters["FENCE_ENABLE"] = 1
     flight.kill()
     flight.start()  # a new daemon, which has read no parameter yet
-    flight.wait_for(lambda: flight.backend.snapshot().own_fence is not None, "its fence")
+    flight.wait_for(lambda: flight.backend.snapshot().autopilot_fence is not None, "its fence")
     yield flight
     flight.uav.close()
 
@@ -112,7 +112,7 @@ def zoned(request: pytest.FixtureRequest) -> Iterator[Flight]:
 
 
 def zones(flight: Flight) -> tuple[Zone, ...]:
-    own = flight.backend.snapshot().own_fence
+    own = flight.backend.snapshot().autopilot_fence
     return () if own is None else own.zones
 
 
@@ -259,9 +259,9 @@ def test_zones_that_cannot_be_read_stay_a_warning(caplog: pytest.LogCaptureFixtu
     flight.kill()
     with caplog.at_level(logging.INFO):
         flight.start()
-        flight.wait_for(lambda: flight.backend.snapshot().own_fence is not None, "its fence")
+        flight.wait_for(lambda: flight.backend.snapshot().autopilot_fence is not None, "its fence")
         flight.let_pass(3.0)
-    own = flight.backend.snapshot().own_fence
+    own = flight.backend.snapshot().autopilot_fence
     assert own is not None
     assert own.zones == ()
     assert own.unread == "its polygons and circles (FENCE_TOTAL 11)"

@@ -20,8 +20,8 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_flights import ASKING, HEI
 from ual.errors import LinkLostError, TaskAbortedError, UalError, WrongStateError
 from ual.types import State, Telemetry
 from ual_daemon import UAL
-from ual_daemon.backends.autopilots.ardupilot import ArduCopter
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
+from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.links import Connection
 from ual_daemon.backends.mavlink.links.base import Chunk
 from ual_daemon.backends.mavlink.wire.messages import mavlink

@@ -77,7 +77,7 @@ def test_limits_that_cannot_be_read_are_reported_with_what_is_assumed(
     flight.wait_for(lambda: "it has not sent " not in flight.uav.telemetry().state_reason, "the parameters")
 
 
-def test_an_own_pause_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
+def test_an_scheduling_gap_is_not_blamed_on_the_autopilot(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(50.0, 0.0), blocking=False)
     flight.let_pass(1.0)

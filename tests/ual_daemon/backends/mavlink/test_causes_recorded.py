@@ -10,7 +10,7 @@ from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import State
 from ual_daemon.backends.values import Cause, Control
-from ual_daemon.flight.manoeuvre import taken_over
+from ual_daemon.flight.manoeuvres.manoeuvre import taken_over
 from ual_daemon.flight.state import estimate
 
 TICK_S = 0.02

@@ -9,9 +9,9 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, Harness
 from tests.ual_daemon.backends.mavlink.traces import Trace, load
 from ual.types import State
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.jumps import JumpDetector
+from ual_daemon.flight.policy.jumps import JumpDetector
 from ual_daemon.flight.state import estimate
 from ual_daemon.frames.local_frame import LocalFrame
 from ual_daemon.geodesy import FlatProjection, SphereProjection

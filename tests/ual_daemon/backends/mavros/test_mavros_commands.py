@@ -9,7 +9,7 @@ from concurrent.futures import Future
 import pytest
 
 from ual.errors import RejectedByAutopilotError, UalTimeoutError
-from ual_daemon.backends.autopilots.px4 import Px4
+from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
 from ual_daemon.backends.mavros.commands import Answer, Commands, Step
 from ual_daemon.backends.rosbridge import Message

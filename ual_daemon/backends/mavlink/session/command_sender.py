@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ual.errors import RejectedByAutopilotError
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Snapshot
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing_extensions import override
 
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.autopilots.detection import Kind, dialect_of, kind_of, kind_text
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, Transport
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ual_daemon.backends.autopilots.fence_zones import FenceItem, FoundZones, find_zones
+from ual_daemon.backends.firmwares.fence_zones import FenceItem, FoundZones, find_zones
 from ual_daemon.backends.mavlink.session.conversions import degrees
 from ual_daemon.backends.mavlink.wire.frames import Source
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink

@@ -7,7 +7,7 @@ import math
 from collections import deque
 
 from ual_daemon import logs
-from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_text
+from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_text
 from ual_daemon.backends.mavlink.links import Address
 
 _log = logging.getLogger(__name__)

@@ -11,9 +11,9 @@ from collections.abc import Callable
 
 from ual.geometry import Pose
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.own_pause import OwnPause
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.firmwares.scheduling_gap import SchedulingGap
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import Session
@@ -58,7 +58,7 @@ class ReceiveLoop:
         self._session: Session | None = None
         """The session that `info` is about."""
         self._freshness: Freshness | None = None
-        self._own_pause = OwnPause()
+        self._scheduling_gap = SchedulingGap()
         self._pose: Sample[Pose] | None
         self._reset_schedule()
 
@@ -106,7 +106,7 @@ class ReceiveLoop:
             self._tick_if_due(now_s, has_moved=has_moved)
 
     def _reset_schedule(self) -> None:
-        self._next_full_tick_s = self._ticked_s = self._updated_s = self._own_pause.woke_s = self._clock.now_s()
+        self._next_full_tick_s = self._ticked_s = self._updated_s = self._scheduling_gap.woke_s = self._clock.now_s()
         self._has_news = False
         self._connections_count = 0
         self._pose = None
@@ -116,7 +116,9 @@ class ReceiveLoop:
         now_s = clock.now_s()
         chunks = connection.receive(self._next_full_tick_s - now_s, now_s)
         woke_s = clock.now_s()
-        pause_s = self._own_pause.woke(woke_s, math.inf if self._session is None else self._session.freshness.link_s)
+        pause_s = self._scheduling_gap.woke(
+            woke_s, math.inf if self._session is None else self._session.freshness.link_s
+        )
         if pause_s:
             chunks = self._discard_old(woke_s, pause_s)
         if connection.connections_count != self._connections_count:
@@ -184,11 +186,11 @@ class ReceiveLoop:
     def _publish(self, now_s: float) -> None:
         session = self._discovery.session
         # What came after the last batch was received is not in it, however long the batch has taken.
-        updated_s, own_pause = self._own_pause.woke_s, self._own_pause.why(now_s)
+        updated_s, scheduling_gap = self._scheduling_gap.woke_s, self._scheduling_gap.why(now_s)
         if session is None:
-            snapshot = Snapshot(now_s, updated_s=updated_s, own_pause=own_pause)
+            snapshot = Snapshot(now_s, updated_s=updated_s, scheduling_gap=scheduling_gap)
         else:
-            snapshot = session.snapshot(now_s, updated_s, own_pause)
+            snapshot = session.snapshot(now_s, updated_s, scheduling_gap)
         trouble = self._connection.trouble or self._discovery.why_silent(now_s)
         if trouble:
             snapshot = snapshot._replace(link_trouble=trouble)

@@ -11,15 +11,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
-from ual_daemon.backends.autopilots.autopilot import SimulationVerdict, assumed_text, assumption_text
-from ual_daemon.backends.autopilots.cause_watch import CauseWatch
-from ual_daemon.backends.autopilots.feed_forward import FeedForward
-from ual_daemon.backends.autopilots.health_report import HealthReport
-from ual_daemon.backends.autopilots.numbers import IGNORES_POSITION
-from ual_daemon.backends.autopilots.sender_watch import SenderWatch
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.autopilots.axes import ned_to_enu
-from ual_daemon.backends.mavlink.autopilots.command_long import (
+from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
+from ual_daemon.backends.firmwares.cause_watch import CauseWatch
+from ual_daemon.backends.firmwares.feed_forward import FeedForward
+from ual_daemon.backends.firmwares.health_report import HealthReport
+from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION
+from ual_daemon.backends.firmwares.sender_watch import SenderWatch
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.mavlink.dialects.axes import ned_to_enu
+from ual_daemon.backends.mavlink.dialects.command_long import (
     LEAST_RATE_HZ,
     CommandLong,
     default_interval,
@@ -28,10 +28,10 @@ from ual_daemon.backends.mavlink.autopilots.command_long import (
     slow_streams,
     slower,
 )
-from ual_daemon.backends.mavlink.autopilots.data_streams import request_group
-from ual_daemon.backends.mavlink.autopilots.detection import Kind, kind_of
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.autopilots.setpoint_encoder import SetpointEncoder
+from ual_daemon.backends.mavlink.dialects.data_streams import request_group
+from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_of
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.conversions import channels
@@ -279,8 +279,8 @@ class Session:
             kind = self.identity.kind
             self.successor = Successor(kind, Kind(kind.autopilot, mavlink.MAV_TYPE_VTOL_QUADROTOR))
 
-    def snapshot(self, now_s: float, updated_s: float = math.inf, own_pause: str = "") -> Snapshot:
-        """Returns the newest data as of now. `updated_s` and `own_pause` are those of the snapshot."""
+    def snapshot(self, now_s: float, updated_s: float = math.inf, scheduling_gap: str = "") -> Snapshot:
+        """Returns the newest data as of now. `updated_s` and `scheduling_gap` are those of the snapshot."""
         telemetry, causes = self.telemetry, self._causes
         armed, mode = telemetry.armed, telemetry.mode
         is_armed = None if armed is None else armed.value
@@ -288,7 +288,7 @@ class Session:
         return telemetry.snapshot(
             now_s,
             updated_s=updated_s,
-            own_pause=own_pause,
+            scheduling_gap=scheduling_gap,
             held_by=None if mode is None else causes.held_by(mode.value, now_s, is_armed=is_armed),
             other_sender=self._sender_watch.another(now_s, armed, mode, telemetry.landed),
             health=self._health.report(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
-from ual_daemon.backends.mavlink.autopilots.data_streams import group_rates_hz
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.dialects.data_streams import group_rates_hz
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.session.command_sender import CommandSender
 from ual_daemon.backends.mavlink.session.telemetry import Telemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink, message_name

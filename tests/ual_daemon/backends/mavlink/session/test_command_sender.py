@@ -7,8 +7,8 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import Harness as BaseHarness
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
 from ual.errors import RejectedByAutopilotError
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong, request_message
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, request_message
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.command_sender import (
     EFFECT_S,
     EXPLAIN_S,

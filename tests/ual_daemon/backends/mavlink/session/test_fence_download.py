@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ual_daemon.backends.autopilots.fence_zones import FoundZones
+from ual_daemon.backends.firmwares.fence_zones import FoundZones
 from ual_daemon.backends.mavlink.session.fence_download import (
     FIRST_PAUSE_S,
     MAX_ITEMS,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S, HEARTBEAT_REQUEST_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 

@@ -7,8 +7,8 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer, position
 from ual.errors import NotSupportedError
 from ual.types import State
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.autopilots.unknown import Unknown
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.flight.state import estimate

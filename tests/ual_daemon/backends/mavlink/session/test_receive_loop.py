@@ -7,8 +7,8 @@ from typing_extensions import override
 
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, heartbeat, packer, position
-from ual_daemon.backends.autopilots.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import TICK_S, ReceiveLoop

@@ -5,8 +5,8 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError, UalTimeoutError
-from ual_daemon.backends.autopilots.safety_pilot import SimulatedPilot
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -87,7 +87,7 @@ def ready() -> Pilot:
 
 
 def test_it_arms_and_reports_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_daemon.backends.autopilots.safety_pilot.ARMING_LIMIT_S", 0.01)
+    monkeypatch.setattr("ual_daemon.backends.firmwares.safety_pilot.ARMING_LIMIT_S", 0.01)
     it = ready()
     with pytest.raises(UalTimeoutError):
         it.pilot.arm()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.sequence import SequenceGaps, SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.telemetry import LATE_S, Telemetry
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink

@@ -13,10 +13,10 @@ from typing import Any, cast
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, ack, attitude, heartbeat, position
-from ual_daemon.backends.mavlink.autopilots.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.autopilots.command_long import CommandLong
-from ual_daemon.backends.mavlink.autopilots.dialect import Dialect
-from ual_daemon.backends.mavlink.autopilots.px4 import Px4
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink

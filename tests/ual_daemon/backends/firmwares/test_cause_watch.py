@@ -1,0 +1,205 @@
+"""Whose fault a mode is: a failsafe for missing setpoints has one name, however long the pause was."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from ual_daemon.backends.firmwares.ardupilot import ArduCopter
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.cause_watch import CauseWatch
+from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus
+from ual_daemon.backends.firmwares.px4 import Px4
+from ual_daemon.backends.firmwares.px4_events import event_id, read
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.values import Cause
+
+OFFBOARD, POSCTL, RTL = 6 << 16, 3 << 16, 4 << 16 | 5 << 24
+WARNING = 0x33
+IN_OFFBOARD, IN_ANY = struct.pack("<I", 1 << 14), b"\xff" * 4
+"""The modes that a check concerns, as recorded."""
+STEP_S = 0.02
+
+
+class Px4Watch:
+    """The causes that a PX4 shows, with a stream of setpoints to it at 50 Hz."""
+
+    def __init__(
+        self, loss_s: float = 0.3, autopilot: Autopilot | None = None, *, names_intended_mode: bool = True
+    ) -> None:
+        self.now_s = 0.0
+        self.sent = SetpointMonitor()
+        self.autopilot = Px4() if autopilot is None else autopilot
+        self.causes = CauseWatch(
+            self.autopilot, self.sent, names_intended_mode=names_intended_mode, setpoints_lost_s=lambda: loss_s
+        )
+        self.names_intended_mode = names_intended_mode
+        self.mode = self.intended = OFFBOARD
+
+    def pass_s(self, duration_s: float, *, is_sending: bool, is_heard: bool = True) -> Cause | None:
+        held_by = None
+        for _ in range(round(duration_s / STEP_S)):
+            self.now_s += STEP_S
+            if is_sending:
+                self.sent.on_sent(self.now_s)
+            if is_heard:
+                held_by = self.tell()
+        return held_by
+
+    def tell(self, *, is_armed: bool | None = True) -> Cause | None:
+        if self.names_intended_mode:
+            self.causes.on_intention(self.mode, self.intended, self.now_s)
+        return self.causes.held_by(self.autopilot.mode(self.mode), self.now_s, is_armed=is_armed)
+
+    def event(self, name: str, arguments: bytes) -> None:
+        mode = self.autopilot.mode(self.mode).name
+        found = read(event_id(name), self.now_s, WARNING, arguments.ljust(40, b"\0"), mode)
+        self.causes.on_sign(found.cause, self.now_s)
+
+
+@pytest.mark.parametrize("names_intended_mode", [True, False])
+@pytest.mark.parametrize("loses", [POSCTL, RTL])
+@pytest.mark.parametrize("pause_s", [0.34, 0.4, 0.46, 0.52, 0.7, 1.0, 1.6, 5.0])
+def test_a_failsafe_for_a_pause_of_this_computer_is_for_missing_setpoints_however_long_it_was(
+    pause_s: float, loses: int, *, names_intended_mode: bool
+) -> None:
+    """With a COM_OF_LOSS_T of 0.3 it had three names. In the pause, nothing is heard either: no event names it."""
+    watch = Px4Watch(names_intended_mode=names_intended_mode)
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(pause_s, is_sending=False, is_heard=False)
+    watch.mode = loses
+    watch.tell(is_armed=None)  # the mode may be known before whether it is armed
+    watch.pass_s(0.8, is_sending=False)
+    watch.causes.on_system_status(SystemStatus.CRITICAL, watch.now_s)  # as late as PX4 says so
+    assert watch.pass_s(0.1, is_sending=False) is Cause.SETPOINTS
+
+
+def test_a_pilot_who_takes_over_in_a_pause_is_named() -> None:
+    watch = Px4Watch(names_intended_mode=False)
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(0.6, is_sending=False, is_heard=False)
+    watch.mode = POSCTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.OPEN
+    assert watch.pass_s(0.5, is_sending=False) is Cause.SAFETY_PILOT
+
+
+def test_a_pilot_who_takes_over_without_a_pause_is_named_at_once() -> None:
+    watch = Px4Watch(names_intended_mode=False)
+    watch.pass_s(5.0, is_sending=True)
+    watch.mode = POSCTL
+    assert watch.tell() is Cause.SAFETY_PILOT
+
+
+@pytest.mark.parametrize("names_intended_mode", [True, False])
+@pytest.mark.parametrize("stops_s", [0.3, 2.0])
+def test_missing_setpoints_are_named_by_px4s_own_event(stops_s: float, *, names_intended_mode: bool) -> None:
+    """As recorded with 1.17: the event comes 10 ms before the failsafe, whose own event has no cause."""
+    watch = Px4Watch(loss_s=1e9, names_intended_mode=names_intended_mode)
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(stops_s, is_sending=False)
+    watch.event("check_modes_offboard_signal", IN_OFFBOARD)
+    watch.event("commander_failsafe_enter_generic", bytes.fromhex("0000060002"))
+    watch.mode = POSCTL
+    assert watch.tell() is Cause.SETPOINTS
+    assert watch.pass_s(3.0, is_sending=False) is Cause.SETPOINTS
+
+
+def test_setpoints_that_go_on_at_once_change_nothing_of_the_name() -> None:
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(0.36, is_sending=False)
+    watch.pass_s(0.1, is_sending=True)
+    watch.mode = POSCTL
+    assert watch.pass_s(1.0, is_sending=True) is Cause.SETPOINTS
+
+
+@pytest.mark.parametrize(
+    ("trigger", "cause"),
+    [
+        ("check_gf_violation_max_hor_dist", Cause.FENCE),
+        ("commander_rc_lost", Cause.RC),
+        ("check_battery_critical", Cause.BATTERY),
+    ],
+)
+@pytest.mark.parametrize("is_first", [True, False])
+def test_another_cause_beside_missing_setpoints_counts_more(trigger: str, cause: Cause, *, is_first: bool) -> None:
+    """It is overridden only with force."""
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(0.5, is_sending=False)
+    names = (trigger, "check_modes_offboard_signal")
+    for name in names if is_first else names[::-1]:
+        watch.event(name, IN_OFFBOARD if "offboard" in name else IN_ANY)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is cause
+
+
+def test_a_sensor_that_fails_beside_a_pause_keeps_it_a_failsafe_without_a_name() -> None:
+    watch = Px4Watch()
+    watch.causes.on_sensors(Sensor.BATTERY, Sensor.BATTERY, 0.0)
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(0.5, is_sending=False)
+    watch.causes.on_sensors(Sensor.BATTERY, 0, watch.now_s)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.FAILSAFE
+
+
+def test_a_failsafe_without_a_pause_is_not_for_missing_setpoints() -> None:
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=True) is Cause.FAILSAFE
+
+
+def test_the_check_of_the_stream_says_nothing_in_another_mode() -> None:
+    """PX4 repeats it in each report while a pilot flies."""
+    watch = Px4Watch()
+    watch.mode = POSCTL
+    watch.event("check_modes_offboard_signal", IN_OFFBOARD)
+    assert not watch.causes._signs
+
+
+def test_a_ground_stations_mode_beyond_a_breached_fence_is_not_the_fences() -> None:
+    """PX4 reports the breach anew with each mode. As measured with 1.17, a heartbeat tells LAND first."""
+    watch, land = Px4Watch(), 4 << 16 | 6 << 24
+    watch.pass_s(5.0, is_sending=True)
+    watch.event("check_gf_violation_max_hor_dist", IN_ANY)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.FENCE
+    watch.mode = watch.intended = POSCTL
+    assert watch.pass_s(3.0, is_sending=False) is Cause.SAFETY_PILOT
+    watch.event("check_gf_violation_max_hor_dist", IN_ANY)
+    watch.mode, watch.names_intended_mode = land, False
+    assert watch.tell() is Cause.OPEN
+    watch.intended, watch.names_intended_mode = land, True
+    assert watch.pass_s(1.0, is_sending=False) is Cause.GROUND_STATION
+
+
+def test_a_failsafe_in_another_mode_than_ours_is_not_for_missing_setpoints() -> None:
+    """A ground station's mission: nobody needs setpoints there."""
+    watch, mission = Px4Watch(), 4 << 16 | 4 << 24
+    watch.mode = watch.intended = mission
+    watch.pass_s(5.0, is_sending=False)
+    watch.mode = RTL
+    assert watch.pass_s(1.0, is_sending=False) is Cause.FAILSAFE
+
+
+def test_ardupilot_has_no_failsafe_for_missing_setpoints() -> None:
+    watch = Px4Watch(1e9, ArduCopter(), names_intended_mode=False)
+    watch.mode = 4
+    watch.pass_s(5.0, is_sending=True)
+    watch.pass_s(1.0, is_sending=False)
+    watch.mode = 6
+    watch.causes.on_system_status(SystemStatus.CRITICAL, watch.now_s)
+    assert watch.pass_s(1.0, is_sending=False) is Cause.FAILSAFE
+
+
+def test_the_longest_gap_between_setpoints() -> None:
+    sent = SetpointMonitor()
+    assert sent.longest_gap_s(0.0, 5.0) == float("inf")
+    for time_s in (1.0, 1.5, 3.5, 3.6):
+        sent.on_sent(time_s)
+    assert sent.longest_gap_s(0.0, 4.0) == 2.0
+    assert sent.longest_gap_s(3.0, 4.0) == 2.0  # it ended after 3 s
+    assert sent.longest_gap_s(3.55, 4.0) == pytest.approx(0.4)

@@ -1,0 +1,276 @@
+"""What one kind of autopilot is, whatever protocol reaches it, behind one interface."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+from ual.errors import WrongStateError
+from ual.types import Capability, Limits
+from ual_daemon.backends.firmwares.fence_zones import UNREAD, FoundZones
+from ual_daemon.backends.firmwares.numbers import EstimatorFlag, VehicleType
+from ual_daemon.backends.values import (
+    NO_FENCE,
+    AutopilotFence,
+    Cause,
+    Estimator,
+    FenceLimit,
+    Mode,
+    PositionSetpoint,
+    Snapshot,
+    VelocityResponses,
+)
+from ual_daemon.geodesy import Projection
+
+_ESTIMATOR_NEEDS = {
+    EstimatorFlag.ATTITUDE: "attitude",
+    EstimatorFlag.VELOCITY_HORIZ: "horizontal velocity",
+    EstimatorFlag.VELOCITY_VERT: "vertical velocity",
+    EstimatorFlag.POS_HORIZ_REL: "horizontal position",
+    EstimatorFlag.POS_VERT_ABS: "height",
+}
+MULTIROTORS = frozenset(int(kind) for kind in VehicleType)
+"""The vehicles that UAL flies."""
+NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
+
+
+class HomeUnknownError(WrongStateError):
+    """A height cannot be computed yet, because the autopilot has not sent the position of its home."""
+
+
+class Board(Protocol):
+    """What an autopilot says of its hardware (AUTOPILOT_VERSION)."""
+
+    @property
+    def board_version(self) -> int:
+        """The version of the board."""
+        ...
+
+    @property
+    def vendor_id(self) -> int:
+        """The vendor of the board, as of USB."""
+        ...
+
+    @property
+    def product_id(self) -> int:
+        """The product, as of USB."""
+        ...
+
+    @property
+    def uid(self) -> int:
+        """The unique id of the board."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationVerdict:
+    """Whether an autopilot is simulated, by its own data; None while that is not enough. `why` gives the reason."""
+
+    is_simulated: bool | None
+    why: str = ""
+
+
+class Autopilot(ABC):
+    """One kind of autopilot. Stateless: callers pass everything that it needs."""
+
+    name: str
+    limitation = ""
+    """See `ual_daemon.backends.values.VehicleInfo`."""
+    capabilities: frozenset[Capability] = frozenset()
+    sends_landed_state = False
+    """Whether EXTENDED_SYS_STATE is sure to come."""
+    flies_takeoff_on_setpoints = True
+    """See `ual_daemon.backends.values.VehicleInfo`."""
+    setpoint_mode = ""
+    """The name of the mode in which it follows setpoints."""
+    hold_mode = ""
+    """The name of the mode in which it holds its position by itself, whatever the sticks say."""
+    land_mode = ""
+    """The name of the mode in which it lands where it is."""
+    arming_mode = ""
+    """The name of the mode from which it is armed where the present one forbids it."""
+    setpoints_before_mode_s = 0.0
+    """For how long setpoints must have come before it accepts the mode that follows them."""
+    takes_feed_forward = False
+    """Whether it adds the accelerations of setpoints to those of its controllers, so that `FeedForward` helps it."""
+    takes_acceleration = False
+    """Whether accelerations are sent to it at all."""
+    pilots_modes: frozenset[str] = frozenset()
+    """Names of the modes that are flown by sticks."""
+    stays_without_setpoints = False
+    """Whether it stays in the mode that takes setpoints when none come, and reports its target there."""
+    unarmable_modes: frozenset[str] = frozenset()
+    """Names of the modes in which it always refuses to be armed."""
+    parameters: tuple[str, ...] = ()
+    """Parameters to read: those that `limits` and `autopilot_fence` use."""
+    optional_parameters: frozenset[str] = frozenset()
+    """Those of `parameters` that it need not have."""
+    parameter_names: tuple[tuple[str, ...], ...] = ()
+    """Those of `parameters` that have other names in other versions: all names of each. It has one of them."""
+    has_zones = False
+    """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
+    drops_positions_beyond_fence = False
+    """See `ual_daemon.backends.values.VehicleInfo`."""
+    zones_parameter = ""
+    """The name of a parameter that it sends whenever it has got others; empty where there is none."""
+
+    @abstractmethod
+    def mode(self, custom_mode: int) -> Mode:
+        """Returns the mode of the autopilot's own number."""
+
+    @abstractmethod
+    def mode_named(self, name: str) -> Mode:
+        """Returns the mode of a name."""
+
+    def estimator(self, flags: int) -> Estimator:
+        """Returns what the flags of the estimator's status mean."""
+        missing = [name for flag, name in _ESTIMATOR_NEEDS.items() if not flags & flag]
+        return Estimator(not missing, f"no {', '.join(missing)}" if missing else "")
+
+    @abstractmethod
+    def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
+        """Returns the autopilot's own projection at the origin of its local frame."""
+
+    @abstractmethod
+    def judge_simulation(
+        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+    ) -> SimulationVerdict:
+        """Judges by what it says of its board and the parameters read so far whether it is simulated."""
+
+    def cause_of_text(self, text: str) -> Cause | None:
+        """Returns the failsafe that a status text announces; None for any other text."""
+        return None
+
+    def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
+        """Returns the failsafe that its sensors show (bits of MAV_SYS_STATUS): those that fail now, and those that have
+        been healthy since it is heard.
+        """
+        return None
+
+    def can_be_armed_in(self, mode: str) -> bool:
+        """Returns whether it can be armed in the mode of this name; `arm` leaves those in which it cannot."""
+        return mode not in self.unarmable_modes
+
+    def is_multirotor(self, vtol_state: int, parameters: Mapping[str, float]) -> bool:
+        """Returns whether it can be the multirotor that its heartbeat says, by its MAV_VTOL_STATE and its parameters.
+
+        A VTOL may be set up to call itself a quadrotor.
+        """
+        return True
+
+    def absent_parameters(self, known: Container[str]) -> list[str]:
+        """Returns the names of those that are not known, under another name neither."""
+        return [name for name in self.parameters if not any(each in known for each in self.names_of(name))]
+
+    def missing_parameters(self, known: Container[str]) -> tuple[str, ...]:
+        """Returns for people the names of those that it should have, and that are not known."""
+        needed = [name for name in self.absent_parameters(known) if name not in self.optional_parameters]
+        return tuple(sorted({" or ".join(self.names_of(name)) for name in needed}))
+
+    def names_of(self, name: str) -> tuple[str, ...]:
+        """Returns all names of a parameter, the given one among them."""
+        return next((names for names in self.parameter_names if name in names), (name,))
+
+    @abstractmethod
+    def limits(self, parameters: Mapping[str, float]) -> Limits:
+        """Returns its limits, by the parameters read so far.
+
+        One that is not known is the lowest that any version, or any frame that it supports, ships with: an assumption
+        must not exceed what the vehicle can do.
+        """
+
+    def cruise_speed_m_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns the horizontal speed at which it flies to a goal by itself; infinite where that is its limit."""
+        return math.inf
+
+    def velocity_responses(self, parameters: Mapping[str, float]) -> VelocityResponses:
+        """Returns how it follows velocities, by the parameters read so far."""
+        return VelocityResponses()
+
+    def acceleration_share(self, parameters: Mapping[str, float]) -> float:
+        """Returns the part of its own acceleration limits that `limits` has; 1 where they were not read."""
+        return 1.0
+
+    def setpoints_lost_s(self, parameters: Mapping[str, float]) -> float:
+        """Returns after how long without setpoints it leaves the mode in which it follows them, by itself.
+
+        Setpoints that come again then bring it back unasked, so UAL must not go on after as long a gap.
+        """
+        return math.inf
+
+    def autopilot_fence(
+        self, parameters: Mapping[str, float], *, is_enabled: bool, found: FoundZones = UNREAD
+    ) -> AutopilotFence:
+        """Returns the fence that it applies itself, by the parameters and the zones read so far.
+
+        `is_enabled` says that its SYS_STATUS shows a fence in use: a switch may have enabled it.
+        """
+        return NO_FENCE
+
+    def position_setpoint(self, setpoint: PositionSetpoint, parameters: Mapping[str, float]) -> PositionSetpoint:
+        """Returns the setpoint that makes it fly as this one says; `parameters` are those read so far."""
+        return setpoint
+
+    def takeoff_altitude_m(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> float | None:
+        """Returns the height above its home to which it climbs by itself, for a height above where it stands.
+
+        None where setpoints fly the take-off. `is_slower`: the climb speed in force is below its own, so it is not to
+        climb all the way by itself.
+
+        Raises:
+            HomeUnknownError: The snapshot lacks what the autopilot's height is computed from.
+            WrongStateError: The autopilot would climb to another height.
+
+        """
+        return None
+
+
+_RELEASE = ("dev", "alpha", "beta", "rc", "")
+_RELEASE_STEP = 64
+
+
+def version_text(number: int) -> str:
+    """Returns a version number of MAVLink (FIRMWARE_VERSION_TYPE in the lowest byte) for people: ``1.17.0 rc``."""
+    major, minor, patch, release = number >> 24, number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF
+    kind = _RELEASE[min(-(-release // _RELEASE_STEP), len(_RELEASE) - 1)]
+    return f"{major}.{minor}.{patch} {kind}".rstrip()
+
+
+def assumed_text(limits: Limits) -> str:
+    """Returns for people what is assumed instead of parameters that the autopilot does not send."""
+    return (
+        f"at most {limits.horizontal_speed_m_s:.3g} m/s, {limits.climb_speed_m_s:.3g} m/s up and "
+        f"{limits.descent_speed_m_s:.3g} m/s down, {limits.horizontal_acceleration_m_s2:.3g} m/s^2 and vertically "
+        f"{limits.vertical_acceleration_m_s2:.3g} m/s^2, {limits.yaw_rate_rad_s:.3g} rad/s; no fence of its own but "
+        "what was read"
+    )
+
+
+_MOST_NAMED = 3
+
+
+def assumption_text(missing: Sequence[str], limits: Limits) -> str:
+    """Returns for people that parameters did not come, and what is assumed; empty where none is missing."""
+    if not missing:
+        return ""
+    more_count = len(missing) - _MOST_NAMED
+    names = ", ".join([*missing[:_MOST_NAMED], *([f"{more_count} more"] if more_count > 0 else [])])
+    return f"it has not sent {names}: assumed are {assumed_text(limits)}"
+
+
+def fence_limit(parameters: Mapping[str, float], name: str, *, least: float = 0.0) -> FenceLimit | None:
+    """Returns the limit that a parameter sets; None where it is not known, or not above `least`."""
+    value = parameters.get(name)
+    return None if value is None or value <= least else FenceLimit(value, name)
+
+
+def positive_parameter(
+    parameters: Mapping[str, float], name: str, default: float, *, share: float = 1.0, per_unit: float = 1.0
+) -> float:
+    """Returns a `share` of a parameter, whose unit is 1/`per_unit` of ours; `default` where it is not positive."""
+    value = parameters.get(name, 0.0) / per_unit
+    return value * share if value > 0.0 else default

@@ -1,0 +1,252 @@
+"""Finds out who or what took the control: the pilot, a ground station, or a failsafe and which. Pure logic."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from ual_daemon.backends.firmwares.autopilot import Autopilot
+from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.values import Cause, Control, Mode
+
+BEFORE_S = 1.5
+"""A sign may come so long before the mode that it explains: PX4's events come 10 to 20 ms before it, ArduPilot
+distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late."""
+EPISODE_S = 3.0
+"""How long before a failsafe flies PX4 may have said what triggered it."""
+SETTLE_S = 0.4
+"""Until then the reason of a new mode may still come: ArduPilot's texts follow the heartbeat, its SYS_STATUS comes at
+5 Hz, and PX4 may report the mode in a heartbeat before it says whether it was intended."""
+OWN_COMMAND_S = 5.0
+"""A mode that comes this soon after a command of ours for it is ours."""
+STREAM_S = 0.5
+"""A failsafe that comes after no setpoint of ours came for so long may be for that reason alone; where it is known how
+long the autopilot waits for them, after `LOST_SHARE` of that."""
+STATUS_S = 1.2
+"""The status of a heartbeat is up to 0.8 s late."""
+LOST_SHARE = 0.9
+"""Setpoints come later than they were sent, one more than the other."""
+PAUSE_S = 2.5
+"""So long before its mode was seen the gap may have ended: a pause of this computer hides the mode while it lasts."""
+_SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
+_SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
+"""The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
+there."""
+_MOST_SIGNS = 8
+
+
+class CauseWatch:
+    """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives.
+
+    `names_intended_mode` is whether it is told here which mode the autopilot was asked for, beside the one that flies:
+    another one is then a failsafe's.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        sent: SetpointMonitor,
+        *,
+        names_intended_mode: bool,
+        setpoints_lost_s: Callable[[], float] = lambda: math.inf,
+    ) -> None:
+        """`setpoints_lost_s` returns how long the autopilot waits for setpoints; infinity where that is not known."""
+        self._autopilot = autopilot
+        self._setpoints_lost_s = setpoints_lost_s
+        self._names_intended_mode = names_intended_mode
+        self._sent = sent
+        self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
+        self._mode_name = ""
+        self._was_ours = self._is_ours = self._is_ours_intended = False
+        """Whether the mode before, the present one, and the one that it was asked for last take our setpoints."""
+        self._since_s = -math.inf
+        self._was_found = True
+        """Whether the present mode was there before anything was known of it, or before the arming."""
+        self._settled: Cause | None = None
+        self._is_settled = False
+        self._before_s = -math.inf
+        """When the mode before the present one came."""
+        self._is_after_failsafe = False
+        """Whether a failsafe explained the mode before."""
+        self._explained_s = -math.inf
+        """When a failsafe last explained a mode: the signs until then are used up."""
+        self._intention = ("", False)
+        """The mode of the newest CURRENT_MODE, and whether it is another one than was asked for."""
+        self._episode: Cause | None = None
+        self._sensors: Cause | None = None
+        self._sensors_s = -math.inf
+        self._healthy_once = 0
+        self._is_critical = False
+        self._critical_s = -math.inf
+        self._switches: tuple[int, ...] = ()
+        self._switched_s = -math.inf
+        self._commanded_s: dict[str, float] = {}
+        """When a mode of each name was last commanded by us."""
+        self.failing_sensors = 0
+        """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
+
+    # --- What comes ---------------------------------------------------------------------------------------------------
+
+    def on_sign(self, cause: Cause | None, now_s: float) -> None:
+        """Takes a sign: a text or an event that names the reason of what follows."""
+        if cause is not None:
+            self._signs.append((now_s, cause))
+
+    def on_own_command(self, mode: str, now_s: float) -> None:
+        """Takes note of a command of ours that changes to the mode of a name."""
+        self._commanded_s[mode] = now_s
+
+    def on_system_status(self, status: int, now_s: float) -> None:
+        """Takes the system status of a heartbeat."""
+        is_critical = status >= SystemStatus.CRITICAL
+        if is_critical and not self._is_critical:
+            self._critical_s = now_s
+        self._is_critical = is_critical
+
+    def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
+        """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
+        is_unintended = bool(intended_custom_mode) and intended_custom_mode != custom_mode
+        self._intention = (self._autopilot.mode(custom_mode).name, is_unintended)
+        self._is_ours_intended = self._autopilot.mode(intended_custom_mode).control is Control.REFERENCES
+        if not is_unintended:
+            self._episode = None
+        elif self._episode is None:
+            self._episode = self._sign_since(now_s - EPISODE_S)
+
+    def on_sensors(self, enabled: int, healthy: int, now_s: float) -> None:
+        """Takes which sensors are enabled and which are healthy (bits of MAV_SYS_STATUS_SENSOR)."""
+        self.failing_sensors = enabled & ~healthy
+        self._healthy_once |= enabled & healthy
+        found = self._autopilot.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
+        if found is not None and found is not self._sensors:
+            self._sensors_s = now_s
+        self._sensors = found
+
+    def on_rc_channels(self, channels: Sequence[int], now_s: float) -> None:
+        """Takes the channels of the transmitter in microseconds, for its switches."""
+        switches = tuple(channels[_SWITCHES_FROM - 1 : _SWITCHES_TO])
+        pairs = zip(switches, self._switches, strict=False)
+        if any(abs(new - old) >= _MOVED_US and _NO_SIGNAL not in (new, old) for new, old in pairs):
+            self._switched_s = now_s
+        self._switches = switches
+
+    # --- What follows from it -----------------------------------------------------------------------------------------
+
+    def failsafe(self, *, is_armed: bool | None) -> Cause | None:
+        """Returns the failsafe that is active, whatever the mode; None if none is, or while it has no name yet."""
+        if is_armed and self._is_unintended:
+            return self._episode
+        return self._sensors
+
+    def held_by(self, mode: Mode, now_s: float, *, is_armed: bool | None) -> Cause | None:
+        """Returns who or what holds the control in the present mode.
+
+        None in the mode that takes setpoints, before the arming, and where it is not known how the mode came.
+        `is_armed` is None while that is not known, as just after a pause of this computer: that is no disarming.
+        """
+        if mode.name != self._mode_name:
+            self._begin_mode(mode, now_s)
+        if is_armed is None:
+            return None
+        if not is_armed:
+            self._was_found, self._is_settled = True, False
+            return None
+        if mode.control is Control.REFERENCES:
+            return None
+        if not self._is_settled:
+            found = self._find(mode, now_s)
+            if found is Cause.OPEN or self._was_found:  # of a mode that was found, a failsafe may yet become known
+                return found
+            self._settle(found, now_s)
+        return self._settled
+
+    def _settle(self, cause: Cause | None, now_s: float) -> None:
+        self._settled, self._is_settled = cause, True
+        if cause is not None and cause.is_failsafe:
+            self._explained_s = now_s
+
+    def _begin_mode(self, mode: Mode, now_s: float) -> None:
+        self._was_found = not self._mode_name
+        self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
+        self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
+        self._was_ours, self._is_ours = self._is_ours, mode.control is Control.REFERENCES
+
+    @property
+    def _is_unintended(self) -> bool | None:
+        """Whether a failsafe flies: the mode is not the intended one. None while that is not known of this mode."""
+        name, is_unintended = self._intention
+        return is_unintended if name == self._mode_name else None
+
+    def _find(self, mode: Mode, now_s: float) -> Cause | None:
+        """Returns the cause of the present mode; OPEN while what tells it may still come."""
+        # After a pause PX4 may have fallen back to a pilot's mode by itself. Without the intended mode, only the status
+        # of a heartbeat tells.
+        is_status_awaited = not self._names_intended_mode and self._has_paused
+        is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else SETTLE_S)
+        if self._names_intended_mode and self._is_unintended is None and not is_over:
+            # A heartbeat may tell the mode first. The signs alone may be of a failsafe before it: PX4 reports a breach
+            # of its fence anew with each mode that a ground station selects.
+            return Cause.OPEN
+        if self._is_unintended is not False:
+            failsafe = self._failsafe_that_flies(mode, is_over=is_over)
+            if failsafe is not None or self._is_unintended:
+                return failsafe or Cause.OPEN
+        if self._was_found:
+            return None
+        is_intention_open = is_status_awaited if not self._names_intended_mode else self._is_unintended is None
+        if mode.name in self._autopilot.pilots_modes and not is_intention_open:
+            return Cause.SAFETY_PILOT
+        if not is_over:
+            return Cause.OPEN
+        if mode.name in self._autopilot.pilots_modes:
+            return Cause.SAFETY_PILOT
+        return self._other_than_failsafe()
+
+    def _other_than_failsafe(self) -> Cause | None:
+        begin_s = self._since_s - BEFORE_S
+        if self._since_s - self._commanded_s.get(self._mode_name, -math.inf) < OWN_COMMAND_S:
+            return None
+        return Cause.SAFETY_PILOT if self._switched_s >= begin_s else Cause.GROUND_STATION
+
+    def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
+        """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""
+        begin_s = self._since_s - BEFORE_S
+        if self._is_unintended:
+            if self._episode is None and is_over:
+                self._episode = self._unnamed()
+            return self._episode
+        is_pilots = mode.name in self._autopilot.pilots_modes
+        unused_s = max(self._explained_s, self._before_s if is_pilots else -math.inf)
+        sign = self._sign_since(begin_s, after_s=unused_s)
+        if sign is not None:
+            return sign
+        if is_pilots and self._is_after_failsafe:  # its pilot ended the failsafe, whatever still shows of it
+            return None
+        if self._sensors is not None and self._sensors_s >= begin_s:
+            return self._sensors
+        is_told = self._is_critical and self._critical_s >= begin_s
+        return self._unnamed() if is_told and (is_over or self._has_paused) else None
+
+    def _unnamed(self) -> Cause:
+        """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
+        is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
+        return Cause.SETPOINTS if self._has_paused and not is_ill else Cause.FAILSAFE
+
+    @property
+    def _has_paused(self) -> bool:
+        """Whether no setpoint of ours came in its mode for them, for longer than it waits for one, before the present
+        mode.
+        """
+        needed_ours = self._is_ours_intended if self._is_unintended else self._was_ours
+        if self._autopilot.stays_without_setpoints or not needed_ours:
+            return False
+        gap_s = self._sent.longest_gap_s(self._since_s - PAUSE_S, self._since_s)
+        return gap_s >= min(STREAM_S, LOST_SHARE * self._setpoints_lost_s())
+
+    def _sign_since(self, begin_s: float, after_s: float = -math.inf) -> Cause | None:
+        """Returns the newest sign since a time, and after another; missing setpoints only where nothing else shows."""
+        causes = [cause for time_s, cause in self._signs if time_s >= begin_s and time_s > after_s]
+        others = [cause for cause in causes if cause is not Cause.SETPOINTS]
+        return (others or causes or [None])[-1]

@@ -1,0 +1,39 @@
+"""Notices that the thread that hears the autopilot did not run for long: a stopped process, a starved computer."""
+
+from __future__ import annotations
+
+import math
+
+PAUSE_S = 1.0
+"""After so long what was received is old. PX4 may have left OFFBOARD meanwhile, and a setpoint sent because of the old
+mode would take it back there. PX4's own limit (COM_OF_LOSS_T) counts where it is shorter."""
+SHOWN_S = 2.0
+"""After a pause the autopilot is not blamed for this long for what is missing."""
+
+
+class SchedulingGap:
+    """Belongs to the thread that it watches."""
+
+    def __init__(self) -> None:
+        self.woke_s = math.inf
+        """When the thread woke last; infinite until it has."""
+        self._why = ""
+        self._ended_s = -math.inf
+
+    def woke(self, now_s: float, link_s: float = math.inf) -> float:
+        """Takes note that the thread has woken. Returns how long it had paused, in seconds; 0 where that was not long.
+
+        Args:
+            now_s: The backend's clock.
+            link_s: After so long a silence the link to the autopilot counts as lost.
+
+        """
+        paused_s, self.woke_s = now_s - self.woke_s, now_s
+        if not paused_s > min(PAUSE_S, link_s):
+            return 0.0
+        self._why, self._ended_s = f"this computer did not run UAL for {paused_s:.1f} s", now_s
+        return paused_s
+
+    def why(self, now_s: float) -> str:
+        """Returns what the last pause was, for people, for a while after it; else nothing."""
+        return self._why if now_s - self._ended_s < SHOWN_S else ""

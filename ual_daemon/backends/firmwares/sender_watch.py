@@ -1,0 +1,122 @@
+"""Notices that another program sends setpoints to the same autopilot."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from ual.geometry import Vector3
+from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
+from ual_daemon.backends.values import Control, LandedState, Mode, Sample
+
+QUIET_S = 4.0
+"""When we have sent nothing for this long, no target of the autopilot is ours any more: ArduPilot ends the last one by
+itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s)."""
+MOVED_M, MOVED_M_S = 0.5, 0.3
+"""A target that changes by more than this was sent by somebody. It shows the last one exactly, without noise."""
+STRANGE_M = 3.0
+"""A target this far from all that we have sent lately is another program's: far more than the autopilot moves a target
+that comes with a velocity until the next one comes."""
+STRANGE_COUNT, STRANGE_S = 2, 3.0
+"""So many strange targets within so many seconds, while we send, show another program."""
+SENDING_S = 0.5
+"""A target is judged by ours once we have sent for so long: an older one is from before."""
+_SILENT = "another program sends setpoints: {}"
+
+
+class SenderWatch:
+    """Watches one autopilot for the setpoints of others. Belongs to the thread that receives.
+
+    `stays_without_setpoints` is whether the autopilot stays in the mode that takes setpoints when none come; where it
+    leaves that mode, its staying there shows another program.
+    """
+
+    def __init__(self, sent: SetpointMonitor, *, stays_without_setpoints: bool) -> None:
+        self._sent = sent
+        self._stays = stays_without_setpoints
+        self._flies_since_s = math.inf
+        self._target: _Target | None = None
+        self._strange_s: deque[float] = deque(maxlen=STRANGE_COUNT)
+        self._found = ""
+        self._found_s = -math.inf
+
+    def on_target(self, position: Vector3, velocity: Vector3, now_s: float, *, has_position: bool) -> None:
+        """Takes the target that the autopilot flies to, in the local frame; what it does not have may be NaN."""
+        new = _Target(now_s, _finite(position), _finite(velocity), has_position)
+        old, self._target = self._target, new
+        if old is None or now_s < self._flies_since_s:
+            return
+        silent_s = now_s - self._sent.last_s
+        if silent_s <= SENDING_S:
+            self._judge_beside_ours(new)
+        elif new.has_jumped_from(old) and self._is_strange(new):
+            self._find("the autopilot's target has changed, and UAL has sent none", now_s)
+        elif min(silent_s, now_s - self._flies_since_s) > QUIET_S and new.has_moved_from(old):
+            self._find("the autopilot's target moves, and UAL sends none", now_s)
+
+    def _judge_beside_ours(self, target: _Target) -> None:
+        now_s = target.time_s
+        if self._sent.duration_s(now_s) <= SENDING_S or not target.has_position or not self._is_strange(target):
+            return
+        self._strange_s.append(now_s)
+        if len(self._strange_s) == STRANGE_COUNT and now_s - self._strange_s[0] <= STRANGE_S:
+            self._find("the autopilot's target is at times one that UAL has not sent", now_s)
+
+    def another(
+        self,
+        now_s: float,
+        armed: Sample[bool] | None,
+        mode: Sample[Mode] | None,
+        landed: Sample[LandedState] | None,
+    ) -> str:
+        """Returns what shows another sender, for people; empty while nothing does."""
+        if not _is_flown_by_setpoints(armed, mode, landed):
+            self._flies_since_s, self._found = math.inf, ""
+            return ""
+        self._flies_since_s = min(self._flies_since_s, now_s)
+        is_quiet = now_s - max(self._flies_since_s, self._sent.last_s) > QUIET_S
+        if is_quiet and not self._stays:
+            self._find("the autopilot stays in a mode that it leaves without setpoints, and UAL sends none", now_s)
+        if self._found and not is_quiet and now_s - self._found_s > QUIET_S:
+            self._found = ""  # UAL flies now, and the other one has been silent
+        return self._found
+
+    def _find(self, what: str, now_s: float) -> None:
+        self._found, self._found_s = _SILENT.format(what), now_s
+
+    def _is_strange(self, target: _Target) -> bool:
+        """Whether a target is far from all positions that we have sent lately. Velocities of ours leave it open."""
+        lately = [place for time_s, place in list(self._sent.recent) if target.time_s - time_s <= STRANGE_S]
+        return all(place is not None and (target.position - place).norm() > STRANGE_M for place in lately)
+
+
+class _Target(NamedTuple):
+    """A target of the autopilot, in the local frame; what it does not have is 0."""
+
+    time_s: float
+    position: Vector3
+    velocity: Vector3
+    has_position: bool
+
+    def has_jumped_from(self, old: _Target) -> bool:
+        """Whether both are positions, and the velocity does not explain the way between them."""
+        way_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
+        return self.has_position and old.has_position and (self.position - old.position).norm() > way_m
+
+    def has_moved_from(self, old: _Target) -> bool:
+        """Whether it is another target."""
+        is_elsewhere = (self.position - old.position).norm() > MOVED_M
+        return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
+
+
+def _finite(vector: Vector3) -> Vector3:
+    return Vector3(*(each if math.isfinite(each) else 0.0 for each in (vector.x, vector.y, vector.z)))
+
+
+def _is_flown_by_setpoints(
+    armed: Sample[bool] | None, mode: Sample[Mode] | None, landed: Sample[LandedState] | None
+) -> bool:
+    if armed is None or mode is None or landed is None:
+        return False
+    return armed.value and mode.value.control is Control.REFERENCES and landed.value is LandedState.IN_AIR

@@ -1,0 +1,103 @@
+"""ArduCopter over MAVLink: flown in GUIDED mode with setpoints in its local NED frame. Measured with 4.6.3
+(docs/backends/mavlink.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from typing_extensions import override
+
+from ual_daemon.backends.firmwares import ardupilot
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    CommandLong,
+    arm_or_disarm,
+    land_in,
+    pose_streams,
+    set_message_interval,
+    set_mode,
+    shows_landed,
+    slow_streams,
+)
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.external_pose import encode_vision_position_estimate
+from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
+
+_GUIDED, _BRAKE = 4, 17
+
+
+class ArduCopter(ardupilot.ArduCopter, Dialect):
+    """ArduPilot multirotors, 4.6, over MAVLink."""
+
+    # The streams requested below come at 10 Hz and more; the heartbeat, until it is requested, at 1 Hz.
+    freshness = Freshness(link_s=1.2, pose_s=1.5, mode_s=4.0, landed_s=2.0, estimator_s=2.0)
+    estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+    wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return [
+            set_message_interval(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 10.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 10.0),
+            # Also pushed when it arms, but not to a link on which nothing was requested yet. Before the pose: on a bad
+            # link each request takes its time, and a UAV that is ready must be able to take off.
+            set_message_interval(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 10.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
+        ]
+
+    @override
+    def parameter_value(self, message: Message) -> float | None:
+        return float(message.param_value)  # integers too, as numbers
+
+    @override
+    def encode_setpoint(
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        if isinstance(setpoint, PositionSetpoint):
+            setpoint = self.position_setpoint(setpoint, parameters)
+        return encode_position_target(setpoint, target, time_ms, with_acceleration=self.takes_acceleration)
+
+    @override
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        return encode_vision_position_estimate(measured)
+
+    @override
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        return self._arm_leaving(snapshot, arm_or_disarm(is_arming=True), self._set_mode(_GUIDED, "arm"))
+
+    @override
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+        climb = CommandLong(
+            mavlink.MAV_CMD_NAV_TAKEOFF,
+            (0.0,) * 6 + (self.takeoff_altitude_m(height_m, snapshot, is_slower=is_slower),),
+            "take off",
+            group="mode",
+            shows=shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR),
+            mode=self.setpoint_mode,
+        )
+        return replace(self._set_mode(_GUIDED, "take off"), then=climb)
+
+    @override
+    def land(self) -> CommandLong:
+        return land_in(self.land_mode)
+
+    @override
+    def take_control(self) -> CommandLong:
+        return self._set_mode(_GUIDED, "take control")
+
+    @override
+    def hold(self) -> CommandLong:
+        return self._set_mode(_BRAKE, "hold")
+
+    def _set_mode(self, number: int, what: str) -> CommandLong:
+        return set_mode(self.mode(number).name, number, what=what)

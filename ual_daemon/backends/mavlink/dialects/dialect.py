@@ -1,0 +1,109 @@
+"""What one kind of autopilot does in its own way over MAVLink, behind one interface; chosen once, by its heartbeat."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ual.errors import NotSupportedError
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, version_text
+from ual_daemon.backends.firmwares.px4_events import Event
+from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, arm_or_disarm
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
+
+
+class Dialect(Autopilot):
+    """One kind of autopilot, over MAVLink. Stateless: callers pass everything that it needs."""
+
+    names_intended_mode = False
+    """Whether it reports which mode it was asked for beside the one that flies: another one is then a failsafe's."""
+    freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
+    """Chosen for PX4's slowest rates without a request: heartbeat and estimator status 1 Hz, landed state 5 Hz,
+    position 30 Hz. They are long enough that on a link that loses and damages 40 % every requested value comes in time,
+    over years of flying (a late heartbeat is requested ten times a second). The link's limit is the shortest: when
+    nothing comes at all, the lost link is what to report."""
+    estimator_message: int = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
+    """The message whose `flags` describe the estimator."""
+    sparse_messages: frozenset[int] = frozenset()
+    """Streamed messages that come far less often than requested while nothing changes."""
+    optional_messages: frozenset[int] = frozenset()
+    """Streamed messages that may never come: what they are about need not be there."""
+    wanted_messages: tuple[int, ...] = ()
+    """Messages that are needed once and sent only on request or on a change."""
+    changing_messages: frozenset[int] = frozenset()
+    """Those of `wanted_messages` that are requested again now and then, as a lost change of them would matter."""
+
+    @abstractmethod
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        """Returns the requests for the messages that we need as streams."""
+
+    def parameter_value(self, message: Message) -> float | None:
+        """Returns the value in a PARAM_VALUE; None for a type that the autopilot is not known to send."""
+        return float(message.param_value) if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else None
+
+    def event(self, frame: Frame, mode: str) -> Event | None:
+        """Returns the content of a frame of PX4's event interface, in the mode of this name; None where this autopilot
+        has no such interface.
+        """
+        return None
+
+    @abstractmethod
+    def encode_setpoint(
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        """Returns the message of a setpoint; `parameters` are those read so far.
+
+        Raises:
+            NotSupportedError: UAL does not fly this autopilot. The same holds for the commands below.
+
+        """
+
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        """Returns the message of a pose from outside, for an autopilot whose `capabilities` have EXTERNAL_POSE."""
+        raise NotSupportedError(f"{self.name} takes no poses from outside")
+
+    @abstractmethod
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        """Arms, never by force; from a mode in which it cannot be armed, by way of one in which it can."""
+
+    def disarm(self) -> CommandLong:
+        """Disarms, never by force."""
+        return arm_or_disarm(is_arming=False)
+
+    @abstractmethod
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+        """Climbs to a height above where it stands by this snapshot.
+
+        `is_slower`: the climb speed in force is below its own, so it is not to climb all the way by itself.
+
+        Raises:
+            HomeUnknownError: The snapshot lacks what the autopilot's height is computed from.
+            WrongStateError: The autopilot would climb to another height.
+
+        """
+
+    @abstractmethod
+    def land(self) -> CommandLong:
+        """Lands where it is."""
+
+    @abstractmethod
+    def take_control(self) -> CommandLong:
+        """Changes to the mode in which it follows our setpoints."""
+
+    @abstractmethod
+    def hold(self) -> CommandLong:
+        """Changes to a mode in which it holds its position by itself."""
+
+    def version(self, message: Message) -> str:
+        """Returns its version, from AUTOPILOT_VERSION."""
+        return version_text(message.flight_sw_version)
+
+    def _arm_leaving(self, snapshot: Snapshot, arm: CommandLong, armable_mode: CommandLong) -> CommandLong:
+        """Returns `arm`, after `armable_mode` where the present mode forbids it."""
+        mode = "" if snapshot.mode is None else snapshot.mode.value.name
+        if self.can_be_armed_in(mode):
+            return arm
+        return replace(armable_mode, what=f"leave {mode}, to be armed", then=arm)

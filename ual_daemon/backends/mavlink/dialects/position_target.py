@@ -1,0 +1,48 @@
+"""Setpoints as SET_POSITION_TARGET_LOCAL_NED: PX4 and ArduPilot take the same two kinds."""
+
+from __future__ import annotations
+
+from ual_daemon.backends.firmwares.numbers import (
+    ACCELERATED_VELOCITY_MASK,
+    POSITION_MASK,
+    UNACCELERATED_MASK,
+    VELOCITY_MASK,
+)
+from ual_daemon.backends.mavlink.dialects.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
+from ual_daemon.backends.values import PositionSetpoint, Setpoint
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+def encode_position_target(
+    setpoint: Setpoint, target: Source, time_ms: int, *, with_acceleration: bool = True
+) -> Message:
+    """Returns the message of a setpoint.
+
+    A position setpoint has position, velocity, acceleration (unless left out), heading and yaw rate; a velocity
+    setpoint has velocity and yaw rate, and an acceleration if there is one. The yaw rate is in both: without it, and
+    without a heading, ArduPilot turns its nose to where it flies.
+    """
+    velocity, position, acceleration, yaw_rad = enu_to_ned(setpoint.velocity), _ZERO, _ZERO, 0.0
+    if isinstance(setpoint, PositionSetpoint):
+        mask = POSITION_MASK if with_acceleration else UNACCELERATED_MASK
+        position, acceleration = enu_to_ned(setpoint.position), enu_to_ned(setpoint.acceleration)
+        yaw_rad = enu_to_ned_yaw(setpoint.yaw_rad)
+    elif setpoint.acceleration is not None:
+        mask, acceleration = ACCELERATED_VELOCITY_MASK, enu_to_ned(setpoint.acceleration)
+    else:
+        mask = VELOCITY_MASK
+    return TargetMessage(
+        time_ms,
+        target.system_id,
+        target.component_id,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mask,
+        *position,
+        *velocity,
+        *acceleration,
+        yaw_rad,
+        enu_to_ned_yaw_rate(setpoint.yaw_rate_rad_s),
+    )

@@ -1,0 +1,114 @@
+"""PX4 over MAVLink: flown with setpoints in its local NED frame. Measured with 1.17 (docs/backends/mavlink.md)."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+
+from typing_extensions import override
+
+from ual_daemon.backends.firmwares import px4, px4_events
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
+from ual_daemon.backends.firmwares.px4_events import Event
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    CommandLong,
+    arm_or_disarm,
+    land_in,
+    pose_streams,
+    set_message_interval,
+    set_mode,
+)
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.dialects.external_pose import encode_odometry
+from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
+from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
+
+_AUTO, _OFFBOARD, _SUB_LOITER = 4, 6, 3
+_EVENT = struct.Struct("<IIHBBB40s")
+"""EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
+
+
+class Px4(px4.Px4, Dialect):
+    """PX4 multirotors, from 1.13, over MAVLink."""
+
+    names_intended_mode = True
+    # Sent on each change and else twice a second, whatever rate was requested (20 Hz); without a request every 2 s.
+    sparse_messages = frozenset({mavlink.MAVLINK_MSG_ID_CURRENT_MODE})
+    optional_messages = frozenset({mavlink.MAVLINK_MSG_ID_RC_CHANNELS})  # without a transmitter there are none
+    wanted_messages = (
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    )
+    changing_messages = frozenset({mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return [
+            set_message_interval(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 20.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 20.0),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 10.0),
+            *pose_streams(pose_rate_hz),
+            set_message_interval(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0),
+        ]
+
+    @override
+    def parameter_value(self, message: Message) -> float | None:
+        if message.param_type != mavlink.MAV_PARAM_TYPE_INT32:
+            return super().parameter_value(message)
+        # The bytes of an integer stand in the place of the number.
+        (value,) = struct.unpack("<i", struct.pack("<f", message.param_value))
+        return float(value)
+
+    @override
+    def event(self, frame: Frame, mode: str) -> Event:
+        payload = frame.payload.ljust(_EVENT.size, b"\0")
+        number, boot_ms, _, _, _, levels, arguments = _EVENT.unpack_from(payload)
+        return px4_events.read(number, boot_ms / 1000.0, levels, arguments, mode)
+
+    @override
+    def encode_setpoint(
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        return encode_position_target(setpoint, target, time_ms)
+
+    @override
+    def encode_external_pose(self, measured: ExternalPose) -> Message:
+        return encode_odometry(measured)
+
+    @override
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        # PX4 reports the results of its checks when they change; after a refusal it is asked to report them again.
+        check = CommandLong(mavlink.MAV_CMD_RUN_PREARM_CHECKS, (), "check")
+        arm = replace(arm_or_disarm(is_arming=True), explain=check)
+        return self._arm_leaving(snapshot, arm, self.hold())
+
+    @override
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+        return self._enter_offboard("take off")
+
+    @override
+    def land(self) -> CommandLong:
+        # Acknowledged once, unlike DO_SET_MODE, and never refused: without a position PX4 descends where it is.
+        params = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan)
+        return land_in(self.land_mode, params)
+
+    @override
+    def take_control(self) -> CommandLong:
+        return self._enter_offboard("take control")
+
+    @override
+    def hold(self) -> CommandLong:
+        return self._set_mode(_AUTO, _SUB_LOITER, "hold")
+
+    def _enter_offboard(self, what: str) -> CommandLong:
+        return replace(self._set_mode(_OFFBOARD, 0, what), needs_setpoints_s=self.setpoints_before_mode_s)
+
+    def _set_mode(self, main: int, sub: int, what: str) -> CommandLong:
+        command = set_mode(self.mode(main << 16 | sub << 24).name, main, sub, what=what)
+        # The first acknowledgement only says that the message was read; the second is the commander's.
+        return replace(command, acks_count=2)

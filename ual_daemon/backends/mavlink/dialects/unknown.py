@@ -1,0 +1,129 @@
+"""An autopilot that UAL does not fly: only its telemetry is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from typing_extensions import override
+
+from ual.errors import NotSupportedError
+from ual.types import Limits
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Board, SimulationVerdict
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    CommandLong,
+    pose_streams,
+    set_message_interval,
+    slow_streams,
+)
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
+from ual_daemon.geodesy import EllipsoidProjection, Projection
+
+
+class Unknown(Dialect):
+    """An unknown autopilot, or a known one on a vehicle that is not a multirotor: read by the common messages."""
+
+    wanted_messages: tuple[int, ...] = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+
+    def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
+        of = "" if kind == mavlink.MAV_TYPE_GENERIC else f", {vehicle_text(kind)}"
+        self.name = f"unknown ({autopilot_text(autopilot)}{of})"
+        if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            self.estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT  # with the same flags
+        self.limitation = f"UAL only watches an autopilot that is {self.name}; it flies PX4 and ArduPilot multirotors"
+
+    @override
+    def mode(self, custom_mode: int) -> Mode:
+        return self.mode_named(f"number {custom_mode}")  # told with "mode" before it
+
+    @override
+    def mode_named(self, name: str) -> Mode:
+        return Mode(name, Control.OTHER)
+
+    @override
+    def projection(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Projection:
+        return EllipsoidProjection(latitude_deg, longitude_deg, altitude_amsl_m)
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return [
+            set_message_interval(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+            set_message_interval(self.estimator_message, 2.0),
+            *pose_streams(pose_rate_hz),
+            *slow_streams(),
+        ]
+
+    @override
+    def judge_simulation(
+        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+    ) -> SimulationVerdict:
+        return SimulationVerdict(False, "UAL cannot recognize a simulator of this autopilot")
+
+    @override
+    def limits(self, parameters: Mapping[str, float]) -> Limits:
+        return Limits()
+
+    @override
+    def encode_setpoint(
+        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+    ) -> Message:
+        raise self._refusal()
+
+    @override
+    def arm(self, snapshot: Snapshot) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def disarm(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def take_off(self, height_m: float, snapshot: Snapshot, *, is_slower: bool = False) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def land(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def take_control(self) -> CommandLong:
+        raise self._refusal()
+
+    @override
+    def hold(self) -> CommandLong:
+        raise self._refusal()
+
+    def _refusal(self) -> NotSupportedError:
+        return NotSupportedError(self.limitation, {"autopilot": self.name})
+
+
+class Unaddressed(Unknown):
+    """An autopilot of system 0, which stands for all systems: what is sent to it would reach every vehicle."""
+
+    wanted_messages = ()
+
+    def __init__(self, autopilot: int, kind: int = mavlink.MAV_TYPE_GENERIC) -> None:
+        super().__init__(autopilot, kind)
+        self.limitation = (
+            f"UAL only watches an autopilot that sends as system 0 ({autopilot_text(autopilot)}, "
+            f"{vehicle_text(kind)}): what is sent to system 0 reaches every vehicle; give it an id of its own "
+            "(PX4: MAV_SYS_ID; ArduPilot: SYSID_THISMAV, from 4.7 on MAV_SYSID)"
+        )
+
+    @override
+    def streams(self, pose_rate_hz: float) -> list[CommandLong]:
+        return []
+
+
+def autopilot_text(autopilot: int) -> str:
+    """Returns a MAV_AUTOPILOT for people."""
+    entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
+    return f"autopilot {autopilot}" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower()
+
+
+def vehicle_text(kind: int) -> str:
+    """Returns a MAV_TYPE for people."""
+    entry = mavlink.enums["MAV_TYPE"].get(kind)
+    return f"vehicle {kind}" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()

@@ -1,0 +1,1 @@
+"""What is flown: one manoeuvre a module."""

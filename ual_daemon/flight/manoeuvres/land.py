@@ -1,0 +1,107 @@
+"""Landing: straight down, by the autopilot's own landing."""
+
+from __future__ import annotations
+
+from typing_extensions import override
+
+from ual.errors import UalError, UalTimeoutError
+from ual.types import State
+from ual_daemon.backends.values import Control, LandedState, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.manoeuvre import (
+    TIMEOUT_MARGIN_S,
+    Manoeuvre,
+    Step,
+    failed,
+    taken,
+    why_blind,
+    with_advice,
+)
+from ual_daemon.flight.manoeuvres.progress_watch import ProgressWatch
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.references import Reference, measured_motion
+
+_SLOWEST_LANDING_M_S = 0.2
+_REFUSED = "the UAV holds its position: command land again, or let the safety pilot land it by hand"
+_REFUSED_WITHOUT_PILOT = "the UAV holds its position: command land again"
+_STUCK = (
+    "its safety pilot takes over and lands it by hand; or select another mode of the autopilot at the ground station, "
+    "and command land again"
+)
+_STUCK_WITHOUT_PILOT = "abort ends the landing, and the UAV holds its position; then command land again"
+
+
+class Land(Manoeuvre):
+    """A landing at the present position, by the autopilot's own landing."""
+
+    declares = State.LANDING
+    is_replaceable = False
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        command: AutopilotCommand,
+        reference: Reference | None,
+        start: Snapshot,
+        name: str = "land",
+        *,
+        has_safety_pilot: bool = True,
+    ) -> None:
+        """`reference` is followed until the autopilot lands by itself; None where it flies by itself already."""
+        super().__init__(name, task)
+        self._command = self.command = command
+        self._reference: Reference | None = reference
+        self._is_landing = False
+        self._began_in = None if reference is not None or start.mode is None else start.mode.value.name
+        self._start_z = measured_motion(start).position.z
+        self._refused = _REFUSED if has_safety_pilot else _REFUSED_WITHOUT_PILOT
+        self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
+        self._descent = ProgressWatch(task, self._stuck, is_up=False)
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = why_blind(estimate, self.name)
+        if lost is not None:
+            return failed(lost if self._is_landing else self._command.left_behind(lost))
+        if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
+            return Step(has_ended=True)
+        assert snapshot.mode is not None
+        control = snapshot.mode.value.control
+        landed = LandedState.UNKNOWN if snapshot.landed is None else snapshot.landed.value
+        if not self._is_landing:
+            if control is Control.LAND or landed is LandedState.LANDING:
+                self._is_landing, self._reference = True, None
+            elif (failure := self._command.failure(snapshot)) is not None:
+                return failed(with_advice(failure, self._refused))
+            elif control is not Control.REFERENCES and snapshot.mode.value.name != self._began_in:
+                return taken(snapshot, self.name)
+            elif self._reference is not None:  # it must not lose its references before it lands by itself
+                return Step(self._reference.setpoint(snapshot))
+        elif control is not Control.LAND and landed is not LandedState.LANDING:
+            return taken(snapshot, self.name)
+        if self._is_too_late(snapshot):
+            words = f"land: the UAV has stopped descending, but reports no ground; {self._stuck}"
+            return failed(UalTimeoutError(words))
+        if self._is_landing:
+            self._descent.observe(measured_motion(snapshot).position.z, snapshot.time_s)
+        return Step()
+
+    def _is_too_late(self, snapshot: Snapshot) -> bool:
+        """Whether the UAV has descended more slowly than any landing does."""
+        descended_m = self._start_z - measured_motion(snapshot).position.z
+        longest_s = descended_m / _SLOWEST_LANDING_M_S + 3 * TIMEOUT_MARGIN_S
+        return snapshot.time_s - self._command.sent_s > longest_s
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        self._start_z += jump.offset.z
+        self._descent.moved(jump.offset.z)
+        if self._reference is not None:
+            self._reference = stop
+        return None
+
+    @override
+    def current_reference(self) -> Reference | None:
+        return self._reference

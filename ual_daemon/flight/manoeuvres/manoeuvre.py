@@ -1,0 +1,201 @@
+"""The base of all manoeuvres: take-off, landing, following a trajectory, taking control back.
+
+The update thread steps a manoeuvre at each update, with the newest snapshot. The step returns a setpoint to send and,
+once, how the manoeuvre ended. It never blocks and sends nothing itself.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ual.errors import LinkLostError, TaskAbortedError, UalError, UalTimeoutError
+from ual.geometry import Vector3
+from ual.types import State
+from ual_daemon.backends.values import Cause, Control, Setpoint, Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.futures import end_future, running_future
+from ual_daemon.flight.policy.autopilot_fence import breach_text
+from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.references import Reference
+
+TIMEOUT_FACTOR = 3.0
+"""A manoeuvre may take this many times as long as planned, ..."""
+TIMEOUT_MARGIN_S = 20.0
+"""... and this much longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The result of one step of a manoeuvre.
+
+    Attributes:
+        setpoint: The setpoint to send; None to send none.
+        has_ended: Whether the manoeuvre has ended.
+        error: The error with which it has ended; None if it has succeeded.
+        next_reference: The reference to follow after it; None to stop at the present position.
+        handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
+        is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
+        is_taken: Whether it has ended because others took the UAV, to which UAL then sends nothing.
+        is_to_stop: Whether the UAV is to come to rest from the motion that it was sent, inside the geofence where that
+            is possible. Without, and without a `next_reference`, it stops from the motion that it has.
+
+    """
+
+    setpoint: Setpoint | None = None
+    has_ended: bool = False
+    error: UalError | None = None
+    next_reference: Reference | None = None
+    handover: Handover | None = None
+    is_autopilot_to_hold: bool = False
+    is_taken: bool = False
+    is_to_stop: bool = False
+
+
+class Handover(NamedTuple):
+    """The manoeuvre that goes on with a task, and the function that is called once this manoeuvre is the one flown."""
+
+    manoeuvre: Manoeuvre
+    begin: Callable[[], None]
+
+
+def failed(error: UalError) -> Step:
+    """Returns the step of a manoeuvre that has ended with an error."""
+    return Step(has_ended=True, error=error)
+
+
+class Manoeuvre(ABC):
+    """Something that the UAV does for some time.
+
+    `declares` is the state that the estimator reports during it; None for the state that the data show.
+    `is_goal_moving` says whether its way leads to a goal that moves. `is_replaceable` says whether a new command may
+    end it. `why_not_pausable` says why it cannot hold on its way; empty if it can. `task` is None if it is not a task
+    of the interface.
+    """
+
+    declares: State | None = None
+    is_goal_moving = False
+    is_replaceable = True
+    why_not_pausable = "only the safety pilot can abort it"
+
+    def __init__(self, name: str, task: VehicleTask | None) -> None:
+        self.name = name
+        self.task = task
+        self.command: AutopilotCommand | None = None
+        self.future = running_future() if task is None else task.future
+        self.is_fitted = False
+        """Whether it has looked at the world as it is now; see `fit`."""
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether it holds on its way."""
+        return self.task is not None and self.task.is_paused
+
+    @abstractmethod
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        """Makes one update. `estimate` is the state that the data show, without this manoeuvre."""
+
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        """Looks at what bounds its motion, after it has begun and whenever that has changed: limits, geofence, home.
+
+        Fits its motion, and returns None if it goes on; or returns how it ends, or what goes on with its task. It is
+        called again at the next update if it sets `is_fitted` back.
+        """
+        del snapshot, limits, geofence
+        return None
+
+    def current_reference(self) -> Reference | None:
+        """Returns the reference that it follows now; None if the autopilot flies by itself."""
+        return None
+
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        """Returns its way from where it began to where it ends, as points; none where that is not known."""
+        del now_s
+        return ()
+
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        """Takes note that the autopilot's estimate has jumped. Returns why it cannot go on; None if it can.
+
+        By default it cannot: its way lies elsewhere now. `stop` is the reference that brings the UAV to rest where it
+        is.
+        """
+        return TaskAbortedError(
+            f"{self.name}: the autopilot's {jump.text}; the UAV holds its position",
+            {"by": "estimator"},
+        )
+
+    def end(self, error: UalError | None) -> None:
+        """Withdraws its command, and ends its future. Runs the callbacks of the future, so hold no lock."""
+        if self.command is not None:
+            self.command.withdraw()
+        if self.task is not None:
+            self.task.end(error)
+        else:
+            end_future(self.future, error)
+
+
+def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot) -> Step:
+    """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left, for people."""
+    said = f"the autopilot says: {snapshot.status_text}" if snapshot.status_text else ""
+    why = "".join(f"; {each}" for each in (breach_text(snapshot), said) if each)
+    return failed(
+        UalTimeoutError(
+            f"{during}: the UAV has made no way for {stuck_s:.0f} s: {left}{why}; it stops and holds its position",
+            {"state": State.FLYING_AUTO.name, "by": "no way"},
+        )
+    )
+
+
+def with_advice(error: UalError, advice: str) -> UalError:
+    """Returns the same error with what can be done now. While nothing is heard of the UAV, that is not known."""
+    if isinstance(error, LinkLostError):
+        return error
+    return type(error)(f"{error.message}; {advice}", error.metadata)
+
+
+def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalError | None:
+    """Returns why a manoeuvre that sends references cannot go on; None if it can.
+
+    Reasons are a lost link or position, motors that were disarmed, and an autopilot that does not follow references.
+    """
+    blind = why_blind(estimate, during)
+    if blind is not None:
+        return blind
+    if estimate.state is State.LANDED_DISARMED:
+        return TaskAbortedError(f"{during}: the motors were disarmed", {"by": "autopilot", "state": "LANDED_DISARMED"})
+    assert snapshot.mode is not None
+    if snapshot.mode.value.control is not Control.REFERENCES:
+        return taken_over(snapshot, during)
+    return None
+
+
+def why_blind(estimate: Estimate, during: str) -> UalError | None:
+    """Returns why a manoeuvre has no data to go on with: the link or the position is lost. None if it has."""
+    if not estimate.is_link_up:
+        return LinkLostError(f"{during}: {estimate.why}", {"state": State.UNINITIALIZED.name})
+    if estimate.state is State.UNINITIALIZED:
+        return TaskAbortedError(f"{during}: {estimate.why}", {"by": "autopilot", "state": State.UNINITIALIZED.name})
+    return None
+
+
+def taken(snapshot: Snapshot, during: str) -> Step:
+    """Returns the step of a manoeuvre that has ended because others took the UAV."""
+    return Step(has_ended=True, error=taken_over(snapshot, during), is_taken=True)
+
+
+def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
+    """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
+    mode = snapshot.mode.value.name if snapshot.mode is not None else "unknown"
+    breach = breach_text(snapshot)
+    cause = snapshot.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
+    metadata = {"by": cause.value, "state": State.FLYING_MANUAL.name, "mode": mode}
+    in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
+    what = f"taken by the autopilot: {cause.value}" if cause.is_failsafe else f"the {cause.value} took over"
+    then = "takes control back only with force" if cause.needs_force else "takes control back"
+    return TaskAbortedError(f"{during}: {what} {in_mode}; recover_from_manual {then}", metadata)

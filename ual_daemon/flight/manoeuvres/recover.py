@@ -1,0 +1,135 @@
+"""Taking control back: from the safety pilot, or from an autopilot that takes off or lands by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+
+from typing_extensions import override
+
+from ual.errors import TaskAbortedError, UalError
+from ual.types import Limits, State
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
+from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import VehicleTask
+from ual_daemon.tracker.limits import CurrentLimits
+from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
+
+Refusal = Callable[[Snapshot], UalError | None]
+
+
+class Recover(Manoeuvre):
+    """Takes control back. Holds the present pose until the mode has changed, and then stops.
+
+    While it is not known yet who took the UAV, nothing is sent: it may be a failsafe, which is not overridden.
+    """
+
+    is_replaceable = False
+
+    def __init__(
+        self,
+        command: AutopilotCommand,
+        limits: Limits,
+        take_control: Callable[[], Future[None]],
+        refusal: Refusal,
+        *,
+        name: str = "recover_from_manual",
+        task: VehicleTask | None = None,
+        out_of: State = State.FLYING_MANUAL,
+    ) -> None:
+        """`take_control` sends the command; `refusal` returns why it may not be sent by a snapshot, None if it may.
+
+        `out_of` is the state that it is to leave for FLYING_AUTO.
+        """
+        super().__init__(name, task)
+        self._out_of = out_of
+        self._command = self.command = command
+        self._limits = limits
+        self._take_control = take_control
+        self._refusal = refusal
+        self._is_sent = False
+        self._began_in = ""
+
+    def send(self) -> None:
+        """Sends the command, once."""
+        self._is_sent = True
+        self._command.send(self._take_control)
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        lost = why_blind(estimate, self.name)
+        if lost is not None:
+            return failed(self._command.left_behind(lost))
+        if estimate.state is State.FLYING_AUTO:
+            stop = brake(snapshot, self._limits)
+            return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
+        if estimate.state is not self._out_of:
+            return failed(
+                TaskAbortedError(
+                    f"{self.name}: the state became {estimate.state.name}",
+                    {"by": "autopilot", "state": estimate.state.name},
+                )
+            )
+        assert snapshot.mode is not None
+        self._began_in = self._began_in or snapshot.mode.value.name
+        if snapshot.mode.value.name != self._began_in:  # a repeated command would take control from the pilot
+            return taken(snapshot, self.name)
+        if not self._is_sent:  # `Flight` steps it once it is known who took the UAV
+            refusal = self._refusal(snapshot)
+            if refusal is not None:
+                return failed(refusal)
+            self.send()
+        failure = self._command.failure(snapshot)
+        if failure is not None:
+            return failed(failure)
+        motion = measured_motion(snapshot)
+        return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
+
+    @override
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+        self._limits = limits.get()
+        return None
+
+    @override
+    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+        return None  # it holds the present pose, wherever that is
+
+
+class RecoverFirst(Recover):
+    """Takes control back from the autopilot itself, and hands over to the manoeuvre that was commanded."""
+
+    is_replaceable = True
+    why_not_pausable = "it takes control back first"
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        name: str,
+        command: AutopilotCommand,
+        limits: Limits,
+        take_control: Callable[[], Future[None]],
+        refusal: Refusal,
+        onward: Callable[[Snapshot], Manoeuvre],
+    ) -> None:
+        """`onward` makes the manoeuvre that begins in a snapshot; where it raises, the UAV stops and holds."""
+        super().__init__(command, limits, take_control, refusal, name=name, task=task)
+        self._onward = onward
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if not step.has_ended or step.error is not None:
+            return step
+        try:
+            return Step(handover=Handover(self._onward(snapshot), _nothing))
+        except UalError as error:
+            return replace(step, error=error)
+
+
+def _nothing() -> None:
+    """The manoeuvre begins with its first step."""

@@ -1,0 +1,118 @@
+"""Returning home: the way there by our own tracker, and then a landing, as one task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from functools import partial
+
+from typing_extensions import override
+
+from ual.geometry import Vector3
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.manoeuvres.course import Course
+from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
+from ual_daemon.flight.manoeuvres.land import Land
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Step
+from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.tasks import Progress, VehicleTask
+from ual_daemon.settings import ToleranceSettings
+from ual_daemon.tracker.references import Reference, measured_motion
+from ual_daemon.trajectory import Motion, Trajectory
+
+_NAME = "return_to_launch"
+
+
+class HomeCourse(Course):
+    """Leads over home, which may move."""
+
+    ground_z_m: float
+    """The ground at home in the local frame, as it was planned last."""
+
+
+class ReturnToLaunch(FollowTrajectory):
+    """The way home. It can be replaced, cancelled and paused until the UAV is over home; then a landing goes on."""
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        trajectory: Trajectory,
+        course: HomeCourse,
+        land: Callable[[], Future[None]],
+        tolerance: ToleranceSettings,
+        tracker: MakeTracker,
+        planned_s: float,
+        *,
+        has_safety_pilot: bool,
+    ) -> None:
+        """`land` makes the autopilot land."""
+        super().__init__(_NAME, task, trajectory, tolerance, tracker, planned_s, course)
+        self._land, self._has_safety_pilot = land, has_safety_pilot
+        self._home = course
+
+    @property
+    def _descent_m(self) -> float:
+        return max(0.0, self._way.trajectory.end().position.z - self._home.ground_z_m)
+
+    @property
+    def _length_m(self) -> float:
+        return self._way.flown_m + self._way.trajectory.length_m + self._descent_m
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if not step.has_ended or step.error is not None:
+            return step
+        command = AutopilotCommand("land", snapshot.time_s)
+        landing = _LandAtHome(
+            self._task,
+            command,
+            self._way.hold,
+            snapshot,
+            self._home.ground_z_m,
+            self._length_m,
+            has_safety_pilot=self._has_safety_pilot,
+        )
+        return Step(handover=Handover(landing, partial(command.send, self._land)))
+
+    @override
+    def way(self, now_s: float) -> Sequence[Vector3]:
+        end = self._way.trajectory.end().position
+        return *super().way(now_s), Vector3(end.x, end.y, self._home.ground_z_m)
+
+    @override
+    def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
+        left_m = (super()._progress(snapshot, motion, time_s).distance_left_m or 0.0) + self._descent_m
+        return _progress(left_m, self._length_m)
+
+
+class _LandAtHome(Land):
+    """The landing at the end of the way home."""
+
+    def __init__(
+        self,
+        task: VehicleTask,
+        command: AutopilotCommand,
+        reference: Reference,
+        start: Snapshot,
+        ground_z_m: float,
+        length_m: float,
+        *,
+        has_safety_pilot: bool,
+    ) -> None:
+        super().__init__(task, command, reference, start, _NAME, has_safety_pilot=has_safety_pilot)
+        self._task = task
+        self._ground_z_m, self._length_m = ground_z_m, length_m
+
+    @override
+    def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
+        step = super().step(snapshot, estimate)
+        if not step.has_ended:
+            left_m = max(0.0, measured_motion(snapshot).position.z - self._ground_z_m)
+            self._task.report(partial(_progress, left_m, self._length_m))
+        return step
+
+
+def _progress(left_m: float, length_m: float) -> Progress:
+    return Progress(max(0.0, 1.0 - left_m / length_m) if length_m > 0.0 else None, left_m)

@@ -1,0 +1,1 @@
+"""What bounds a flight: fences, authority, the lease, jumps of the estimate."""

@@ -1,0 +1,59 @@
+"""Detects that the autopilot's estimate of its heading has jumped: a reset of its estimator that moves no position.
+
+As for positions (`jumps`), the effect is what counts: the heading changed by far more than the yaw rate explains, and
+stays there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ual.geometry import wrap_angle
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.policy.jumps import Confirmation, Jump
+
+JUMP_RAD = 0.2
+"""What an estimate wanders by within its noise is less, and is turned back."""
+_LATE_S = 0.25
+"""The heading of a pose may be so much older than its position: the autopilot sends them in different messages."""
+_ACCELERATION_RAD_S2 = 5.0
+"""Between two headings the yaw rate may be another one than both, by half of this times the time."""
+_LONGEST_S = 0.5
+"""After a longer gap between two headings nothing can be said."""
+
+
+class _Seen(NamedTuple):
+    """A heading, a yaw rate, when they were received, and in which boot."""
+
+    yaw_rad: float
+    rate_rad_s: float
+    received_s: float
+    boots_count: int
+
+
+class HeadingJumpDetector:
+    """Compares each heading with the one before. Belongs to the update thread."""
+
+    def __init__(self) -> None:
+        self._poses: Confirmation[_Seen] = Confirmation()
+        self.is_suspected = self._poses.is_suspected
+
+    def observe(self, snapshot: Snapshot) -> Jump | None:
+        """Returns by how much the heading has jumped, with the second heading there; None if it has not."""
+        poses, pose, velocity = self._poses, snapshot.pose, snapshot.velocity
+        if pose is None or velocity is None or not poses.is_new(pose):
+            return None
+        new = _Seen(pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.boots_count)
+        jump_rad = _jump_rad(poses.last, new)
+        return Jump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
+
+
+def _jump_rad(last: _Seen | None, new: _Seen) -> float:
+    """Returns by how much the heading has changed where the yaw rate does not explain it; else 0."""
+    if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _LONGEST_S:
+        return 0.0
+    passed_s = new.received_s - last.received_s
+    change_rad = wrap_angle(new.yaw_rad - last.yaw_rad)
+    fastest_rad_s = max(abs(last.rate_rad_s), abs(new.rate_rad_s))
+    free_rad = JUMP_RAD + fastest_rad_s * (passed_s + _LATE_S) + _ACCELERATION_RAD_S2 / 2 * passed_s * passed_s
+    return change_rad if abs(change_rad) > free_rad else 0.0
