@@ -137,7 +137,9 @@ class FollowTrajectory(Manoeuvre):
         return no_way(self.name, stuck_s, arrival.error_text(), snapshot) if stuck_s else Step(setpoint)
 
     def _stuck_s(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> float:
-        """Returns for how long it has made no way; 0 while it makes way, or need not."""
+        """Returns for how long it has made no way; 0 while it makes way, or need not, or between two looks."""
+        if not self._headway.is_due(snapshot.time_s):
+            return 0.0
         trajectory, time_s, measured = self._way.trajectory, reference.time_s, measured_motion(snapshot)
         planned, waypoint, passed_s = trajectory.at(time_s), trajectory.waypoint_at(time_s), reference.passed_s
         is_holding = passed_s > self._watched_s and not reference.is_finished and planned.velocity == Vector3()

@@ -85,6 +85,8 @@ class FollowMovingGoal(Manoeuvre):
 
     def _stuck_s(self, goal: Motion, measured: Motion, left_m: float, now_s: float) -> float:
         """Returns for how long it has made no way: it has moved nowhere, and its goal has come no nearer."""
+        if not self._headway.is_due(now_s):
+            return 0.0
         if (measured.position - self._moved_from).norm() > WAY_M:
             self._moved_from = measured.position
             self._headway.restart()

@@ -18,6 +18,8 @@ _TURN_RAD = 0.1
 _DUE_M = 1.0
 """A motion that should have made less way than this is not judged: its estimate may wander by 0.7 m. So a slow one is
 watched for longer."""
+_LOOK_S = 0.2
+"""Between two looks. Each costs some dozen calls, as much as the rest of an update."""
 _GAP_S = 1.0
 """After so long without an update nothing is known of the way made meanwhile."""
 
@@ -47,8 +49,12 @@ class Headway:
         """Begins anew: it was paused, or planned anew, or has made way that does not show in what is left."""
         self._mark = None
 
+    def is_due(self, now_s: float) -> bool:
+        """Returns whether `stuck_s` is to be called at this update."""
+        return now_s - self._looked_s >= _LOOK_S
+
     def stuck_s(self, now_s: float, way_m: float, turn_rad: float, planned_m: PlannedWay) -> float:
-        """Returns for how long it has been stuck; 0 while it is not. To be called at each update.
+        """Returns for how long it has been stuck; 0 while it is not. To be called when that `is_due`.
 
         Args:
             now_s: The backend's clock.
