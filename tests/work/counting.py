@@ -18,6 +18,7 @@ from ual_daemon import UAL
 
 _ROOT = Path(__file__).parents[2]
 _PACKAGES = (str(_ROOT / "ual_daemon"), str(Path(ual.__file__).parent))
+_LONG_S = 60.0
 
 
 class Work(NamedTuple):
@@ -60,11 +61,14 @@ class Counter:
 def counted(act: Callable[[], object]) -> Work:
     """Returns the work of a function on this thread."""
     counter = Counter()
+    interval_s = sys.getswitchinterval()
+    sys.setswitchinterval(_LONG_S)  # the blocks that other threads take would count, too
     sys.setprofile(counter.note)
     try:
         act()
     finally:
         sys.setprofile(None)
+        sys.setswitchinterval(interval_s)
     return counter.taken()
 
 
