@@ -26,6 +26,7 @@ from benchmarks.ways import SERVER_WAYS, SETPOINT_WAYS, TELEMETRY_WAYS, Way
 
 _README = Path(__file__).parent / "README.md"
 _FIGURES = Path(__file__).parent / "figures"
+_ALL_FIGURES = Path(__file__).parent / "figures.md"
 _PARTS = ("setpoints", "telemetry", "processor", "start", "memory")
 
 
@@ -36,7 +37,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, help="how many rounds")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build" / "bench", help="where results are written")
     parser.add_argument(
-        "--keep", action="store_true", help="write the figures into benchmarks/README.md and recorded.json, too"
+        "--keep", action="store_true", help="write README.md, figures.md and recorded.json of benchmarks/, too"
     )
     arguments = parser.parse_args()
     effort = QUICK if arguments.quick else FULL
@@ -53,13 +54,14 @@ def main() -> int:
     arguments.output.mkdir(parents=True, exist_ok=True)
     (arguments.output / "results.json").write_text(json.dumps(results.values))
     lines = list(targets.lines(results))
-    tables = "\n\n".join((how(rounds, time.monotonic() - began_s), report.target_table(lines), report.figures(results)))
-    tables = f"{tables}\n\n{report.failures(results)}"
+    found = f"{how(rounds, time.monotonic() - began_s)}\n\n{report.target_table(lines)}\n\n{report.failures(results)}"
+    figures = report.figures(results)
+    tables = f"{found}{figures}\n"
     (arguments.output / "results.md").write_text(tables)
     print(tables)
     plot(results, arguments.output)
     if arguments.keep:
-        keep(tables, results)
+        keep(found, figures, results)
         medians = {line.what: round(line.found.median, 4) for line in lines if line.found is not None}
         recorded.record("bench", medians)
     return int(any(line.verdict == "FAIL" for line in lines))
@@ -120,12 +122,14 @@ def plot(results: Results, directory: Path) -> None:
     print("plots:", *(file.name for file in files), f"in {directory}")
 
 
-def keep(tables: str, results: Results) -> None:
-    """Writes the tables and plots into the README."""
+def keep(found: str, figures: str, results: Results) -> None:
+    """Writes the targets into the README, all figures into the page beside it, and the plots."""
     text = _README.read_text()
     begin, end = "<!-- newest figures -->", "<!-- end of the newest figures -->"
     pattern = re.compile(f"{begin}.*{end}", re.DOTALL)
-    _README.write_text(pattern.sub(lambda _: f"{begin}\n{tables}{end}", text))
+    _README.write_text(pattern.sub(lambda _: f"{begin}\n{found}{end}", text))
+    head = "# All figures of the newest `make bench`\n\nWhat they are: [Benchmarks](README.md)."
+    _ALL_FIGURES.write_text(f"{head}\n\n{figures}\n")
     plot(results, _FIGURES)
 
 
