@@ -9,7 +9,10 @@ LOCK := constraints.txt
 PIP_NEWEST := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 PIP_INSTALL := $(PIP_NEWEST) --constraint $(LOCK)
 COMPILE := PYTHONDONTWRITEBYTECODE= $(BIN)/python tools/compile_used.py
-DISTRIBUTIONS := pyproject.toml clients/python/pyproject.toml ual_daemon/__init__.py clients/python/ual/__init__.py
+CLIENT := clients/python
+TOOLS := clients/python/ual_tools
+DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/__init__.py \
+	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
 STUBS := clients/python/ual/v1
 PROTOS := proto/ual/v1/ual.proto proto/ual/v1/simulation.proto
 GENERATED_STUBS_OF = $(BIN)/python -m grpc_tools.protoc --proto_path=proto --plugin=$(BIN)/protoc-gen-mypy \
@@ -25,7 +28,7 @@ install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
 $(INSTALLED): $(DISTRIBUTIONS) $(LOCK) tools/compile_used.py | $(VENV)/.made
 	@echo 'Installing UAL into $(VENV), once: 45 MB to download, 200 MB of disk'
-	$(PIP_INSTALL) -e clients/python -e .
+	$(PIP_INSTALL) -e $(CLIENT) -e $(TOOLS) -e .
 	$(COMPILE)
 	@touch $@
 
@@ -40,7 +43,7 @@ dev: $(DEV)  ## The tools for development over it: tests, lint, types
 
 $(DEV): $(INSTALLED)
 	@echo 'Installing the tools for development into $(VENV), once'
-	$(PIP_INSTALL) -e clients/python -e '.[dev]'
+	$(PIP_INSTALL) -e $(CLIENT) -e $(TOOLS) -e '.[dev]'
 	$(COMPILE)
 	@touch $@
 
@@ -48,12 +51,13 @@ $(DEV): $(INSTALLED)
 lock: | $(VENV)/.made  ## Renews constraints.txt: the versions that `make` installs, of all packages and extras
 	$(PIP_NEWEST) --quiet --upgrade --target build/uv uv
 	build/uv/bin/uv pip compile --quiet --upgrade --universal --python-version 3.10 --no-python-downloads --all-extras \
-		--no-annotate --custom-compile-command 'make lock' --no-emit-package ual-client --no-emit-package ual-daemon \
-		--output-file $(LOCK) pyproject.toml clients/python/pyproject.toml benchmarks/requirements.txt
+		--no-annotate --custom-compile-command 'make lock' --no-emit-package ual-client --no-emit-package ual-tools \
+		--no-emit-package ual-daemon --output-file $(LOCK) pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml \
+		benchmarks/requirements.txt
 
-dist: | $(VENV)/.made  ## The wheels of both distributions into dist: docs/installation.md
+dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/installation.md
 	rm -rf dist
-	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist clients/python .
+	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist $(CLIENT) $(TOOLS) .
 	@ls dist/*.whl
 
 run: $(INSTALLED)  ## Flies: a light (simulated) UAV, uav_1, armed by its simulated safety pilot
@@ -77,7 +81,7 @@ GRPC_TESTS := tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test
 	-k 'not over_class and not unix_socket'
 
 test-newest: $(DEV)  ## All tests, on PyPI's newest version of each package that flies
-	$(call LAY_OVER,build/newest) clients/python .
+	$(call LAY_OVER,build/newest) $(CLIENT) $(TOOLS) .
 	rm -rf build/newest/ual build/newest/ual_*
 	$(call WITH,build/newest) -m pytest $(IN_PARALLEL)
 

@@ -44,7 +44,7 @@ def main() -> int:
     rounds = arguments.rounds or effort.rounds
     began_s = time.monotonic()
     prefer_this()
-    for package in ("ual_daemon", "clients/python/ual"):
+    for package in ("ual_daemon", "clients/python/ual", "clients/python/ual_tools"):
         # pip compiles the packages that it installs, so UAL is compiled, too. Otherwise each start would compile it
         # again if Python may not write compiled files (PYTHONDONTWRITEBYTECODE).
         compileall.compile_dir(str(REPOSITORY / package), quiet=2)

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from benchmarks.children import Process, priority_text
-from tests.ual.view.browser import Page, browser
+from tests.ual_tools.view.browser import Page, browser
 from ual import Pose, State, Uav
 from ual._discovery import RUNTIME_DIR_VARIABLE
 
@@ -100,7 +100,7 @@ def main() -> None:
         while not all((directory / f"{ns}.json").exists() for ns in names):
             time.sleep(0.1)
         fly(names, stack)
-        command = [sys.executable, "-c", "from ual._cli import main; main()", "--json", "view", "--port", "0"]
+        command = [sys.executable, "-c", "from ual_tools.main import main; main()", "--json", "view", "--port", "0"]
         view = stack.enter_context(Process(command, stdout=-1))
         assert view.popen.stdout is not None
         url = json.loads(view.popen.stdout.readline())["url"]

@@ -14,9 +14,9 @@ from pathlib import Path
 import click
 from google.protobuf import descriptor_pool
 
-from ual._cli import cli
 from ual.v1 import simulation_pb2, ual_pb2
 from ual_daemon.program.main import main as daemon
+from ual_tools.main import cli
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS: dict[str, click.Command] = {"ual": cli, "ual-daemon": daemon}
@@ -37,7 +37,7 @@ _SPAN = re.compile(r"`([^`\n]+)`")
 _LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
 _PATH = re.compile(r"(?<![\w./@-])(?:ual_daemon|tests|docs|proto|clients|deploy|examples|benchmarks)/[\w./*@-]*[\w*]")
 _FILE = re.compile(r"[\w./-]+\.(?:py|proto)")
-_NAME = re.compile(r"(?<![\w./-])(?:ual|ual_daemon|benchmarks)(?:\.[A-Za-z_]\w*)+(?:/\w+)?")
+_NAME = re.compile(r"(?<![\w./-])(?:ual|ual_tools|ual_daemon|benchmarks)(?:\.[A-Za-z_]\w*)+(?:/\w+)?")
 _MAKE = re.compile(r"(?:^|[;&|$] )\s*make ([a-z][\w/-]*)", re.MULTILINE)
 _PLACEHOLDER = re.compile(r"\b[A-Z]{2,}\b|…|\[")
 

@@ -31,7 +31,9 @@ def asked_for(pyproject: Path) -> set[str]:
     return {name.lower() for name in re.findall(r'"([A-Za-z0-9-]+)\s*[=><]', text)}
 
 
-@pytest.mark.parametrize(("project", "package"), [(".", "ual_daemon"), ("clients/python", "ual")])
+@pytest.mark.parametrize(
+    ("project", "package"), [(".", "ual_daemon"), ("clients/python", "ual"), ("clients/python/ual_tools", "ual_tools")]
+)
 def test_what_is_imported_is_asked_for(project: str, package: str) -> None:
     known = {"ual": ["ual-client"], **packages_distributions()}
     declared = asked_for(ROOT / project / "pyproject.toml") | {package.replace("_", "-")}

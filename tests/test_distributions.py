@@ -1,4 +1,4 @@
-"""The two distributions: their versions, what their wheels carry, and that these fly."""
+"""The distributions: their versions, what their wheels carry, and that these fly."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ import pytest
 from hatchling.builders.wheel import WheelBuilder
 from hatchling.metadata.core import ProjectMetadata
 from hatchling.plugin.manager import PluginManager
+from packaging.requirements import Requirement
 
 import ual
 import ual_daemon
+import ual_tools
 from tests.conftest import DaemonProcess, daemon_environment
 
 ROOT = Path(__file__).parents[1]
-VERSIONS = [(".", ual_daemon.__version__), ("clients/python", ual.__version__)]
+CLIENTS = ROOT / "clients" / "python"
+PROJECTS = {".": ual_daemon, "clients/python": ual, "clients/python/ual_tools": ual_tools}
 PROGRAMS = [
     ("ual_daemon.program.entry", f"ual-daemon {ual_daemon.__version__}"),
-    ("ual._entry", f"ual, version {ual.__version__}"),
+    ("ual_tools.entry", f"ual, version {ual_tools.__version__}"),
 ]
 
 
-@pytest.mark.parametrize(("project", "version"), VERSIONS)
-def test_the_wheel_has_the_version_of_the_package(project: str, version: str) -> None:
-    assert ProjectMetadata(str(ROOT / project), PluginManager()).version == version
+@pytest.mark.parametrize("project", PROJECTS)
+def test_the_wheel_has_the_version_of_the_package(project: str) -> None:
+    assert ProjectMetadata(str(ROOT / project), PluginManager()).version == PROJECTS[project].__version__
 
 
 @pytest.mark.parametrize(("module", "shown"), PROGRAMS)
@@ -38,12 +41,27 @@ def test_a_program_shows_the_version_of_its_package(module: str, shown: str) -> 
     assert (done.returncode, done.stdout.strip()) == (0, shown), done.stderr
 
 
-def test_the_daemon_asks_for_the_client_of_this_repository() -> None:
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+@pytest.mark.parametrize("project", [".", "clients/python/ual_tools"])
+def test_daemon_and_tools_ask_for_the_client_of_this_repository(project: str) -> None:
+    text = (ROOT / project / "pyproject.toml").read_text(encoding="utf-8")
     assert re.findall(r'"ual-client==([^"]+)"', text) == [ual.__version__]
 
 
-@pytest.mark.parametrize("project", [".", "clients/python"])
+def test_the_client_asks_for_grpc_and_protobuf_only() -> None:
+    assert required("clients/python") == {"grpcio", "grpcio-status", "protobuf", "typing-extensions"}
+
+
+def test_the_daemon_does_not_ask_for_the_tools() -> None:
+    assert "ual-tools" not in required(".")
+
+
+def required(project: str) -> set[str]:
+    """What pip installs with the distribution, without extras."""
+    core = ProjectMetadata(str(ROOT / project), PluginManager()).core
+    return {Requirement(each).name for each in core.dependencies}
+
+
+@pytest.mark.parametrize("project", PROJECTS)
 def test_the_wheel_carries_the_licence(project: str) -> None:
     builder = WheelBuilder(str(ROOT / project))
     assert builder.metadata.core.license_expression == "Apache-2.0"
@@ -56,9 +74,9 @@ def test_the_wheel_carries_the_licence(project: str) -> None:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The contents of both wheels in one directory, as pip would install them."""
+    """The contents of all wheels in one directory, as pip would install them."""
     directory = tmp_path_factory.mktemp("installed")
-    for project, _ in VERSIONS:
+    for project in PROJECTS:
         for wheel in WheelBuilder(str(ROOT / project)).build(directory=str(directory / "dist"), versions=["standard"]):
             with zipfile.ZipFile(wheel) as archive:
                 archive.extractall(directory)
@@ -73,13 +91,13 @@ def test_the_wheels_carry_types_and_contract(installed: Path) -> None:
 
 
 def test_the_wheels_carry_all_modules_and_nothing_else(installed: Path) -> None:
-    for source, package in ((ROOT, "ual_daemon"), (ROOT / "clients" / "python", "ual")):
+    for source, package in ((ROOT, "ual_daemon"), (CLIENTS, "ual"), (CLIENTS, "ual_tools")):
         of_source, of_wheel = (
             {str(path.relative_to(root)) for path in (root / package).rglob("*.py")} for root in (source, installed)
         )
         assert of_wheel == of_source
     packages = {path.name for path in installed.iterdir() if path.is_dir() and not path.name.endswith(".dist-info")}
-    assert packages == {"dist", "ual", "ual_daemon"}
+    assert packages == {"dist", "ual", "ual_tools", "ual_daemon"}
 
 
 FIRST_FLIGHT = ("takeoff 3", "goto 4 2 3 --yaw 90deg", "velocity 1 0 0 --for 2", "land")
@@ -106,7 +124,7 @@ def test_the_wheels_fly_the_first_flight_of_the_readme(
 
 
 def _run_ual(environment: dict[str, str], words: list[str]) -> None:
-    _run(environment, f"import sys; from ual._cli import main; sys.argv = {['ual', *words]!r}; main()")
+    _run(environment, f"import sys; from ual_tools.main import main; sys.argv = {['ual', *words]!r}; main()")
 
 
 def _run(environment: dict[str, str], program: str) -> str:

@@ -35,11 +35,11 @@ from tests.pages import (
     wrong_commands,
 )
 from ual import errors
-from ual._cli import cli
 from ual_daemon.backends.light import LightSettings
 from ual_daemon.backends.values import Cause
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import FrameSettings, GeofenceSettings, LimitSettings, ToleranceSettings, VehicleSettings
+from ual_tools.main import cli
 
 DOCS = ROOT / "docs"
 HOVER = ROOT / "examples" / "third_party_backend"

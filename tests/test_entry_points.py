@@ -22,7 +22,7 @@ sys.meta_path.insert(0, Finder())
 
 @pytest.mark.parametrize(
     ("entry", "imported", "status"),
-    [("ual._entry", "ual._cli.app", 130), ("ual_daemon.program.entry", "ual_daemon.settings", -signal.SIGINT)],
+    [("ual_tools.entry", "ual_tools.app", 130), ("ual_daemon.program.entry", "ual_daemon.settings", -signal.SIGINT)],
 )
 def test_ctrl_c_at_the_start_ends_it_without_a_word(entry: str, imported: str, status: int) -> None:
     command = [sys.executable, "-c", f"{INTERRUPTED}\nfrom {entry} import main; main()", imported]

@@ -36,8 +36,8 @@ def is_meant(requirement: Requirement, python: str) -> bool:
 
 
 def asked_for() -> Iterator[Requirement]:
-    """What both distributions ask for, with every extra, and what the benchmarks do."""
-    for project in (".", "clients/python"):
+    """What the distributions ask for, with every extra, and what the benchmarks do."""
+    for project in (".", "clients/python", "clients/python/ual_tools"):
         core = ProjectMetadata(str(ROOT / project), PluginManager()).core
         yield from map(Requirement, core.dependencies)
         yield from (Requirement(each) for extra in core.optional_dependencies.values() for each in extra)
@@ -73,7 +73,7 @@ def test_every_installation_is_by_the_lock() -> None:
 IMPORTING = """
 import contextlib, importlib, importlib.util, json, struct, sys
 from pathlib import Path
-from ual._cli import main as _
+from ual_tools.main import main as _
 from ual_daemon.program import daemon as _
 from ual_daemon.program.main import main
 for backend in ("light", "mavlink"):

@@ -29,8 +29,8 @@ SIBLINGS = [(room, other) for layer in layers() for room, other in pairwise(laye
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """A copy of the daemon and of the client."""
-    for package in ("ual_daemon", "clients/python/ual"):
+    """A copy of the daemon, the client and the tools."""
+    for package in ("ual_daemon", "clients/python/ual", "clients/python/ual_tools"):
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / package, tmp_path / Path(package).name, ignore=ignored)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)

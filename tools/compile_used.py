@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGES = ("ual", "ual_daemon")
+PACKAGES = ("ual", "ual_tools", "ual_daemon")
 
 
 def main() -> None:
-    """Imports each module of the two packages and what these import, functions included. Python compiles them then."""
+    """Imports each module of the packages and what these import, functions included. Python compiles them then."""
     if sys.dont_write_bytecode:
         sys.exit("PYTHONDONTWRITEBYTECODE is set, or -B: Python would compile, and keep nothing")
     os.environ["PYGAME_HIDE_SUPPORT_PROMPT"] = "1"

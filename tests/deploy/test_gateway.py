@@ -402,7 +402,7 @@ def test_the_command_goes_through_it(gateway: str) -> None:
         [
             sys.executable,
             "-c",
-            "from ual._cli.main import main; main()",
+            "from ual_tools.main import main; main()",
             "--address",
             gateway,
             "--ns",

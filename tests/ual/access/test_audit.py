@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from ual._access import audit
 from ual._access.audit import BrokenChainError
-from ual._cli.main import cli
+from ual_tools.main import cli
 
 
 def chained(entries: list[dict[str, Any]]) -> list[bytes]:

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from ual._access import roles, tokens
 from ual._access.roles import Role
-from ual._cli.main import cli
+from ual_tools.main import cli
 
 NOW = datetime(2026, 11, 23, 12, 0, tzinfo=timezone.utc)
 

@@ -1,0 +1,5 @@
+"""The ``ual`` command, which flies a UAV from a terminal or a script. See ``docs/cli.md``."""
+
+from __future__ import annotations
+
+__version__ = "0.1.0"

@@ -1,0 +1,411 @@
+"""What all commands share: the choice of the UAV, the output of results, and errors that end the program."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from typing_extensions import override
+
+from ual.errors import UalError
+from ual.types import TaskInfo
+from ual_tools import complete, many, start
+from ual_tools.help import ALIASES, Section, as_typed, close, no_such_command, write_commands, write_examples
+from ual_tools.output import error_text, to_json
+from ual_tools.streams import Line, OutputLostError, give_up_output, write
+from ual_tools.values import Number
+
+if TYPE_CHECKING:
+    from ual._client import Uav
+    from ual._credentials import Credentials
+    from ual._discovery import Registration
+    from ual_tools.start import Member
+
+REFUSED = 1
+INTERRUPTED = 130
+
+
+class Many(Enum):
+    """What a command does where several UAVs are chosen."""
+
+    REFUSED = "it is for one UAV"
+    EACH = "each of them gets it, and none where one cannot be reached"
+    REACHABLE = "each that can be reached gets it: it ends a flight, or only asks"
+    LOOKING = "each that can be reached is asked: the worst comes first"
+    ITSELF = "it looks at the choice itself"
+
+
+@dataclass
+class Session:
+    """The options that all commands take, before or after the command's name."""
+
+    ns: str | None = None
+    address: str | None = None
+    tls_ca: Path | None = None
+    token_file: Path | None = None
+    tls_certificate: Path | None = None
+    tls_key: Path | None = None
+    has_lease: bool = False
+    takes_lease: bool = False
+    timeout_s: float | None = None
+    as_json: bool = False
+    is_all: bool = False
+    begin_utc_s: float | None = None
+    """When its command is to begin, in seconds since the epoch; None: now."""
+    member: Member | None = None
+    """Its place among several UAVs that get the same command."""
+
+    def connect(self, *, with_lease: bool = True) -> Uav:
+        """Returns the chosen UAV: when its command is to begin, where that is said.
+
+        `with_lease`: with its lease, if one is wanted; False for a command that acquires it later by itself.
+        """
+        from ual._client import Uav
+
+        uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials)
+        if self.member is not None:
+            self.member.meet(uav)
+        elif self.begin_utc_s is not None:
+            uav.info()  # connected now, it begins on time
+            start.wait_until(self.begin_utc_s, self.tell)
+        if with_lease and (self.has_lease or self.takes_lease):
+            self._lease(uav)
+        return uav
+
+    def connect_to(self, daemon: Registration) -> Uav:
+        """Returns the UAV of a daemon of this computer."""
+        from ual._client import Uav
+
+        return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca, credentials=self.credentials)
+
+    @property
+    def credentials(self) -> Credentials:
+        """What shows a daemon who calls: the options, and the environment where there are none."""
+        from ual._credentials import Credentials, read
+
+        if self.token_file is None and self.tls_certificate is None and self.tls_key is None:
+            return Credentials.from_environment()
+        token = None if self.token_file is None else read(self.token_file, "--token-file").decode(errors="replace")
+        return Credentials(token, self.tls_certificate, self.tls_key)
+
+    def _lease(self, uav: Uav) -> None:
+        try:
+            uav.lease("ual", take=self.takes_lease)
+        except UalError:
+            uav.close()
+            raise
+
+    def emit(self, value: object, text: str | None = None) -> None:
+        """Prints a result: one JSON object with ``--json``, else the text."""
+        line = json.dumps(self._named(to_json(value)), allow_nan=False) if self.as_json else text
+        if line is not None:
+            self._say(line if self.as_json else self._prefix + line, Line.DONE if _is_done(value) else Line.RESULT)
+
+    def fail(self, error: UalError) -> None:
+        """Prints in one line why the command was refused or failed."""
+        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))}", Line.MESSAGE)
+        if self.as_json:
+            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), Line.DONE)
+
+    def note(self, text: str) -> None:
+        """Prints a message that is not a result, on stderr."""
+        self._say(self._prefix + text, Line.MESSAGE)
+
+    def tell(self, text: str) -> None:
+        """Prints what the program itself does, on stderr."""
+        self.note(f"{'' if self.member else 'ual: '}{text}")
+
+    def _say(self, text: str, kind: Line) -> None:
+        if self.member is None:
+            write(text, kind)
+        else:
+            self.member.lines.put((text, kind))
+
+    @property
+    def _prefix(self) -> str:
+        return "" if self.member is None else f"{self.member.name}: "
+
+    def _named(self, value: object) -> object:
+        return value if self.member is None or not isinstance(value, dict) else {"ns": self.member.name, **value}
+
+
+def _is_done(value: object) -> bool:
+    """Whether a result tells of what the command has done, not of what it was asked to find out."""
+    return isinstance(value, TaskInfo) or (isinstance(value, Mapping) and "done" in value)
+
+
+def session(context: click.Context) -> Session:
+    """Returns the session of the running command."""
+    return context.find_root().ensure_object(Session)
+
+
+def pass_session(function: Callable[..., None]) -> Callable[..., None]:
+    """Passes the session to a command as its first argument."""
+
+    @functools.wraps(function)
+    def run(*args: Any, **kwargs: Any) -> None:  # noqa: ANN401 (the command's own)
+        function(session(click.get_current_context()), *args, **kwargs)
+
+    return run
+
+
+def note(text: str) -> None:
+    """Prints a message of the running command that is not a result, on stderr."""
+    session(click.get_current_context()).note(text)
+
+
+SHARED_OPTIONS = (
+    "--ns, --all, --at, --address, --tls-ca, --token-file, --tls-certificate, --tls-key, --lease, --take, --timeout, "
+    "--json"
+)
+
+
+class _SharedOption(click.Option):
+    """An option of `Session`. Only the help of `ual` itself describes it."""
+
+    @override
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        return super().get_help_record(ctx) if ctx.parent is None else None
+
+
+class _SharedOptions(click.Command):
+    """A command or group with the options of `Session`, a section of the help, and examples.
+
+    Args:
+        section: Where `ual --help` lists it.
+        examples: Calls of it, as they are typed.
+
+    """
+
+    def __init__(
+        self,
+        *args: Any,  # noqa: ANN401 (click's)
+        section: Section = Section.FLYING,
+        examples: Sequence[str] = (),
+        **kwargs: Any,  # noqa: ANN401 (click's)
+    ) -> None:
+        super().__init__(*args, **kwargs)
+        self.section = section
+        self.examples = examples
+        own = {name for param in self.params for name in (param.name, *param.opts)}
+        self.params.extend(option for option in _shared_options() if own.isdisjoint((option.name, *option.opts)))
+
+    @override
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        write_examples(formatter, self.examples)
+        if ctx.parent is not None:
+            with formatter.section("Options of every command (see ual --help)"):
+                formatter.write_text(SHARED_OPTIONS)
+        super().format_epilog(ctx, formatter)
+
+    @override
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if not ctx.resilient_parsing:
+            self._refuse_unknown_options(ctx, args)
+        return super().parse_args(ctx, args)
+
+    def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
+        """Refuses an option that does not exist, which click would take for an argument: see `UalCommand`."""
+
+
+def _shared_options() -> list[click.Parameter]:
+    return [
+        _SharedOption(
+            ["--ns"],
+            metavar="NAME",
+            envvar="UAL_NS",
+            help="Which UAV, or several: uav_1,uav_3.",
+            expose_value=False,
+            callback=_store("ns"),
+            shell_complete=complete.namespaces,
+        ),
+        _SharedOption(
+            ["--all", "is_all"],
+            is_flag=True,
+            help="All UAVs of this computer.",
+            expose_value=False,
+            callback=_store("is_all"),
+        ),
+        _SharedOption(
+            ["--at", "begin_utc_s"],
+            type=start.Time(),
+            metavar="TIME",
+            help="When to begin: 14:05, 14:05:30, +10 (seconds from now), or 2026-11-23T14:05:30Z.",
+            expose_value=False,
+            callback=_store("begin_utc_s"),
+        ),
+        _SharedOption(
+            ["--address"],
+            metavar="HOST:PORT|unix:PATH",
+            envvar="UAL_ADDRESS",
+            help="Where its daemon is, if not on this computer.",
+            expose_value=False,
+            callback=_store("address"),
+        ),
+        _SharedOption(
+            ["--tls-ca"],
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            envvar="UAL_TLS_CA",
+            help="Certificates to trust, for a daemon that uses TLS.",
+            expose_value=False,
+            callback=_store("tls_ca"),
+        ),
+        _file_option("token_file", "UAL_TOKEN_FILE", "A token, where the daemon wants to know who calls."),
+        _file_option("tls_certificate", "UAL_TLS_CERTIFICATE", "Your certificate, for a daemon that wants one."),
+        _file_option("tls_key", "UAL_TLS_KEY", "Its private key."),
+        _SharedOption(
+            ["--lease", "has_lease"],
+            is_flag=True,
+            help="Let nobody else fly it meanwhile.",
+            expose_value=False,
+            callback=_store("has_lease"),
+        ),
+        _SharedOption(
+            ["--take", "takes_lease"],
+            is_flag=True,
+            help="The same, and take that from who has it.",
+            expose_value=False,
+            callback=_store("takes_lease"),
+        ),
+        _SharedOption(
+            ["--timeout", "timeout_s"],
+            type=Number(min=0.0, min_open=True),
+            metavar="SECONDS",
+            help="How long to wait; a go-to or path is then cancelled.",
+            expose_value=False,
+            callback=_store("timeout_s"),
+        ),
+        _SharedOption(
+            ["--json", "as_json"],
+            is_flag=True,
+            help="Print one JSON object a line.",
+            expose_value=False,
+            callback=_store("as_json"),
+        ),
+    ]
+
+
+def _file_option(name: str, variable: str, help_text: str) -> click.Parameter:
+    return _SharedOption(
+        [f"--{name.replace('_', '-')}"],
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        envvar=variable,
+        help=help_text,
+        expose_value=False,
+        callback=_store(name),
+    )
+
+
+class UalCommand(_SharedOptions):
+    """A command that takes the shared options, and negative numbers as arguments.
+
+    Args:
+        many: What it does where several UAVs are chosen.
+
+    """
+
+    def __init__(self, *args: Any, many: Many = Many.REFUSED, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
+        super().__init__(*args, **kwargs)
+        self._many = many
+        # No command has an option like `-1`: so it is an argument.
+        self.ignore_unknown_options = True
+
+    @override
+    def invoke(self, ctx: click.Context) -> Any:
+        if self._many is Many.ITSELF or (names := many.names(session(ctx))) is None:
+            return super().invoke(ctx)
+        if self._many is Many.REFUSED:
+            raise click.UsageError(f"ual {self.name} is for one UAV at a time: name it by --ns", ctx)
+        return many.invoke(
+            ctx,
+            names,
+            super().invoke,
+            needs_all=self._many is Many.EACH,
+            is_looking=self._many is Many.LOOKING,
+        )
+
+    @override
+    def _refuse_unknown_options(self, ctx: click.Context, args: list[str]) -> None:
+        known = {name for option in self.get_params(ctx) for name in (*option.opts, *option.secondary_opts)}
+        for word in args:
+            name = word.partition("=")[0]
+            if word == "--":
+                return
+            if name.startswith("--") and name not in known:
+                raise click.NoSuchOption(name, possibilities=close(name, known), ctx=ctx)
+
+
+class UalGroup(_SharedOptions, click.Group):
+    """A group of commands. Ends the program with the exit status that fits an error or an interruption."""
+
+    command_class = UalCommand
+
+    @override
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        found = super().get_command(ctx, cmd_name)
+        return super().get_command(ctx, ALIASES.get(cmd_name, "")) if found is None else found
+
+    @override
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not (ctx.resilient_parsing or name.startswith("-")):
+            ctx.fail(no_such_command(name, self.commands))
+        return super().resolve_command(ctx, args)
+
+    @override
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        if ctx.parent is not None:
+            super().format_commands(ctx, formatter)
+            return
+        sections = {name: each.section for name, each in self.commands.items() if isinstance(each, _SharedOptions)}
+        write_commands(formatter, self.commands, sections)
+
+    @override
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:  # (click's)
+        try:
+            return super().make_context(*args, **kwargs)
+        except KeyboardInterrupt:  # click would print "Aborted!"
+            raise click.exceptions.Exit(INTERRUPTED) from None
+
+    @override
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except UalError as error:
+            session(ctx).fail(error)
+            ctx.exit(REFUSED)
+        except KeyboardInterrupt:
+            ctx.exit(INTERRUPTED)
+        except OutputLostError as error:
+            give_up_output()
+            if error.has_reader_left:
+                ctx.exit(0)
+            session(ctx).note(f"ual: the result cannot be printed: {error}")
+            ctx.exit(REFUSED)
+
+
+def command(
+    name: str, *examples: str, section: Section = Section.FLYING, many: Many = Many.REFUSED
+) -> Callable[[Callable[..., None]], click.Command]:
+    """Makes a command that takes the shared options. `examples` are calls of it, as they are typed."""
+    return click.command(name, cls=UalCommand, section=section, examples=examples, many=many)
+
+
+def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:
+    def store(context: click.Context, _: click.Parameter, value: object) -> None:
+        # An option that is missing after the command's name must not overwrite one that was given before it.
+        if value is not None and value is not False:
+            source = context.get_parameter_source(field)
+            held = session(context)
+            if source is click.core.ParameterSource.COMMANDLINE or getattr(held, field) in (None, False):
+                setattr(held, field, value)
+
+    return store

@@ -1,0 +1,48 @@
+"""`ual audit`: checks what a daemon has written (``ual-daemon --audit FILE``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ual._access import audit as chain
+from ual.errors import InvalidArgumentError
+from ual_tools.app import Session, UalGroup, command, pass_session
+from ual_tools.help import Section
+
+
+@click.group("audit", cls=UalGroup, section=Section.ACCESS, examples=("ual audit verify audit.jsonl",))
+def audit() -> None:
+    """Check the audit of a daemon."""
+
+
+@command("verify", "ual audit verify audit.jsonl", section=Section.ACCESS)
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--head", metavar="HASH", help="The last hash, as the daemon has logged it: finds lines cut off the end.")
+@pass_session
+def verify(session: Session, file: Path, head: str | None) -> None:
+    """Check that no line was changed or removed.
+
+    Lines that were added or swapped are found, too.
+    Whoever can write the file can also compute all hashes anew, or cut lines off its end: only --head finds that.
+    """
+    try:
+        with file.open("rb") as lines:
+            found = chain.verify(lines)
+    except chain.BrokenChainError as error:
+        raise InvalidArgumentError(f"{file}: {error}") from None
+    if head is not None and head != found.head:
+        raise InvalidArgumentError(
+            f"{file}: it ends with {found.head}, not with the given hash: its end is missing, or all of it was written "
+            "anew"
+        )
+    torn = f", {found.torn_count} of them incomplete (the daemon was killed)" if found.torn_count else ""
+    session.emit(
+        {"lines": found.lines_count, "torn": found.torn_count, "head": found.head},
+        f"whole: {found.lines_count} lines{torn}; the last hash is {found.head}",
+    )
+
+
+audit.add_command(verify)
+COMMANDS = (audit,)

@@ -1,0 +1,151 @@
+"""What is wrong with a UAV: how urgent it is, and in words. By it all tables are sorted. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TypeVar
+
+from ual._discovery import natural_order
+from ual.errors import UalError
+from ual.types import Battery, Health, State, Telemetry
+from ual_tools.watch_board import Seen
+
+LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
+"""At and below these a battery is called low (QGroundControl announces it from there on), and critical (PX4 warns
+from there on, when not configured)."""
+_WEAK_LINK = 0.8
+"""Where less of the autopilot's messages arrive."""
+
+T = TypeVar("T")
+
+
+class Level(IntEnum):
+    """How urgent it is."""
+
+    FINE = 0
+    WARNING = 1
+    ALARM = 2
+
+
+STYLES: Mapping[Level, str] = {Level.FINE: "", Level.WARNING: "bold yellow", Level.ALARM: "bold red"}
+"""Of rich."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """How a UAV is.
+
+    `state` is its state in one word, ``LOST`` where nothing true is known of it. `words` say all that is wrong, and
+    `note` the same without the battery, where that is shown beside it.
+    """
+
+    level: Level = Level.FINE
+    state: str = ""
+    words: str = ""
+    note: str = ""
+
+
+def of_telemetry(t: Telemetry) -> Condition:
+    """Returns how a UAV is by a sample that is the present."""
+    found = [*_of_health(t), *_of_state(t)]
+    battery = battery_level(t.battery)
+    others = sorted(found, key=lambda each: -each[0])
+    note = "; ".join(words for _, words in others)
+    if battery is not Level.FINE:
+        others = sorted([*found, (battery, f"battery {battery_text(t.battery)}")], key=lambda each: -each[0])
+    words = "; ".join(words for _, words in others)
+    return Condition(max((level for level, _ in others), default=Level.FINE), t.state.name, words, note)
+
+
+def of_seen(seen: Seen, now_s: float, lost_after_s: float) -> Condition:
+    """Returns how a UAV is by what is known of it."""
+    what = problem(seen, now_s, lost_after_s)
+    if what:
+        return Condition(Level.ALARM, "LOST", what, what)
+    return Condition() if seen.telemetry is None else of_telemetry(seen.telemetry)
+
+
+def of_answer(found: Telemetry | UalError) -> Condition:
+    """Returns how a UAV is by what its daemon answered."""
+    if isinstance(found, Telemetry):
+        return of_telemetry(found)
+    text = " ".join(found.message.split())
+    return Condition(Level.ALARM, found.reason, text, text)
+
+
+def problem(seen: Seen, now_s: float, lost_after_s: float) -> str:
+    """Returns why the sample must not be taken for the present, or nothing."""
+    was = "" if seen.telemetry is None else f", it was {seen.telemetry.state.name}"
+    if seen.gone_s is not None:
+        return f"its daemon has ended{was}"
+    age_s = now_s - seen.since_s
+    if seen.why:
+        return f"no telemetry for {age_s:.0f} s{was}: {' '.join(seen.why.split())}"
+    return f"no telemetry for {age_s:.0f} s{was}" if age_s >= lost_after_s else ""
+
+
+def battery_text(battery: Battery | None) -> str:
+    """Returns how full a battery is, and in words if it is too empty; its voltage where no more is known."""
+    if battery is None:
+        return ""
+    if battery.remaining_percent is None:
+        return "" if battery.voltage_v is None else f"{battery.voltage_v:.1f} V"
+    words = {Level.WARNING: " LOW", Level.ALARM: " CRITICAL"}.get(battery_level(battery), "")
+    return f"{battery.remaining_percent:.0f} %{words}"
+
+
+def battery_level(battery: Battery | None) -> Level:
+    """Returns how urgent it is that a battery is charged; what is not known is no trouble."""
+    percent = None if battery is None else battery.remaining_percent
+    if percent is None or percent > LOW_PERCENT:
+        return Level.FINE
+    return Level.ALARM if percent <= CRITICAL_PERCENT else Level.WARNING
+
+
+def worst_first(found: Iterable[T], condition_of: Callable[[T], Condition], name_of: Callable[[T], str]) -> list[T]:
+    """Returns UAVs sorted by urgency, then by name and number."""
+    return sorted(found, key=lambda each: (-condition_of(each).level, natural_order(name_of(each))))
+
+
+def summary(conditions: Iterable[Condition]) -> str:
+    """Returns how many UAVs need attention, and how many are in which state, what is worst first."""
+    known = list(conditions)
+    level_of: dict[str, Level] = {}
+    for each in known:
+        level_of[each.state] = max(each.level, level_of.get(each.state, Level.FINE))
+    levels = Counter(each.level for each in known)
+    alarms, warnings = levels[Level.ALARM], levels[Level.WARNING]
+    urgent = [f"{alarms} alarm{'s' * (alarms > 1)}"] * bool(alarms)
+    urgent += [f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)
+    counts = Counter(each.state or "not heard yet" for each in known)
+    states = sorted(counts, key=lambda state: (-level_of.get(state, Level.FINE), -counts[state], state))
+    return "; ".join(filter(None, (", ".join(urgent), ", ".join(f"{counts[state]} {state}" for state in states))))
+
+
+def worst(conditions: Iterable[Condition]) -> Level:
+    """Returns the most urgent level."""
+    return max((each.level for each in conditions), default=Level.FINE)
+
+
+def _of_health(t: Telemetry) -> list[tuple[Level, str]]:
+    health = t.health or Health()
+    found = [(Level.ALARM, f"failsafe: {health.failsafe}")] * bool(health.failsafe)
+    if t.frame_lost:
+        found.append((Level.ALARM, f"frame lost: {t.frame_lost}"))
+    if health.link_quality is not None and health.link_quality < _WEAK_LINK:
+        found.append((Level.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
+    if t.state is State.LANDED_DISARMED and health.is_ready_to_arm is False:
+        found.append((Level.WARNING, f"not ready to arm: {', '.join(health.failing_checks) or 'it does not say why'}"))
+    return found
+
+
+def _of_state(t: Telemetry) -> list[tuple[Level, str]]:
+    if t.state is State.UNINITIALIZED:
+        return [(Level.ALARM, t.state_reason or "nothing can be done yet")]
+    if t.state is State.FLYING_MANUAL:
+        held_by = "" if t.health is None else t.health.held_by
+        return [(Level.WARNING, f"held by {held_by}" if held_by else t.state_reason or "flown by hand")]
+    return []

@@ -1,0 +1,54 @@
+"""The UAVs of this computer that were chosen, and telemetry from all of them at the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ual import _discovery
+from ual._discovery import Registration
+from ual.errors import DaemonUnreachableError, UalError
+from ual.types import Telemetry
+from ual_tools import many
+from ual_tools.app import Session
+
+_PARALLEL = 16
+
+
+def chosen_daemons(session: Session) -> list[Registration]:
+    """Returns the daemons of this computer: with ``--ns a,b`` those with these names, else all."""
+    daemons = _discovery.list_daemons()
+    names = many.names(session) if session.ns else None
+    return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
+
+
+def several(session: Session) -> list[Registration] | None:
+    """Returns the daemons where several UAVs are chosen; None for a single one.
+
+    Raises:
+        DaemonUnreachableError: One that is named does not run on this computer.
+
+    """
+    names = many.names(session)
+    if names is None:
+        return None
+    daemons = chosen_daemons(session)
+    missing = set(names) - {daemon.ns for daemon in daemons}
+    if missing:
+        raise DaemonUnreachableError(f"no daemon of the name {', '.join(sorted(missing))} runs on this computer")
+    return daemons
+
+
+def ask_all(session: Session, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:
+    """Yields one telemetry sample of each UAV in the order of `daemons`, or the error by which there is none."""
+    # Imported late: with logging, it would add a tenth to the imports of all other commands.
+    from concurrent.futures import ThreadPoolExecutor
+
+    def ask(daemon: Registration) -> Telemetry | UalError:
+        try:
+            with session.connect_to(daemon) as uav:
+                return uav.telemetry()
+        except UalError as error:
+            return error
+
+    with ThreadPoolExecutor(_PARALLEL) as pool:
+        yield from pool.map(ask, daemons)

@@ -1,0 +1,114 @@
+"""Reads keys from a terminal: which key some bytes mean, and the terminal's mode in which keys come at once."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from enum import Enum, auto
+from types import FrameType
+
+_TERMINATED = 143
+
+
+class Key(Enum):
+    """What a key asks for."""
+
+    UP = auto()
+    DOWN = auto()
+    PAGE_UP = auto()
+    PAGE_DOWN = auto()
+    HOME = auto()
+    END = auto()
+    QUIT = auto()
+
+
+# What terminals send: the sequences of xterm, of its application mode (ESC O), of the Linux console and of the vt220.
+_KEYS = {
+    Key.UP: (b"\x1b[A", b"\x1bOA", b"k"),
+    Key.DOWN: (b"\x1b[B", b"\x1bOB", b"j"),
+    Key.PAGE_UP: (b"\x1b[5~", b"b"),
+    Key.PAGE_DOWN: (b"\x1b[6~", b" "),
+    Key.HOME: (b"\x1b[H", b"\x1bOH", b"\x1b[1~", b"\x1b[7~", b"g"),
+    Key.END: (b"\x1b[F", b"\x1bOF", b"\x1b[4~", b"\x1b[8~", b"G"),
+    Key.QUIT: (b"q", b"Q", b"\x03"),
+}
+_BY_BYTES = {sequence: key for key, sequences in _KEYS.items() for sequence in sequences}
+_SEQUENCE = re.compile(rb"\x1b\[[0-9;]*[@-~]|\x1bO[@-~]|.", re.DOTALL)
+
+
+def decoded(read: bytes) -> list[Key]:
+    """Returns the keys in some bytes of a terminal, without those that mean nothing here."""
+    return [_BY_BYTES[each] for each in _SEQUENCE.findall(read) if each in _BY_BYTES]
+
+
+@contextmanager
+def keyboard() -> Iterator[Keyboard]:
+    """Has the terminal give keys at once and without showing them. Leaves it as it was, also at SIGTERM."""
+    before = signal.signal(signal.SIGTERM, _exit)
+    try:
+        if not sys.stdin.isatty():
+            yield Keyboard(None)
+            return
+        with _characters_at_once() as keys:
+            yield keys
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _characters_at_once() -> Iterator[Keyboard]:
+    file = sys.stdin.fileno()
+    try:
+        import termios
+        import tty
+    except ImportError:  # Windows, whose consoles have no such mode
+        from ual_tools.console_keys import ConsoleKeyboard
+
+        yield ConsoleKeyboard(file)
+        return
+    mode = termios.tcgetattr(file)
+    try:
+        tty.setcbreak(file)
+        yield Keyboard(file)
+    finally:
+        with suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(file, termios.TCSADRAIN, mode)
+
+
+class Keyboard:
+    """The keys of a terminal; without a terminal there are none."""
+
+    def __init__(self, file: int | None) -> None:
+        self._file = file
+
+    def wait(self, timeout_s: float) -> Sequence[Key]:
+        """Returns the keys that were pressed, after `timeout_s` at the latest."""
+        return decoded(self.read(timeout_s))
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether there is no terminal (any more)."""
+        return self._file is None
+
+    def read(self, timeout_s: float) -> bytes:
+        """Returns what the terminal has sent, after `timeout_s` at the latest."""
+        files = [] if self._file is None else [self._file]
+        ready, _, _ = select.select(files, [], [], timeout_s)
+        if not ready or self._file is None:
+            return b""
+        try:
+            read = os.read(self._file, 1024)
+        except OSError:
+            read = b""
+        if not read:  # the terminal is gone
+            self._file = None
+        return read
+
+
+def _exit(_: int, __: FrameType | None) -> None:
+    raise SystemExit(_TERMINATED)

@@ -1,0 +1,80 @@
+"""Writes a team as a compose file: one service for each program, on the network of the host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
+from ual_tools.launch.team import Condition, Program, Team
+
+
+def text(team: Team) -> str:
+    """Returns the text of the compose file.
+
+    Raises:
+        CannotExpressError: A program has no image, or compose cannot do what the file says.
+    """
+    services = {each.name: _service(team, each) for each in team.programs}
+    whole = {"name": team.name.lower(), "services": services, "volumes": {"ual": {}}}
+    return _heading(team) + yaml.safe_dump(_escaped(whole), sort_keys=False, allow_unicode=True, width=120)
+
+
+def _heading(team: Team) -> str:
+    ending = [each.name for each in team.programs if each.is_ending_team and not each.is_daemon]
+    lines = [f"The team {team.name}, written by `ual launch --compose`."]
+    if ending:
+        lines.append(
+            f"Compose does not end the team when {', '.join(ending)} has ended: --abort-on-container-exit does."
+        )
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _service(team: Team, program: Program) -> dict[str, Any]:
+    if program.image is None:
+        raise CannotExpressError(f"{program.name}: a compose file needs its image (or one for the whole team: image)")
+    where = str(team.file.parent)
+    service: dict[str, Any] = {
+        "image": program.image,
+        "entrypoint": [],
+        "command": ["ual-daemon" if program.is_daemon else program.argv[0], *program.argv[1:]],
+        "working_dir": str(program.cwd),
+        "environment": {"UAL_RUNTIME_DIR": RUNTIME_DIR, **program.env},
+        "volumes": [f"ual:{RUNTIME_DIR}", f"{where}:{where}"],
+        "network_mode": "host",
+        "init": True,
+        "restart": program.restart.value,
+        "stop_signal": program.stop_signal.name,
+        "stop_grace_period": f"{program.stop_limit_s:g}s",
+    }
+    if program.needs:
+        service["depends_on"] = {name: {"condition": _condition(team, name)} for name in program.needs}
+    test = test_of(program, "ual")
+    if test is not None:
+        service["healthcheck"] = {"test": ["CMD", "bash", "-c", test], "interval": "1s", "retries": _retries(program)}
+    landing = landing_of(team, program, "ual")
+    if landing is not None:
+        service["pre_stop"] = [{"command": ["bash", "-c", landing]}]
+    return service
+
+
+def _retries(program: Program) -> int:
+    """Returns after how many seconds a program has failed: a daemon waits for its autopilot as long as it takes."""
+    return 1_000_000 if program.ready_limit_s is None else max(1, round(program.ready_limit_s))
+
+
+def _condition(team: Team, name: str) -> str:
+    program = next(each for each in team.programs if each.name == name)
+    if program.ready.condition is Condition.EXIT:
+        return "service_completed_successfully"
+    return "service_started" if program.ready.condition is Condition.STARTED else "service_healthy"
+
+
+def _escaped(value: object) -> object:
+    """Returns the same value with ``$`` doubled: compose would take it for a variable."""
+    if isinstance(value, dict):
+        return {key: _escaped(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_escaped(each) for each in value]
+    return value.replace("$", "$$") if isinstance(value, str) else value

@@ -1,0 +1,31 @@
+"""`ual lease`: who is the only one that flies a UAV."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+
+from ual_tools.app import Many, Session, command, pass_session
+from ual_tools.help import Section
+
+
+@command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, many=Many.REACHABLE)
+@pass_session
+def lease(session: Session) -> None:
+    """Print who holds the lease of the UAV.
+
+    While somebody does, nobody else flies it. `ual --lease COMMAND` holds it for as long as the command takes; `ual
+    --take COMMAND` takes it from its holder.
+    """
+    with session.connect(with_lease=False) as uav:
+        found = uav.lease_info()
+    if found is None:
+        session.emit({"holder": None}, "nobody holds the lease: every pilot may fly")
+        return
+    since = datetime.fromtimestamp(found.since_s, timezone.utc)
+    session.emit(
+        {"holder": found.holder, "identity": found.identity, "since": since.isoformat(timespec="seconds")},
+        f"{found.holder} ({found.identity}) since {since:%H:%M:%S} UTC",
+    )
+
+
+COMMANDS = (lease,)

@@ -1,0 +1,71 @@
+"""Runs a manoeuvre: shows its progress, handles Ctrl-C, and prints how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+
+from ual.errors import WrongStateError
+from ual.interface import Task
+from ual.types import Plan, State
+from ual_tools import plot, progress
+from ual_tools.app import INTERRUPTED, Session, note
+from ual_tools.output import plan_text, task_text
+
+if TYPE_CHECKING:
+    from ual._client import Uav
+
+_STANDING = {State.LANDED_ARMED.name, State.LANDED_DISARMED.name}
+CANCELLED = "cancelled: the UAV holds its position"
+
+
+def wait_for(
+    session: Session, uav: Uav, fly: Callable[[], Task], plot_file: Path | None = None, *, interrupted: str = CANCELLED
+) -> None:
+    """Calls `fly`, shows the progress, and prints how it ended. Prints `interrupted` after Ctrl-C.
+
+    With `plot_file` draws the flown path and the wanted one, however the manoeuvre ended.
+    """
+    try:
+        with _shown(session, uav), plot.drawn(uav, plot_file):
+            task = fly()
+    except KeyboardInterrupt:
+        interrupt(interrupted)
+    info = task.info()
+    session.emit(info, task_text(info))
+
+
+@contextmanager
+def standing_is_done(session: Session, what: str) -> Iterator[None]:
+    """Takes it for done that a UAV of several stands already, where `what` is to end its flight.
+
+    A single one that is told to land on the ground may be another than was meant: there it stays refused.
+    """
+    try:
+        yield
+    except WrongStateError as error:
+        if session.member is None or error.state not in _STANDING:
+            raise
+        session.emit({"done": what, "state": error.state}, f"stands on the ground already ({error.state})")
+
+
+def _shown(session: Session, uav: Uav) -> AbstractContextManager[None]:
+    if session.member is None:
+        return progress.shown(uav)
+    session.member.is_flying = True
+    return nullcontext()
+
+
+def interrupt(text: str) -> NoReturn:
+    """Prints a message and ends the program with the exit status of an interruption."""
+    note(f"ual: {text}")
+    raise click.exceptions.Exit(INTERRUPTED)
+
+
+def print_plan(session: Session, plan: Plan) -> None:
+    """Prints the result of a dry run."""
+    session.emit(plan, plan_text(plan))

@@ -1,0 +1,245 @@
+"""``ual record`` records the telemetry of UAVs, and tells and exports what is in a recording; ``ual plot`` draws it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ual import _extras
+from ual._recording import requirements
+from ual.errors import InvalidArgumentError
+from ual_tools.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
+from ual_tools.everyone import several
+from ual_tools.help import Section
+from ual_tools.tables import print_table
+from ual_tools.values import Number
+
+if TYPE_CHECKING:
+    from ual._recording.client import ClientRecording
+    from ual._recording.summary import Summary
+
+_LOOK_S = 0.2
+_DRAWINGS = (".pdf", ".png", ".svg")
+_FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+
+
+@click.group(
+    "record",
+    cls=UalGroup,
+    section=Section.LOOKING,
+    invoke_without_command=True,
+    examples=(
+        "ual record",
+        "ual record --all --directory flights",
+        "ual record info flight.mcap",
+        "ual record export flight.mcap --csv --kml",
+    ),
+)
+@click.option(
+    "--directory",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path(),
+    metavar="DIR",
+    help="Where the file is made; here when not given.",
+)
+@click.option(
+    "--duration", "duration_s", type=Number(min=0.0, min_open=True), metavar="SECONDS", help="End after this time."
+)
+@click.pass_context
+def record(context: click.Context, directory: Path, duration_s: float | None) -> None:
+    """Record the telemetry of the UAV until Ctrl-C.
+
+    With --all, or --ns uav_1,uav_2, that of each of these UAVs goes into one file. The daemon records more: ual-daemon
+    --record.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    session = context.find_root().ensure_object(Session)
+    requirements.require()
+    with ExitStack() as stack:
+        recording = _begin(session, directory, stack)
+        session.note(f"recording {', '.join(recording.uavs)} into {recording.path}; Ctrl-C ends it")
+        _wait(recording, duration_s)
+        is_disk_full = recording.has_ended
+    _report(session, recording)
+    if is_disk_full:
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecording:
+    """Subscribes to the chosen UAVs until the stack ends. Returns the recording, which ends after them."""
+    from ual._recording.client import ClientRecording
+
+    daemons = several(session)
+    if daemons is None:
+        uavs = [stack.enter_context(session.connect())]
+    else:
+        uavs = [stack.enter_context(session.connect_to(daemon)) for daemon in daemons]
+    for uav in uavs:
+        uav.info()  # before a file is made: it may not answer
+    recording = ClientRecording(directory, uavs[0].ns if daemons is None else "several")
+    stack.callback(recording.close)
+    for uav in uavs:
+        stack.callback(recording.subscribe(uav))
+    return recording
+
+
+def _wait(recording: ClientRecording, duration_s: float | None) -> None:
+    end_s = None if duration_s is None else time.monotonic() + duration_s
+    pause = threading.Event()
+    try:
+        while not recording.has_ended and (end_s is None or time.monotonic() < end_s):
+            pause.wait(_LOOK_S if end_s is None else min(_LOOK_S, max(0.0, end_s - time.monotonic())))
+    except KeyboardInterrupt:
+        return
+
+
+def _report(session: Session, recording: ClientRecording) -> None:
+    missed_count = recording.missed_count + recording.lost_count
+    text = f"{recording.samples_count} samples of {', '.join(recording.uavs)}"
+    text += f", {missed_count} missed" if missed_count else ""
+    values = {"file": str(recording.path), "samples_count": recording.samples_count, "missed_count": missed_count}
+    session.emit(values, f"{recording.path}: {text}")
+
+
+@record.command("info", cls=UalCommand, examples=("ual record info flight.mcap",))
+@_FILE
+@pass_session
+def info(session: Session, file: Path) -> None:
+    """Tell what is in the recording FILE."""
+    from ual._recording.reader import Recording
+    from ual._recording.summary import summarize
+
+    summary = summarize(Recording(file))
+    session.emit(summary)
+    if not session.as_json:
+        _print_summary(summary)
+
+
+def _print_summary(summary: Summary) -> None:
+    end = "" if summary.is_whole else ", without its end (killed, or still recording)"
+    click.echo(f"{summary.file}: {_times(summary)}, {summary.size_bytes / 1e6:.1f} MB{end}")
+    for ns, uav in sorted(summary.uavs.items()):
+        click.echo(f"{ns}: {' '.join(uav.states) or 'no state'}")
+        calls = ", ".join(f"{what} {count}" for what, count in sorted(uav.calls.items()))
+        if calls:
+            click.echo(f"{ns}: calls: {calls}")
+    rows = [
+        (each.topic, each.schema, str(each.count), "" if each.rate_hz is None else f"{each.rate_hz:.1f}")
+        for each in sorted(summary.topics.values(), key=lambda topic: topic.topic)
+    ]
+    print_table(("topic", "schema", "messages", "Hz"), rows)
+
+
+def _times(summary: Summary) -> str:
+    if summary.began_s is None or summary.ended_s is None:
+        return "no messages"
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(summary.began_s))
+    return f"from {began} UTC, {summary.ended_s - summary.began_s:.1f} s"
+
+
+@record.command("export", cls=UalCommand, examples=("ual record export flight.mcap --csv --kml",))
+@_FILE
+@click.option("--csv", "as_csv", is_flag=True, help="A table of each UAV's telemetry.")
+@click.option("--parquet", "as_parquet", is_flag=True, help="The same table as Parquet.")
+@click.option("--kml", "as_kml", is_flag=True, help="The track of each UAV, for Google Earth and GIS.")
+@click.option("--gpx", "as_gpx", is_flag=True, help="The track of each UAV with times, for maps.")
+@click.option(
+    "--directory", type=click.Path(file_okay=False, path_type=Path), metavar="DIR", help="Where to; beside FILE."
+)
+@pass_session
+def export(
+    session: Session, file: Path, as_csv: bool, as_parquet: bool, as_kml: bool, as_gpx: bool, directory: Path | None
+) -> None:
+    """Make tables and tracks of FILE.
+
+    Tables have a row for each sample of the telemetry, tracks the places where the UAVs flew.
+    """
+    if not (as_csv or as_parquet or as_kml or as_gpx):
+        raise click.UsageError("say as what: --csv, --parquet, --kml, --gpx")
+    target = file.parent if directory is None else directory
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for path, count, what in _exported(
+            file, target, as_csv=as_csv, as_parquet=as_parquet, as_kml=as_kml, as_gpx=as_gpx
+        ):
+            session.emit({"file": str(path), "count": count}, f"{path}: {count} {what}")
+    except OSError as error:
+        raise InvalidArgumentError(f"cannot write {error.filename or target}: {error.strerror}") from None
+
+
+def _exported(
+    file: Path, target: Path, *, as_csv: bool, as_parquet: bool, as_kml: bool, as_gpx: bool
+) -> list[tuple[Path, int, str]]:
+    """Writes the files. Returns each with the number of what is in it."""
+    from ual._recording import reader, tables, tracks
+
+    recording = reader.Recording(file)
+    done = []
+    uavs = recording.uavs()
+    if not uavs:
+        raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
+    for ns in uavs:
+        for is_wanted, ending, write in (
+            (as_csv, "csv", tables.write_csv),
+            (as_parquet, "parquet", tables.write_parquet),
+        ):
+            if is_wanted:
+                path = target / f"{file.stem}_{ns}.{ending}"
+                wanted = f"/{ns}/telemetry"
+                done.append((path, write(path, tables.rows(recording.messages(wanted.__eq__))), "rows"))
+    if as_kml or as_gpx:
+        found = tracks.tracks(recording.messages(lambda topic: topic.endswith("/telemetry")))
+        points_count = sum(map(len, found.values()))
+        writers: tuple[tuple[bool, str, Callable[..., None]], ...] = (
+            (as_kml, "kml", tracks.write_kml),
+            (as_gpx, "gpx", tracks.write_gpx),
+        )
+        for is_wanted, ending, write_track in writers:
+            if is_wanted:
+                path = target / f"{file.stem}.{ending}"
+                write_track(path, found, file.stem)
+                done.append((path, points_count, "points"))
+    return done
+
+
+@command("plot", "ual plot flight.mcap", "ual plot flight.mcap --output flight.pdf", section=Section.LOOKING)
+@_FILE
+@click.option(
+    "--output", type=click.Path(dir_okay=False, path_type=Path), help="PNG, SVG or PDF; FILE.png when not given."
+)
+@pass_session
+def plot(session: Session, file: Path, output: Path | None) -> None:
+    """Draw a recorded flight on one page.
+
+    It has the ground track, height, speed, states, tasks and refusals. Where the recording has several UAVs, they are
+    drawn in map, the frame that they share.
+    """
+    from ual._recording import page
+    from ual._recording.reader import Recording
+
+    target = file.with_suffix(".png") if output is None else output
+    if target.suffix.lower() not in _DRAWINGS:
+        raise click.BadParameter(f"{target} ends in none of {', '.join(_DRAWINGS)}", param_hint="--output")
+    with _extras.needs("ual plot", "plot"):
+        import matplotlib as mpl  # noqa: F401
+    requirements.require_reading("ual plot", "plot")
+    is_in_map = len(Recording(file).uavs()) > 1
+    messages = Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls")))
+    drawn = page.flights(messages, is_in_map=is_in_map)
+    if not drawn:
+        raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
+    try:
+        page.draw(drawn, target, file.stem)
+    except OSError as error:
+        raise InvalidArgumentError(f"cannot write {target}: {error.strerror}") from None
+    session.emit({"file": str(target)}, str(target))
+
+
+COMMANDS = (record, plot)

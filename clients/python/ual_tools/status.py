@@ -1,0 +1,210 @@
+"""Commands that only read: which UAVs there are, and their state."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import click
+
+from ual import _discovery
+from ual._discovery import Registration
+from ual.errors import UalError
+from ual.types import Health, State, Telemetry
+from ual_tools import condition
+from ual_tools.app import REFUSED, Many, Session, command, pass_session
+from ual_tools.condition import STYLES, Condition, Level
+from ual_tools.everyone import ask_all
+from ual_tools.help import Section
+from ual_tools.tables import print_table
+from ual_tools.watch import watch
+
+_COLOURS: dict[Level, dict[str, Any]] = {
+    Level.FINE: {},
+    Level.WARNING: {"fg": "yellow", "bold": True},
+    Level.ALARM: {"fg": "red", "bold": True},
+}
+"""Of click."""
+_HEADER = ("uav", "state", "backend", "address", "pid", "battery")
+_STATES = [state.name for state in State]
+
+
+@command("list", "ual list", "ual --json list", section=Section.LOOKING, many=Many.ITSELF)
+@pass_session
+def list_uavs(session: Session) -> None:
+    """List the UAVs whose daemons run on this computer, the worst first."""
+    daemons = _discovery.list_daemons()
+    known = [_Known(daemon, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
+    known = condition.worst_first(known, lambda each: each.how, lambda each: each.daemon.ns)
+    if session.as_json:
+        for each in known:
+            session.emit(_fields(each))
+        return
+    if not sys.stdout.isatty():
+        print_table((), [(*_cells(each), each.how.note) for each in known])
+    elif known:
+        print_table(_HEADER, [_cells(each) for each in known], [STYLES[each.how.level] for each in known])
+        _print_trouble(known)
+    else:
+        click.echo("no daemon runs on this computer: start one with `ual-daemon`")
+
+
+class _Known(NamedTuple):
+    """A daemon, and what it answered."""
+
+    daemon: Registration
+    found: Telemetry | UalError
+
+    @property
+    def how(self) -> Condition:
+        return condition.of_answer(self.found)
+
+
+def _fields(each: _Known) -> dict[str, object]:
+    sample = each.found if isinstance(each.found, Telemetry) else None
+    battery = None if sample is None else sample.battery
+    return {
+        "ns": each.daemon.ns,
+        "state": None if sample is None else sample.state,
+        "reason": each.found.reason if isinstance(each.found, UalError) else each.found.state_reason,
+        "battery_percent": None if battery is None else battery.remaining_percent,
+        "level": each.how.level,
+        "wrong": each.how.words,
+        "backend": each.daemon.backend,
+        "address": each.daemon.address,
+        "pid": each.daemon.pid,
+        "started_s": each.daemon.started_s,
+    }
+
+
+def _cells(each: _Known) -> tuple[str, ...]:
+    daemon, how = each.daemon, each.how
+    battery = condition.battery_text(each.found.battery) if isinstance(each.found, Telemetry) else ""
+    return daemon.ns, how.state, daemon.backend, daemon.address, str(daemon.pid), battery
+
+
+def _print_trouble(known: Sequence[_Known]) -> None:
+    """Prints what is wrong with each, and how many there are of each state."""
+    for each in known:
+        if each.how.words:
+            click.secho(f"{each.daemon.ns}: {each.how.words}", **_COLOURS[each.how.level])
+    click.echo(f"{len(known)} UAV{'s' * (len(known) > 1)}: {condition.summary(each.how for each in known)}")
+
+
+@command("info", "ual info", "ual --ns uav_2 info", section=Section.LOOKING)
+@pass_session
+def info(session: Session) -> None:
+    """Print the UAV's name, its autopilot, and what it can do."""
+    with session.connect() as uav:
+        found = uav.info()
+    if session.as_json:
+        session.emit(found)
+        return
+    limits = found.limits
+    rows = (
+        ("namespace", found.namespace),
+        ("backend", found.backend + (" (simulation)" if found.is_simulation else "")),
+        ("autopilot", f"{found.autopilot or 'not known yet'} {found.autopilot_version}".strip()),
+        ("url", found.url),
+        ("daemon", found.ual_version),
+        ("can", ", ".join(sorted(capability.name for capability in found.capabilities))),
+        ("safety pilot", "can take over" if found.has_safety_pilot else "none: abort ends take-offs and landings, too"),
+        ("arming", "permitted" if found.is_arming_allowed else "by the safety pilot only"),
+        ("horizontal speed", f"{limits.horizontal_speed_m_s:g} m/s"),
+        ("horizontal acceleration", f"{limits.horizontal_acceleration_m_s2:g} m/s²"),
+        (
+            "vertical speed",
+            f"{limits.climb_speed_m_s:g} m/s up, {limits.descent_speed_m_s:g} m/s down",
+        ),
+        ("vertical acceleration", f"{limits.vertical_acceleration_m_s2:g} m/s²"),
+        ("yaw rate", f"{math.degrees(limits.yaw_rate_rad_s):.0f} °/s"),
+    )
+    print_table(("", ""), rows)
+
+
+@command("state", "ual state", "ual --json state", section=Section.LOOKING, many=Many.LOOKING)
+@pass_session
+def state(session: Session) -> None:
+    """Print the state of the UAV.
+
+    On a terminal with its reason, its battery, and what is wrong; of several UAVs the worst first, and how many there
+    are of each state at the end.
+    """
+    with session.connect() as uav:
+        telemetry = uav.telemetry()
+        ns = uav.ns
+    if session.member is not None:
+        session.member.condition = condition.of_telemetry(telemetry)
+    session.emit(
+        {
+            "ns": ns,
+            "state": telemetry.state,
+            "reason": telemetry.state_reason,
+            "battery_percent": None if telemetry.battery is None else telemetry.battery.remaining_percent,
+            "flight_mode": telemetry.flight_mode,
+            "frame_lost": telemetry.frame_lost,
+            **_health_fields(telemetry.health or Health()),
+        },
+        _state_text(telemetry, is_one=session.member is None),
+    )
+    if telemetry.state is State.UNINITIALIZED:
+        if not sys.stdout.isatty():  # there the name stands alone
+            session.tell("; ".join(_reasons(telemetry)))
+        raise click.exceptions.Exit(REFUSED)
+
+
+@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, many=Many.REACHABLE)
+@click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
+@pass_session
+def wait(session: Session, states: tuple[str, ...]) -> None:
+    """Wait for a state, or for one of several, and print which.
+
+    With --timeout it fails (exit status 1) if none of them comes in time: `ual wait landed_armed --timeout 60`.
+    """
+    with session.connect() as uav:
+        reached = uav.wait_for(*(State[name] for name in states), timeout_s=session.timeout_s)
+        ns = uav.ns
+    session.emit({"ns": ns, "state": reached}, reached.name)
+
+
+def _state_text(telemetry: Telemetry, *, is_one: bool) -> str:
+    # A pipe gets only the name, so that scripts can compare it.
+    if not sys.stdout.isatty():
+        return telemetry.state.name
+    first, *more = _reasons(telemetry)
+    battery = condition.battery_text(telemetry.battery)
+    if is_one:
+        lines = (f"{telemetry.state.name}: {first}", *more, f"battery: {battery}" if battery else "")
+        text = "\n".join(filter(None, lines))
+    else:
+        named = f"{telemetry.state.name}, battery {battery}" if battery else telemetry.state.name
+        text = f"{named}: {'; '.join((first, *more))}"
+    return click.style(text, **_COLOURS[condition.of_telemetry(telemetry).level])
+
+
+def _reasons(telemetry: Telemetry) -> list[str]:
+    """Returns why it is in this state, and what is wrong beside that."""
+    health = telemetry.health or Health()
+    lines = [telemetry.state_reason]
+    if health.failsafe:
+        lines.append(f"failsafe: {health.failsafe}")
+    if health.failing_checks:
+        lines.append(f"fails: {', '.join(health.failing_checks)}")
+    if telemetry.frame_lost:
+        lines.append(f"it is not known where home is: {telemetry.frame_lost}")
+    return lines
+
+
+def _health_fields(health: Health) -> dict[str, object]:
+    return {
+        "failsafe": health.failsafe,
+        "held_by": health.held_by,
+        "is_ready_to_arm": health.is_ready_to_arm,
+        "failing_checks": list(health.failing_checks),
+        "link_quality": health.link_quality,
+    }
+
+
+COMMANDS = (list_uavs, info, state, wait, watch)

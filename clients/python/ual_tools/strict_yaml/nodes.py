@@ -1,0 +1,220 @@
+"""Reads a YAML file strictly: each value by its kind, each error with its line. Needs PyYAML.
+
+The nodes of the file are read, not the objects that YAML makes of them: so each value knows its line, and no tag of
+the file can make anything.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from itertools import count
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+
+from ual._numbers import parse_number
+from ual_tools.help import close, did_you_mean
+from ual_tools.strict_yaml.loading import YamlFileError
+from ual_tools.strict_yaml.placeholders import PlaceholderError, fill, is_one
+
+E = TypeVar("E", bound=Enum)
+
+_MOST_BYTES = 1 << 20
+_MOST_NODES = 10_000
+_DEEPEST = 20
+_PLAIN = re.compile(r"[\w.+-]+")
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value of the file, and what its placeholders stand for."""
+
+    path: Path
+    node: yaml.Node
+    key: str = ""
+    line: int = 1
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def error(self, message: str) -> YamlFileError:
+        """Returns the error with the place of this value."""
+        return YamlFileError(f"{self.path}:{self.line}: {self.key + ': ' if self.key else ''}{message}")
+
+    def named(self, names: Mapping[str, str]) -> Node:
+        """Returns the same value with other placeholders."""
+        return Node(self.path, self.node, self.key, self.line, names)
+
+    def entries(self, known: Collection[str] | None = None) -> dict[str, Node]:
+        """Returns the entries of a mapping.
+
+        Raises:
+            YamlFileError: It is not a mapping, or has a key that is not `known` or is given twice.
+        """
+        if not isinstance(self.node, yaml.MappingNode):
+            raise self.error("expected 'key: value' lines")
+        found: dict[str, Node] = {}
+        for key, value in self.node.value:
+            name = str(key.value)
+            entry = Node(self.path, value, f"{self.key}.{name}".lstrip("."), key.start_mark.line + 1, self.names)
+            if name in found:
+                raise entry.error("given twice")
+            if known is not None and name not in known:
+                raise entry.error(f"there is no such key.{did_you_mean(close(name, known))}")
+            found[name] = entry
+        return found
+
+    def items(self) -> list[Node]:
+        """Returns the values of a list.
+
+        Raises:
+            YamlFileError: It is not a list.
+        """
+        if not isinstance(self.node, yaml.SequenceNode):
+            raise self.error("expected a list")
+        return [
+            Node(self.path, value, f"{self.key}[{i}]", value.start_mark.line + 1, self.names)
+            for i, value in enumerate(self.node.value)
+        ]
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it is a list."""
+        return isinstance(self.node, yaml.SequenceNode)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it is a text or a number."""
+        return isinstance(self.node, yaml.ScalarNode)
+
+    def text(self) -> str:
+        """Returns a text, with its placeholders filled in.
+
+        Raises:
+            YamlFileError: It is not a text, is empty, or has a placeholder that does not exist.
+        """
+        if not isinstance(self.node, yaml.ScalarNode) or self.node.tag.endswith(":null") or not self.node.value:
+            raise self.error("expected a text")
+        if any(character < " " and character not in "\t\n" for character in self.node.value):
+            raise self.error("control characters are not allowed")
+        return self._filled()
+
+    def number(self, at_least: float = 0.0) -> float:
+        """Returns a finite number.
+
+        Raises:
+            YamlFileError: It is not a number, or is below `at_least`.
+        """
+        try:
+            value = parse_number(self.text())
+        except ValueError:
+            raise self.error(f"expected a number, got {self.text()!r}") from None
+        if value < at_least:
+            raise self.error(f"expected a number of at least {at_least:g}")
+        return value
+
+    def whole(self, at_least: int) -> int:
+        """Returns a whole number.
+
+        Raises:
+            YamlFileError: It is not a whole number, or is below `at_least`.
+        """
+        value = self.number(at_least)
+        if value != int(value):
+            raise self.error("expected a whole number")
+        return int(value)
+
+    def boolean(self) -> bool:
+        """Returns true or false.
+
+        Raises:
+            YamlFileError: It is neither.
+        """
+        text = self.text()
+        if text not in ("true", "false"):
+            raise self.error(f"expected true or false, got {text!r}")
+        return text == "true"
+
+    def choice(self, kind: type[E]) -> E:
+        """Returns the member of `kind` with this value.
+
+        Raises:
+            YamlFileError: There is none.
+        """
+        text, known = self.text(), [str(each.value) for each in kind]
+        if text not in known:
+            raise self.error(f"expected {', '.join(known)}, got {text!r}.{did_you_mean(close(text, known))}")
+        return kind(text)
+
+    def flow(self) -> str:
+        """Returns the value in one line of YAML that means the same, as ``--set KEY=VALUE`` of the daemon takes it.
+
+        Raises:
+            YamlFileError: A placeholder does not exist.
+        """
+        if isinstance(self.node, yaml.MappingNode):
+            entries = self.entries().items()
+            return "{" + ", ".join(f"{json.dumps(name)}: {value.flow()}" for name, value in entries) + "}"
+        if self.is_list:
+            return "[" + ", ".join(value.flow() for value in self.items()) + "]"
+        assert isinstance(self.node, yaml.ScalarNode)
+        text = self._filled()
+        is_plain = self.node.style is None or is_one(self.node.value)
+        return text if is_plain and (_PLAIN.fullmatch(text) or not text) else json.dumps(text, ensure_ascii=False)
+
+    def _filled(self) -> str:
+        try:
+            return fill(str(self.node.value), self.names)
+        except PlaceholderError as error:
+            raise self.error(str(error)) from None
+
+
+def read(path: Path) -> Node:
+    """Reads a file.
+
+    Raises:
+        YamlFileError: It cannot be read, or is not YAML.
+    """
+    try:
+        text = _bytes(path).decode("utf-8-sig")
+        root = yaml.compose(text, yaml.SafeLoader)
+    except OSError as error:
+        raise YamlFileError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise YamlFileError(f"{path}: is not UTF-8 text") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        problem = "; ".join(part for part in (error.context, error.problem) if part)
+        raise YamlFileError(f"{path}:{mark.line + 1 if mark else 1}: {problem}") from None
+    except (yaml.YAMLError, RecursionError) as error:
+        raise YamlFileError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
+    if root is None:
+        raise YamlFileError(f"{path}:1: the file is empty")
+    _check_size(path, root, count(), 0)
+    return Node(path, root)
+
+
+def _bytes(path: Path) -> bytes:
+    """Returns the content of a regular file, without waiting for who would write into a pipe."""
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(0, "it is not a regular file")
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise OSError(0, f"it is longer than {_MOST_BYTES} bytes")
+    return data
+
+
+def _check_size(path: Path, node: yaml.Node, numbers: Iterator[int], depth: int) -> None:
+    """Refuses aliases that make a value endless or huge; those that repeat one are counted each time."""
+    if next(numbers) >= _MOST_NODES or depth > _DEEPEST:
+        raise YamlFileError(f"{path}:{node.start_mark.line + 1}: too many values, or nested too deeply (aliases count)")
+    if isinstance(node, yaml.CollectionNode):
+        for inner in node.value:
+            for each in inner if isinstance(inner, tuple) else (inner,):
+                _check_size(path, each, numbers, depth + 1)

@@ -1,0 +1,63 @@
+"""Commands that return home, and that pause and resume what runs."""
+
+from __future__ import annotations
+
+import click
+
+from ual_tools import manoeuvre, options, values
+from ual_tools.app import Many, Session, command, pass_session
+from ual_tools.help import Section
+
+_INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
+
+
+@command("rtl", "ual rtl", "ual rtl --height 30", many=Many.REACHABLE)
+@click.option(
+    "--height",
+    "height_m",
+    type=values.number,
+    metavar="M",
+    help="Fly home at least so high above the ground of the take-off; the daemon's rtl_height_m (15 m) when not given.",
+)
+@options.dry_run
+@pass_session
+def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
+    """Return home and land: climb, fly straight over home, descend.
+
+    Home is the autopilot's home position; where that is not known, the place where it took off. Ctrl-C cancels until
+    the landing begins: the UAV holds its position.
+    """
+    with session.connect() as uav, manoeuvre.standing_is_done(session, "rtl"):
+        if dry_run:
+            manoeuvre.print_plan(session, uav.dry_run.return_to_launch(height_m))
+            return
+        manoeuvre.wait_for(
+            session,
+            uav,
+            lambda: uav.return_to_launch(height_m, timeout_s=session.timeout_s),
+            interrupted=_INTERRUPTED,
+        )
+
+
+@command("pause", "ual pause", section=Section.TASKS, many=Many.REACHABLE)
+@pass_session
+def pause(session: Session) -> None:
+    """Stop the running task on its way and hold.
+
+    `ual resume` goes on.
+    """
+    with session.connect() as uav:
+        uav.pause()
+    session.emit({"done": "pause"}, "paused: ual resume goes on")
+
+
+@command("resume", "ual resume", section=Section.TASKS, many=Many.EACH)
+@pass_session
+def resume(session: Session) -> None:
+    """Go on with the paused task, along the rest of its way."""
+    with session.connect() as uav:
+        uav.resume()
+    session.emit({"done": "resume"}, "resumed")
+
+
+COMMANDS = (rtl, pause, resume)

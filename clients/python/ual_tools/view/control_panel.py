@@ -1,0 +1,184 @@
+"""The part of a page that flies. It exists only with ``--control``: without it, no handler of it is registered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import viser
+
+from ual._client import Uav
+from ual.errors import LeaseLostError
+from ual.geometry import Vector3
+from ual.simulation import (
+    BatteryLow,
+    EstimatorJumps,
+    FailsafeTriggered,
+    Fault,
+    LinkLost,
+    MotorsWeak,
+    PositionLost,
+)
+from ual_tools.simulation import fault_name
+from ual_tools.view import orders, panel
+from ual_tools.view.desk import Desk, Proposal
+from ual_tools.view.fleet import Fleet
+from ual_tools.view.orders import Order
+from ual_tools.view.picture import Moment
+from ual_tools.view.scene import xyz
+from ual_tools.view.shown import Shown
+
+_FAULTS: dict[str, type[Fault]] = {
+    fault_name(kind): kind
+    for kind in (LinkLost, PositionLost, EstimatorJumps, MotorsWeak, BatteryLow, FailsafeTriggered)
+}
+_HELP = "Choose a UAV. A click on the ground asks for a go-to at the goal's height."
+
+
+class ControlPanel:
+    """The buttons of one page. Each names the UAV that it is for; none is there while no single UAV is chosen.
+
+    What begins a motion asks first (a dry run), and shows the answer with a button to confirm it. What stops one acts
+    at once.
+    """
+
+    def __init__(self, desk: Desk, fleet: Fleet) -> None:
+        self._desk = desk
+        self._fleet = fleet
+        self._ns = ""
+        self._ground_m = 0.0
+        self._count = -1
+        self._named: list[tuple[viser.GuiButtonHandle, str]] = []
+
+    def build(self, client: viser.ClientHandle) -> None:
+        """Adds the buttons to the page."""
+        gui = client.gui
+        self._folder = gui.add_folder("Control")
+        with self._folder:
+            self._text = gui.add_markdown(_HELP)
+            self._confirm = gui.add_button("Confirm", color="orange", visible=False)
+            self._cancel = gui.add_button("Cancel", visible=False)
+            self._buttons = gui.add_folder("Fly", visible=False)
+            self._simulation = gui.add_folder("Simulation", visible=False, expand_by_default=False)
+        with self._buttons:
+            self._build_flight(gui)
+        with self._simulation:
+            self._build_simulation(gui)
+        self._marker = client.scene.add_icosphere("/goal", radius=0.2, color=(255, 127, 14), opacity=0.7, visible=False)
+        self._on(self._confirm, self._confirmed)
+        self._on(self._cancel, self._desk.withdraw)
+        self._listen_to_ground(client)
+
+    def choose(self, ns: str) -> None:
+        """Takes another UAV. What was proposed is withdrawn."""
+        if ns == self._ns:
+            return
+        self._ns = ns
+        self._desk.withdraw()
+        for button, what in self._named:
+            button.label = f"{what} {ns}"
+        self._buttons.visible = bool(ns)
+
+    def update(self, moment: Moment, ns: str) -> None:
+        """Shows what is proposed and how the last order went."""
+        self._desk.tidy(moment.now_s)
+        self._look(moment.uavs.get(ns))
+        member = self._fleet.members().get(ns)
+        is_simulation = member is not None and member.info.is_simulation
+        if self._simulation.visible != is_simulation:
+            self._simulation.visible = is_simulation
+        if self._count != self._desk.count:
+            self._count = self._desk.count
+            self._show(self._desk.proposal)
+
+    def _look(self, uav: Shown | None) -> None:
+        self._ground_m = 0.0 if uav is None or uav.odom is None else uav.odom.translation.z
+
+    def _show(self, proposal: Proposal | None) -> None:
+        self._confirm.visible = self._cancel.visible = proposal is not None
+        self._marker.visible = proposal is not None and proposal.order.way is not None
+        if proposal is None:
+            self._text.content = panel.plain(self._desk.said or _HELP)
+            return
+        self._text.content = f"**{panel.plain(proposal.text)}**"
+        self._confirm.label = f"Confirm: {proposal.ns}: {proposal.order.what}"
+        if proposal.order.way is not None:
+            self._marker.position = xyz(proposal.order.way)
+
+    def _build_flight(self, gui: viser.GuiApi) -> None:
+        self._add(gui, "Abort (stop)", "red", lambda: self._run("abort", lambda uav: uav.abort()))
+        self._add(gui, "Land", "red", lambda: self._run("land", lambda uav: uav.land(blocking=False)))
+        self._height = gui.add_number("Take-off height (m)", 3.0, min=0.0, step=0.5)
+        self._add(gui, "Take off", None, lambda: self._propose(orders.take_off(float(self._height.value))))
+        self._goal_m = gui.add_number("Goal's height over home (m)", 3.0, step=0.5)
+        self._goal = gui.add_vector2("Goal in map (m)", (0.0, 0.0), step=0.5)
+        self._add(gui, "Go to goal", None, self._go)
+        self._add(gui, "Return home", None, lambda: self._propose(orders.return_to_launch()))
+        self._add(gui, "Recover", None, lambda: self._propose(orders.recover()))
+        self._add(gui, "Set home of", None, lambda: self._propose(orders.set_home()))
+        self._add(gui, "Take lease of", None, self._take_lease)
+        self._add(gui, "Release lease of", None, lambda: self._run("release the lease", self._release_lease))
+
+    def _build_simulation(self, gui: viser.GuiApi) -> None:
+        for what, act in (
+            ("Pilot arms", lambda uav: uav.simulation.pilot_arm()),
+            ("Pilot disarms", lambda uav: uav.simulation.pilot_disarm()),
+            ("Pilot takes over", lambda uav: uav.simulation.pilot_take_over()),
+            ("Pilot gives back", lambda uav: uav.simulation.pilot_give_back()),
+        ):
+            self._add(gui, what, None, partial(self._run, what.lower(), act))
+        self._fault = gui.add_dropdown("Fault", tuple(_FAULTS))
+        self._add(gui, "Begin fault of", None, self._begin_fault)
+        self._add(gui, "End faults of", None, lambda: self._run("end faults", lambda uav: uav.simulation.end_fault()))
+
+    def _add(self, gui: viser.GuiApi, what: str, colour: str | None, act: Callable[[], None]) -> None:
+        button = gui.add_button(what, color=colour)  # type: ignore[arg-type]
+        self._named.append((button, what))
+        self._on(button, act)
+
+    def _on(self, button: viser.GuiButtonHandle, act: Callable[[], None]) -> None:
+        # A coroutine, so that clicks are answered in their order; the desk gives each call a thread.
+        @button.on_click
+        async def _(_: object) -> None:
+            act()
+
+    def _listen_to_ground(self, client: viser.ClientHandle) -> None:
+        @client.scene.on_click()  # type: ignore[arg-type]
+        async def _(event: viser.SceneClickEvent) -> None:
+            place = orders.on_ground(event.ray_origin, event.ray_direction, self._ground_m)
+            if self._ns and place is not None:
+                self._goal.value = (round(place.x, 2), round(place.y, 2))  # type: ignore[misc]
+                self._go()
+
+    def _go(self) -> None:
+        x, y = self._goal.value
+        self._propose(orders.go_to(Vector3(float(x), float(y), self._ground_m + float(self._goal_m.value))))
+
+    def _propose(self, order: Order) -> None:
+        if self._ns:
+            self._desk.propose(self._ns, order)
+
+    def _take_lease(self) -> None:
+        member = self._fleet.members().get(self._ns)
+        if member is not None:
+            self._propose(orders.take_lease(member))
+
+    def _release_lease(self, uav: Uav) -> None:
+        member = self._fleet.members().get(uav.ns)
+        if member is None or member.lease is None:
+            raise LeaseLostError("these pages do not hold the lease")
+        member.lease.release()
+        member.lease = None
+
+    def _confirmed(self) -> None:
+        proposal = self._desk.proposal
+        if proposal is not None and proposal.ns == self._ns:
+            self._desk.confirm(proposal)
+
+    def _begin_fault(self) -> None:
+        fault = _FAULTS[str(self._fault.value)]()
+        self._run(f"begin {fault_name(type(fault))}", lambda uav: uav.simulation.begin_fault(fault))
+
+    def _run(self, what: str, act: Callable[[Uav], object]) -> None:
+        if self._ns:
+            self._desk.run(self._ns, what, act)

@@ -1,0 +1,203 @@
+"""The UAVs of the page: those of this computer and those at given addresses, each with its connection."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TypeVar
+
+from ual._client import Uav
+from ual._discovery import Registration
+from ual.errors import UalError
+from ual.interface import Lease
+from ual.types import Frame, Geofence, Info, Route, Telemetry
+from ual_tools.app import Session
+from ual_tools.everyone import chosen_daemons
+from ual_tools.output import error_text
+from ual_tools.view.journal import Journal
+from ual_tools.watch_board import Board
+from ual_tools.watch_roster import Roster, kept_up_to_date
+
+T = TypeVar("T")
+
+RATE_HZ = 10.0
+_GONE_AFTER_S = 600.0
+"""A UAV whose daemon has ended stays on the page for this time: it may still be in the air."""
+_LOOK_S = 0.5
+_FENCE_S = 2.0
+_RETRY_S = 1.0
+_LOST_AFTER_S = 1.5
+"""So that the page greys a UAV within 2 s of its last sample."""
+
+
+@dataclass
+class Member:
+    """What is known of one UAV beside its telemetry.
+
+    `frames`, `fence` and `route` are None where they are not known now, `route` also where no way is flown.
+    """
+
+    uav: Uav
+    info: Info
+    frames: Sequence[Frame] | None = None
+    task_id: str = ""
+    fence: Geofence | None = None
+    fence_due_s: float = 0.0
+    route: Route | None = None
+    route_due_s: float = 0.0
+    lease: Lease | None = None
+    """What the pages hold."""
+
+
+class Fleet:
+    """All UAVs of the page.
+
+    Args:
+        session: The options of the command.
+        addresses: Of daemons that are not on this computer, or not to be found there.
+        journal: Gets how tasks ended, and what cannot be reached.
+
+    """
+
+    def __init__(self, session: Session, addresses: Sequence[str], journal: Journal) -> None:
+        self.board = Board([], RATE_HZ, _GONE_AFTER_S)
+        self.board.lost_after_s = _LOST_AFTER_S
+        self.wants_frames = False
+        """Whether anybody looks at the frames."""
+        self._session = session
+        self._journal = journal
+        self._named = [Named(address, session, self._say) for address in addresses]
+        self._members: dict[str, Member] = {}
+        self._roster = Roster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Keeps the fleet up to date while the block runs."""
+        for each in self._named:
+            each.start()
+        try:
+            with kept_up_to_date(self._roster):
+                yield
+        finally:
+            for each in self._named:
+                each.is_closed.set()
+
+    def members(self) -> Mapping[str, Member]:
+        """Returns the UAVs that are connected."""
+        return dict(self._members)
+
+    def _choose(self) -> list[Registration]:
+        """Returns the daemons of this computer, and those at the addresses whose names are known.
+
+        One name is one UAV: the first that has it.
+        """
+        wanted = self._session.ns.split(",") if self._session.ns else None
+        found = {each.ns: each for each in chosen_daemons(self._session) if wanted is None or each.ns in wanted}
+        for named in self._named:
+            if named.found is not None and found.setdefault(named.found.ns, named.found).address != named.address:
+                named.refuse(f"not shown, because another UAV has its name, {named.found.ns}")
+        return list(found.values())
+
+    def _say(self, text: str) -> None:
+        self._journal.write("ual view", text.removeprefix("ual: "), time.time())
+
+    def _attend(self, ns: str, uav: Uav, is_ended: threading.Event) -> None:
+        member = self._members[ns] = Member(uav, uav.info())
+        try:
+            while not is_ended.wait(_LOOK_S):
+                self._look(ns, member)
+        finally:
+            if self._members.get(ns) is member:  # else it was connected to anew
+                self._members.pop(ns)
+
+    def _look(self, ns: str, member: Member) -> None:
+        """Asks for what the telemetry does not have. What is not answered is not known."""
+        seen = self.board.seen().get(ns)
+        telemetry = None if seen is None else seen.telemetry
+        with suppress(UalError):
+            self._look_at_task(ns, member, telemetry)
+        member.frames = _answer(member.uav.frames) if self.wants_frames else None
+        now_s = time.monotonic()
+        if now_s >= member.fence_due_s:
+            member.fence, member.fence_due_s = _answer(member.uav.geofence), now_s + _FENCE_S
+        self._look_at_route(member, telemetry, now_s)
+        self._look_at_lease(ns, member)
+
+    def _look_at_lease(self, ns: str, member: Member) -> None:
+        """Writes down that the lease of the pages was lost. They fly without one from then on, if others let them."""
+        lease = member.lease
+        if lease is None or lease.lost is None:
+            return
+        self._journal.write(ns, error_text(lease.lost), time.time())
+        member.lease = None
+        lease.release()
+
+    def _look_at_task(self, ns: str, member: Member, telemetry: Telemetry | None) -> None:
+        """Writes down how a task ended: the telemetry has only the one that runs."""
+        before, member.task_id = member.task_id, _task_id(telemetry)
+        if before and before != member.task_id:
+            self._journal.ended(ns, member.uav.task(before).info(), time.time())
+
+    def _look_at_route(self, member: Member, telemetry: Telemetry | None, now_s: float) -> None:
+        """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
+        route = member.route
+        if telemetry is None or telemetry.reference_pose is None:
+            member.route = None
+            return
+        is_other = route is None or route.task_id != _task_id(telemetry)
+        if route is not None and not is_other and not route.is_goal_moving:
+            return
+        if is_other and now_s < member.route_due_s:
+            return
+        member.route = _answer(member.uav.route)
+        # What hovers seldom begins to follow a goal that moves.
+        member.route_due_s = now_s + (_LOOK_S if _task_id(telemetry) else _FENCE_S)
+
+
+def _task_id(telemetry: Telemetry | None) -> str:
+    return "" if telemetry is None or telemetry.task is None else telemetry.task.id
+
+
+def _answer(ask: Callable[[], T]) -> T | None:
+    """Returns what a daemon answers; None where it does not, or does not know."""
+    try:
+        return ask()
+    except UalError:
+        return None
+
+
+class Named:
+    """A daemon at an address. Asks for its name until it answers."""
+
+    def __init__(self, address: str, session: Session, say: Callable[[str], None]) -> None:
+        self.address = address
+        self.found: Registration | None = None
+        self.is_closed = threading.Event()
+        self._session = session
+        self._say = say
+        self._said = ""
+
+    def start(self) -> None:
+        """Begins to ask, on a thread of its own."""
+        threading.Thread(target=self._ask, name=f"ual view {self.address}", daemon=True).start()
+
+    def refuse(self, why: str) -> None:
+        """Says once why it is not shown."""
+        if why != self._said:
+            self._said = why
+            self._say(f"{self.address}: {why}")
+
+    def _ask(self) -> None:
+        while self.found is None and not self.is_closed.is_set():
+            try:
+                with Uav(
+                    address=self.address, tls_ca=self._session.tls_ca, credentials=self._session.credentials
+                ) as uav:
+                    info = uav.info()
+                self.found = Registration(info.namespace, 0, self.address, info.backend, 0.0)
+            except UalError as error:
+                self.refuse(error_text(error))
+                self.is_closed.wait(_RETRY_S)

@@ -1,0 +1,65 @@
+"""Where labels stand so that none covers another one. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from ual.geometry import Vector3
+from ual_tools.view.camera import Camera
+
+_LETTER_PX, _LINE_PX, _BORDER_PX = 6.4, 19.0, 8.0
+_MOST_LINES = 6
+"""A label that would have to be lifted by more is left out."""
+
+
+class Wanted(NamedTuple):
+    """A label: what it says, and the place above which it stands. `is_urgent`: it is never left out."""
+
+    name: str
+    text: str
+    place: Vector3
+    is_urgent: bool = False
+
+
+class _Box(NamedTuple):
+    left: float
+    right: float
+    bottom: float
+
+    def meets(self, other: _Box) -> bool:
+        is_beside = self.right <= other.left or other.right <= self.left
+        return not is_beside and abs(self.bottom - other.bottom) < _LINE_PX
+
+
+def laid_out(wanted: Iterable[Wanted], camera: Camera) -> dict[str, Vector3]:
+    """Returns where each label stands in the scene; what is behind the camera, or has no room, is not there.
+
+    A label that would cover another one is lifted. Urgent ones are placed first, then the nearest.
+    """
+    placed: list[_Box] = []
+    found: dict[str, Vector3] = {}
+    for label, (x, y, ahead_m) in _in_order(wanted, camera):
+        half = (len(label.text) * _LETTER_PX + _BORDER_PX) / 2.0
+        lines = _free_line(x, y, half, placed)
+        if lines > _MOST_LINES and not label.is_urgent:
+            continue
+        placed.append(_Box(x - half, x + half, y - lines * _LINE_PX))
+        found[label.name] = label.place + camera.up * (lines * _LINE_PX / camera.pixels_per_m(ahead_m))
+    return found
+
+
+def _in_order(wanted: Iterable[Wanted], camera: Camera) -> list[tuple[Wanted, tuple[float, float, float]]]:
+    seen = [(label, pixel) for label in wanted if (pixel := camera.pixel(label.place)) is not None]
+    return sorted(seen, key=lambda each: (not each[0].is_urgent, each[1][2], each[0].name))
+
+
+def _free_line(x: float, y: float, half: float, placed: Sequence[_Box]) -> int:
+    """Returns by how many lines a label has to be lifted."""
+    lines = 0
+    while lines <= len(placed):
+        box = _Box(x - half, x + half, y - lines * _LINE_PX)
+        if not any(box.meets(other) for other in placed):
+            return lines
+        lines += 1
+    return lines

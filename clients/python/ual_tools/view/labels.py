@@ -1,0 +1,80 @@
+"""The labels of one page, as its camera sees them: each page has its own, because they must not cover each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import viser
+
+from ual.geometry import Quaternion, Vector3
+from ual_tools.condition import Level
+from ual_tools.view.camera import Camera
+from ual_tools.view.label_layout import Wanted, laid_out
+from ual_tools.view.scene import xyz
+from ual_tools.view.shown import Shown
+
+_NEAR_M = 1e-3
+_LONGEST = 48
+_MOST = 60
+"""A page with more UAVs names the ones with trouble and those that are chosen first."""
+
+
+class Labels:
+    """The labels in the scene of one browser."""
+
+    def __init__(self, client: viser.ClientHandle, top_m: Callable[[str], float]) -> None:
+        self._client = client
+        self._top_m = top_m
+        self._drawn: dict[str, viser.LabelHandle] = {}
+        self._places: dict[str, Vector3] = {}
+
+    def update(self, uavs: Iterable[Shown], chosen: frozenset[str]) -> None:
+        """Draws them as they are now."""
+        camera = seen_by(self._client)
+        if camera is None:
+            return
+        found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST]
+        wanted = [_wanted(uav, self._top_m(uav.ns)) for uav in found if uav.body is not None]
+        texts = {each.name: each.text for each in wanted}
+        places = laid_out(wanted, camera)
+        for ns in self._drawn.keys() - places.keys():
+            self._drawn.pop(ns).remove()
+        for ns, place in places.items():
+            self._draw(ns, texts[ns], place)
+
+    def _draw(self, ns: str, text: str, place: Vector3) -> None:
+        handle = self._drawn.get(ns)
+        if handle is None:
+            path = f"/labels/{ns.replace('/', '.')}"
+            self._drawn[ns] = self._client.scene.add_label(path, text, position=xyz(place), anchor="bottom-center")
+        else:
+            if handle.text != text:
+                handle.text = text
+            if (place - self._places[ns]).norm() > _NEAR_M:
+                handle.position = xyz(place)
+            else:
+                return
+        self._places[ns] = place
+
+
+def seen_by(client: viser.ClientHandle) -> Camera | None:
+    """Returns the camera of a page; None while it has not told it."""
+    camera = client.camera
+    if not camera.image_height:
+        return None
+    w, x, y, z = map(float, camera.wxyz)
+    return Camera(
+        Vector3(*map(float, camera.position)),
+        Quaternion(x, y, z, w),
+        float(camera.fov),
+        float(camera.image_width),
+        float(camera.image_height),
+    )
+
+
+def _wanted(uav: Shown, top_m: float) -> Wanted:
+    assert uav.body is not None
+    text = uav.ns if uav.how.level is Level.FINE else f"{uav.ns}: {uav.how.words}"
+    text = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    above = uav.body.position + Vector3(0.0, 0.0, top_m)
+    return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Level.FINE)

@@ -1,0 +1,146 @@
+"""Draws a map below the scene, on a thread of its own: a server that is slow delays no picture of the UAVs."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import trimesh
+import viser
+from PIL import Image, UnidentifiedImageError
+
+from ual import _places
+from ual.geometry import Vector3
+from ual_tools.view.earth import Origin, Place, Tile, tiles_around
+from ual_tools.view.journal import Journal
+from ual_tools.view.map_source import Picture, Tiles
+from ual_tools.view.scene import xyz
+from ual_tools.watch_board import Board, Seen
+
+_LOOK_S = 1.0
+_RETRY_S = 30.0
+_AROUND = 2
+"""So many tiles to each side of the one in which the UAVs are."""
+_MOST_TILES = 100
+_BELOW_M = -0.05
+"""So that the grid and what stands on the ground are above it."""
+_DIMMED = [150, 150, 150, 255]
+"""The lights of the scene are bright: undimmed, a map would be nearly white."""
+_UV = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+_FACES = np.array([[0, 3, 2], [0, 2, 1]])
+
+
+class MapLayer:
+    """The map of the scene, once a UAV tells where it is on Earth and in `map`.
+
+    Args:
+        scene: viser's.
+        board: What the UAVs tell.
+        source: Where the pictures come from.
+        journal: Gets what cannot be had.
+
+    """
+
+    def __init__(self, scene: viser.SceneApi, board: Board, source: Tiles | Picture, journal: Journal) -> None:
+        self._scene = scene
+        self._board = board
+        self._source = source
+        self._journal = journal
+        self._origin: Origin | None = None
+        self._drawn: dict[Tile | Picture, viser.GlbHandle] = {}
+        self._retry_s: dict[Tile | Picture, float] = {}
+        self._said: set[str] = set()
+        self._count = 0
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Draws while the block runs."""
+        is_closing = threading.Event()
+
+        def run() -> None:
+            while not is_closing.wait(_LOOK_S):
+                self.update()
+
+        threading.Thread(target=run, name="ual view map", daemon=True).start()
+        try:
+            yield
+        finally:
+            is_closing.set()
+
+    def update(self) -> None:
+        """Draws what is missing around the UAVs."""
+        seen = self._board.seen()
+        if self._origin is None:
+            self._origin = origin_of(seen)
+        middle = _middle(seen)
+        if self._origin is None or middle is None:
+            return
+        if isinstance(self._source, Picture):
+            self._draw(self._source, self._origin)
+            return
+        wanted = tiles_around(self._origin.place_at(middle), self._source.zoom, _AROUND)
+        for tile in wanted:
+            self._draw(tile, self._origin)
+        self._tidy(wanted)
+
+    def _draw(self, part: Tile | Picture, origin: Origin) -> None:
+        if part in self._drawn or time.monotonic() < self._retry_s.get(part, 0.0):
+            return
+        try:
+            image = Image.open(io.BytesIO(self._read(part))).convert("RGB")
+        except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+            self._retry_s[part] = time.monotonic() + _RETRY_S
+            self._say(f"the map: {part if isinstance(part, Tile) else part.file}: {error}")
+            return
+        corners = part.corners() if isinstance(part, Tile) else part.corners
+        self._count += 1
+        mesh = quad([origin.in_map(corner, _BELOW_M) for corner in corners], image)
+        self._drawn[part] = self._scene.add_mesh_trimesh(
+            f"/map/{self._count}", mesh, cast_shadow=False, receive_shadow=False
+        )
+
+    def _read(self, part: Tile | Picture) -> bytes:
+        if isinstance(part, Picture):
+            return part.file.read_bytes()
+        assert isinstance(self._source, Tiles)
+        return self._source.read(part)
+
+    def _tidy(self, wanted: Sequence[Tile]) -> None:
+        """Takes away what is far from the UAVs now, where that is much."""
+        if len(self._drawn) > _MOST_TILES:
+            for part in self._drawn.keys() - set(wanted):
+                self._drawn.pop(part).remove()
+
+    def _say(self, text: str) -> None:
+        if not self._said:  # of many tiles of one server the first failure says it
+            self._journal.write("ual view", text, time.time())
+        self._said.add(text)
+
+
+def quad(corners: Sequence[Vector3], image: Image.Image) -> trimesh.Trimesh:
+    """Returns a picture that lies between four corners: upper left, upper right, lower right, lower left."""
+    finish = {"baseColorTexture": image, "baseColorFactor": _DIMMED, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    material = trimesh.visual.material.PBRMaterial(**finish)  # type: ignore[no-untyped-call]  # trimesh has no types
+    visual = trimesh.visual.TextureVisuals(uv=_UV, material=material)  # type: ignore[no-untyped-call]  # here, either
+    return trimesh.Trimesh(np.array([xyz(corner) for corner in corners]), _FACES, visual=visual, process=False)
+
+
+def origin_of(seen: Mapping[str, Seen]) -> Origin | None:
+    """Returns where `map` is on Earth, by the first UAV that tells both."""
+    for each in seen.values():
+        t = each.telemetry
+        place = None if t is None else _places.position(t)
+        if t is not None and place is not None and t.position_geo is not None:
+            return Origin.of(Place(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
+    return None
+
+
+def _middle(seen: Mapping[str, Seen]) -> Vector3 | None:
+    """Returns the middle of all UAVs in `map`."""
+    telemetry = (each.telemetry for each in seen.values())
+    found = [place for t in telemetry if t is not None and (place := _places.position(t)) is not None]
+    return sum(found, Vector3()) * (1.0 / len(found)) if found else None

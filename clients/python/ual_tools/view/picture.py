@@ -1,0 +1,57 @@
+"""The picture that all pages share: each UAV as it is now, and where it was. Pure; draws nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ual_tools.view import palette
+from ual_tools.view.journal import Journal
+from ual_tools.view.pose_times import PoseTimes
+from ual_tools.view.shown import Shown, shown
+from ual_tools.view.track import Track
+from ual_tools.watch_board import Board, Seen
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What is known at one moment. `now_s` is the monotonic time, `utc_s` the same moment since 1970."""
+
+    now_s: float
+    utc_s: float
+    seen: Mapping[str, Seen]
+    uavs: Mapping[str, Shown]
+    tracks: Mapping[str, Track]
+
+
+class Picture:
+    """Looks at the board again and again, and remembers the tracks."""
+
+    def __init__(self, board: Board, journal: Journal) -> None:
+        self._board = board
+        self._journal = journal
+        self._poses = PoseTimes()
+        self._tracks: dict[str, Track] = {}
+        self._numbers: dict[str, int] = {}
+
+    def look(self, now_s: float, utc_s: float) -> Moment:
+        """Returns the moment. A UAV that is not on the board any more is forgotten."""
+        seen = self._board.seen()
+        self._poses.keep(seen)
+        uavs = {ns: self._shown(ns, each, now_s, utc_s) for ns, each in seen.items()}
+        self._tracks = {ns: self._tracks.get(ns) or Track() for ns in uavs}
+        for ns, uav in uavs.items():
+            self._tracks[ns].add(now_s, uav)
+            self._journal.look(uav, seen[ns], utc_s)
+        return Moment(now_s, utc_s, seen, uavs, self._tracks)
+
+    def _shown(self, ns: str, seen: Seen, now_s: float, utc_s: float) -> Shown:
+        return shown(
+            ns,
+            seen,
+            now_s=now_s,
+            utc_s=utc_s,
+            lost_after_s=self._board.lost_after_s,
+            pose_since_s=self._poses.since_s(ns, seen, now_s),
+            mark=palette.colour(self._numbers.setdefault(ns, len(self._numbers))),
+        )

@@ -1,0 +1,67 @@
+"""The buttons for several UAVs of a page that flies: what ends their flights, at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import viser
+
+from ual._client import Uav
+from ual.types import State
+from ual_tools.view import chosen, panel
+from ual_tools.view.desk import Desk
+
+_LANDS_ALREADY = (State.LANDED_DISARMED, State.LANDED_ARMED, State.LANDING)
+
+
+class TeamPanel:
+    """The buttons of one page for several UAVs. Each says for which; none is there while one UAV is chosen."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._names: tuple[str, ...] = ()
+        self._all: tuple[str, ...] = ()
+        self._count = -1
+
+    def build(self, gui: viser.GuiApi) -> None:
+        """Adds the buttons to the page."""
+        self._folder = gui.add_folder("Team", visible=False)
+        with self._folder:
+            self._text = gui.add_markdown("")
+            self._buttons = [
+                self._add(gui, "Hold", "hold", lambda uav: uav.abort()),
+                self._add(gui, "Land", "land", land),
+            ]
+
+    def choose(self, found: tuple[str, ...], names: Sequence[str]) -> None:
+        """Takes the UAVs that are chosen among all of these."""
+        if (found, tuple(names)) == (self._names, self._all):
+            return
+        self._names, self._all = found, tuple(names)
+        self._folder.visible = len(found) > 1
+        for button, what in self._buttons:
+            button.label = f"{what} {chosen.title(found, names)}"
+
+    def update(self) -> None:
+        """Shows how the last order went."""
+        if self._count != self._desk.count:
+            self._count = self._desk.count
+            self._text.content = panel.plain(self._desk.said)
+
+    def _add(
+        self, gui: viser.GuiApi, label: str, what: str, act: Callable[[Uav], object]
+    ) -> tuple[viser.GuiButtonHandle, str]:
+        button = gui.add_button(label, color="red")
+
+        # A coroutine, so that clicks are answered in their order; the desk gives each call a thread.
+        @button.on_click
+        async def _(_: object) -> None:
+            self._desk.run_all(self._names, what, act)
+
+        return button, label
+
+
+def land(uav: Uav) -> None:
+    """Lands a UAV, unless it lands already, or stands on the ground."""
+    if uav.state() not in _LANDS_ALREADY:
+        uav.land(blocking=False)

@@ -1,0 +1,132 @@
+"""``ual watch`` shows the telemetry of one or all UAVs, live on one screen or as lines."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+import click
+
+from ual import _places
+from ual._discovery import Registration
+from ual.types import Telemetry
+from ual_tools import condition
+from ual_tools.app import REFUSED, Many, Session, command, note, pass_session
+from ual_tools.everyone import ask_all, several
+from ual_tools.help import Section
+from ual_tools.output import error_text, pose_text, vector_text
+from ual_tools.values import Number
+from ual_tools.watch_board import Board
+from ual_tools.watch_roster import all_subscribed
+
+_RATE_HZ = 5.0
+_TOTAL_RATE_HZ = 200.0
+"""Of all UAVs together. With 200 UAVs at 5 Hz, one program could not read all samples in time."""
+
+
+@command(
+    "watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING, many=Many.ITSELF
+)
+@click.option("--once", is_flag=True, help="Print one sample of each, and end.")
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=Number(min=0.0),
+    help="Samples a second of each UAV; 0 for every sample. 5 when not given, fewer for more than 40 UAVs.",
+)
+@pass_session
+def watch(session: Session, once: bool, rate_hz: float | None) -> None:
+    """Show the UAV's telemetry until q or Ctrl-C.
+
+    With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these: the
+    worst first, in red where it is urgent, with positions in map. The arrow keys, PgUp, PgDn, Home and End scroll it.
+    UAVs appear when their daemons start, and vanish when they end. In a pipe, or with --json, each sample is one line.
+    """
+    if rate_hz is not None and math.isinf(rate_hz):
+        raise click.BadParameter("inf is not a rate; use 0 for every sample", param_hint="--rate")
+    daemons = several(session)
+    if daemons is not None:
+        if once:
+            _print_each(session, daemons)
+            return
+        rate_hz = default_rate_hz(len(daemons)) if rate_hz is None else rate_hz
+        board = Board([daemon.ns for daemon in daemons], rate_hz)
+        with all_subscribed(session, board, rate_hz, is_quiet=_is_screen(session)):
+            _follow(session, board, everyone=True)
+        return
+    with session.connect() as uav:
+        if once:
+            _print(session, uav.ns, uav.telemetry(), is_one=True)
+            return
+        rate_hz = default_rate_hz(1) if rate_hz is None else rate_hz
+        board = Board([uav.ns], rate_hz)
+        with uav.subscribe(partial(board.put, uav.ns), rate_hz):
+            _follow(session, board, everyone=False)
+
+
+def default_rate_hz(count: int) -> float:
+    """Returns how many samples a second are asked of each of some UAVs: as many as one program can read."""
+    return min(_RATE_HZ, _TOTAL_RATE_HZ / count)
+
+
+def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
+    """Prints one sample of each UAV, or why there is none."""
+    has_failed = False
+    for daemon, found in zip(daemons, ask_all(session, daemons), strict=True):
+        if isinstance(found, Telemetry):
+            _print(session, daemon.ns, found, is_one=False)
+            continue
+        has_failed = True
+        session.emit({"ns": daemon.ns, "error": found}, f"{daemon.ns}\t{found.reason}")
+        note(f"ual: {daemon.ns}: {error_text(found)}")
+    if has_failed:
+        raise click.exceptions.Exit(REFUSED)
+
+
+def _is_screen(session: Session) -> bool:
+    return sys.stdout.isatty() and not session.as_json
+
+
+def _follow(session: Session, board: Board, *, everyone: bool) -> None:
+    if _is_screen(session):
+        from ual_tools import watch_screen
+
+        watch_screen.show(board, watch_screen.Table() if everyone else watch_screen.Detail())
+    else:
+        _print_lines(session, board, is_one=not everyone)
+
+
+def _print_lines(session: Session, board: Board, *, is_one: bool) -> None:
+    while True:
+        board.changed.wait()
+        board.changed.clear()
+        for ns, telemetry in board.take().items():
+            _print(session, ns, telemetry, is_one=is_one)
+        sys.stdout.flush()
+
+
+def _print(session: Session, ns: str, telemetry: Telemetry, *, is_one: bool) -> None:
+    """Prints a sample as one line: of several UAVs with its place in `map`, which they share."""
+    if session.as_json:
+        from ual_tools.output import to_json
+
+        sample = to_json(telemetry)
+        assert isinstance(sample, dict)
+        session.emit({"ns": ns, **sample})
+        return
+    how = condition.of_telemetry(telemetry)
+    speed = "" if telemetry.velocity is None else f"{telemetry.velocity.linear.norm():.2f} m/s"
+    where = _pose(telemetry) if is_one else _place(telemetry)
+    parts = [ns, telemetry.state.name, where, speed, condition.battery_text(telemetry.battery), how.note]
+    click.echo("\t".join(parts).rstrip("\t"))
+
+
+def _pose(telemetry: Telemetry) -> str:
+    return "" if telemetry.pose is None else pose_text(telemetry.pose)
+
+
+def _place(telemetry: Telemetry) -> str:
+    place = _places.position(telemetry)
+    return "" if place is None else f"{vector_text(place)} in map"

@@ -1,0 +1,131 @@
+"""The ``ual`` command on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable
+
+from typing_extensions import Self
+
+from tests.conftest import LIMIT_S, open_terminal
+
+_MAIN = "from ual_tools.main import main; main()"
+UAL = (sys.executable, "-c", _MAIN)
+# The program itself does what `preexec_fn` would: that forks, and gRPC, which has threads here, may break a fork.
+_OF_SESSION = (sys.executable, "-c", f"import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); {_MAIN}")
+_OF_GROUP = (sys.executable, "-c", f"import os; os.setpgid(0, 0); {_MAIN}")
+
+
+class Terminal:
+    """A program whose input and output are a terminal.
+
+    Args:
+        words: The words of the command.
+        size: Columns and lines.
+        is_controlling: Whether it is the terminal of the program's session: closed, it sends SIGHUP. Otherwise the
+            program is in a process group of its own, as a shell starts it, and can be suspended.
+        is_answering: Whether it answers the question for its status, as all true terminals do.
+
+    """
+
+    def __init__(
+        self, *words: str, size: tuple[int, int] = (100, 40), is_controlling: bool = False, is_answering: bool = False
+    ) -> None:
+        self._ours, its = open_terminal()
+        environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
+        self.process = subprocess.Popen(
+            [*(_OF_SESSION if is_controlling else _OF_GROUP), *words],
+            stdin=its,
+            stdout=its,
+            stderr=its,
+            env=environment,
+            start_new_session=is_controlling,
+        )
+        os.close(its)
+        self.text = ""
+        self.is_answering = is_answering
+        self.answers_count = 0
+        self._is_closed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.close()
+
+    def close(self) -> None:
+        """What a lost connection does."""
+        if not self._is_closed:
+            os.close(self._ours)
+        self._is_closed = True
+
+    def drain(self) -> None:
+        """Reads what is there."""
+        while not self._is_closed and select.select([self._ours], [], [], 0.0)[0] and self._read():
+            pass
+
+    def forget(self) -> None:
+        """Makes `wait_for` wait only for what is drawn from now on."""
+        self.drain()
+        self.text = ""
+
+    def wait_until(self, is_so: Callable[[], bool]) -> None:
+        """Waits for anything, and reads meanwhile."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not is_so():
+            assert time.monotonic() < deadline_s, self.text[-5000:]
+            self.drain()
+            time.sleep(0.01)
+
+    def wait_for(self, text: str) -> None:
+        while text not in self.text:
+            assert self._read(), f"{text!r} never came:\n{self.text}"
+
+    def press_until(self, keys: bytes, text: str) -> None:
+        """Presses keys again until the text is there: a program that was not scheduled for long may drop them."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while text not in self.text:
+            assert time.monotonic() < deadline_s, self.text[-5000:]
+            self.press(keys)
+            again_s = time.monotonic() + 3.0
+            while text not in self.text and time.monotonic() < again_s:
+                self.drain()
+                time.sleep(0.01)
+
+    def press(self, keys: bytes) -> None:
+        os.write(self._ours, keys)
+
+    def answer(self) -> None:
+        """Answers the question for its status."""
+        self.answers_count += 1
+        self.press(b"\x1b[0n")
+
+    def mode(self) -> list[object]:
+        return list(termios.tcgetattr(self._ours))
+
+    def interrupt(self) -> None:
+        """What a terminal does at Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def wait(self) -> int:
+        while self._read():
+            pass
+        return self.process.wait(LIMIT_S)
+
+    def _read(self) -> bool:
+        try:
+            read = os.read(self._ours, 65536)
+        except OSError:  # the other end is closed
+            return False
+        self.text += read.decode(errors="replace")
+        if self.is_answering and b"\x1b[5n" in read:
+            self.answer()
+        return bool(read)
