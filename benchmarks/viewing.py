@@ -20,7 +20,7 @@ from pathlib import Path
 from benchmarks.children import Process, priority_text
 from tests.ual_tools.view.browser import Page, browser
 from ual import Pose, State, Uav
-from ual._discovery import RUNTIME_DIR_VARIABLE
+from ual.discovery import RUNTIME_DIR_VARIABLE
 
 _RADIUS_M = 8.0
 _CORNERS = 60

@@ -19,7 +19,7 @@ import grpc
 import hypothesis
 import pytest
 
-from ual import _discovery
+from ual import discovery
 
 LIMIT_S = 60.0
 """How long anything may take on a busy machine before a test gives up."""
@@ -135,7 +135,7 @@ class DaemonProcess:
 def daemon_environment(runtime_dir: Path) -> dict[str, str]:
     """That of this process without its settings of UAL, for daemons that register in the directory."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
-    return {**environment, _discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)}
+    return {**environment, discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)}
 
 
 def open_terminal() -> tuple[int, int]:
@@ -153,7 +153,7 @@ StartDaemon = Callable[..., DaemonProcess]
 def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The directory in which this test's daemons, and nobody else's, register."""
     path = tmp_path / "ual"
-    monkeypatch.setenv(_discovery.RUNTIME_DIR_VARIABLE, str(path))
+    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(path))
     return path
 
 

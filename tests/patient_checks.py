@@ -12,7 +12,7 @@ from _pytest.mark import ParameterSet
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess
-from ual import _discovery, conformance
+from ual import conformance, discovery
 from ual.conformance import Check, CheckFailedError, Flight
 from ual.conformance.flight import CannotRunError
 from ual.conformance.runner import LONGEST_GAP_S
@@ -61,7 +61,7 @@ def grouped(value: object, name: str, group: str = "") -> ParameterSet:
 
 def served(stack: ExitStack, directory: Path, backend: str, *flags: str) -> Uav:
     """A UAV of a daemon that has the backends of `tests.simulators.daemon`, over gRPC."""
-    environment = {_discovery.RUNTIME_DIR_VARIABLE: str(directory), "XDG_CACHE_HOME": str(directory)}
+    environment = {discovery.RUNTIME_DIR_VARIABLE: str(directory), "XDG_CACHE_HOME": str(directory)}
     flags = ("--backend", backend, "--listen", "127.0.0.1:0", *flags)
     daemon = DaemonProcess(flags, "uav_1", environment, module="tests.simulators.daemon")
     stack.callback(daemon.close)

@@ -13,9 +13,6 @@ from typing import Any
 
 from typing_extensions import Self, override
 
-from ual import _views
-from ual._callbacks import Callbacks, Listener
-from ual._time_limit import time_limit
 from ual.errors import LeaseLostError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
@@ -28,6 +25,9 @@ from ual.geometry import (
     stamped_twist,
 )
 from ual.interface import DryRun, Lease, Simulation, Subscription, Task, Uav
+from ual.shared import views
+from ual.shared.callbacks import Callbacks, Listener
+from ual.shared.time_limit import time_limit
 from ual.types import (
     ExternalPose,
     Frame,
@@ -433,7 +433,7 @@ class _Subscription(Subscription):
         self._unsubscribe = vehicle.subscribe(self._offer, lambda: time.monotonic() >= self._next_s, reads_all=False)
 
     def __repr__(self) -> str:
-        return _views.subscription_text(self._ns, self._rate_hz, is_closed=self._is_closed)
+        return views.subscription_text(self._ns, self._rate_hz, is_closed=self._is_closed)
 
     def _offer(self, sample: Telemetry) -> None:
         self._next_s = max(self._next_s + self._period_s, time.monotonic())

@@ -11,10 +11,10 @@ from benchmarks.marks import yaw_rate_rad_s
 from benchmarks.peers.base import SynchronousPeer, Times, until
 from benchmarks.peers.grpc_flood import flood
 from benchmarks.peers.ual_samples import listen
-from ual import _convert
 from ual.types import State
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
+from ual.wire import convert
 
 
 class Peer(SynchronousPeer):
@@ -41,7 +41,7 @@ class Peer(SynchronousPeer):
 
 
 def _setpoint(number: int) -> pb.StreamSetpointsRequest:
-    return _convert.setpoint_to_proto(ual.TwistStamped(velocity(number)))
+    return convert.setpoint_to_proto(ual.TwistStamped(velocity(number)))
 
 
 def velocity(number: int) -> ual.Twist:

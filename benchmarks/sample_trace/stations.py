@@ -37,7 +37,7 @@ def of_vehicle() -> Iterator[Station]:
 
 def of_class() -> Iterator[Station]:
     """Returns the stations in a program that uses the class interface."""
-    from ual._callbacks import Listener
+    from ual.shared.callbacks import Listener
 
     yield from of_vehicle()
     yield Station(Listener, "put", after="given to the worker")
@@ -57,11 +57,11 @@ def of_daemon() -> Iterator[Station]:
 
 def of_client() -> Iterator[Station]:
     """Returns the stations in a program that uses the client."""
-    from ual import _convert
-    from ual._callbacks import Listener
     from ual._subscription import _Feed
+    from ual.shared.callbacks import Listener
+    from ual.wire import convert
 
-    yield Station(_convert, "telemetry_from_proto", "the client has read it", begins=True)
+    yield Station(convert, "telemetry_from_proto", "the client has read it", begins=True)
     yield Station(_Feed, "_hand_out", after="handed out")
     yield Station(Listener, "run", "called")
     yield _callback()

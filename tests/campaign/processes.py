@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ual import _discovery
+from ual import discovery
 
 ROOT = Path(__file__).parents[2]
 _LIMIT_S = 60.0
@@ -58,7 +58,7 @@ class DaemonProcess:
         self._command = [sys.executable, "-m", module, "--ns", "uav_1", "--backend", "mavlink", "--log-format", "json"]
         self._command += ["--listen", self.address, *flags]
         environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
-        self._environment = {**environment, _discovery.RUNTIME_DIR_VARIABLE: str(folder / "run")}
+        self._environment = {**environment, discovery.RUNTIME_DIR_VARIABLE: str(folder / "run")}
         self._log = (folder / "daemon.log").open("ab")
         self._process: subprocess.Popen[bytes] | None = None
 

@@ -16,8 +16,8 @@ from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.examples.installing import install
 from tests.examples.installing import search_path as search_path_with
 from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
-from ual._access import certificates
 from ual.v1 import ual_pb2, ual_pb2_grpc
+from ual_tools.access import certificates
 
 BUILD_LIMIT_S = 1200.0
 MISSION_LIMIT_S = 120.0

@@ -21,13 +21,14 @@ import ual
 from tests.conftest import LIMIT_S, TIME_TO_BEGIN_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
 from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
-from ual import _convert, _discovery
-from ual._access import certificates
+from ual import discovery
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.types import State
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
+from ual.wire import convert
+from ual_tools.access import certificates
 
 GATEWAY = Path(__file__).parents[2] / "deploy" / "gateway"
 TLS = Path(__file__).parents[1] / "data" / "tls"
@@ -93,7 +94,7 @@ def fleet(start_daemon: StartDaemon) -> DaemonProcess:
 @pytest.fixture
 def gateway(fleet: DaemonProcess, start_gateway: StartGateway) -> str:
     """The address of the gateway to all of them."""
-    uavs = {each.ns: each.address for each in _discovery.list_daemons() if each.pid == fleet.pid}
+    uavs = {each.ns: each.address for each in discovery.list_daemons() if each.pid == fleet.pid}
     assert len(uavs) == COUNT
     return start_gateway(uavs)
 
@@ -134,7 +135,7 @@ def test_setpoints_are_not_held_back(gateway: str) -> None:
         up(uav)
         stub: Any = ual_pb2_grpc.UalServiceStub(channel)
         moving = pb.StreamSetpointsRequest(
-            velocity=_convert.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
+            velocity=convert.setpoint_to_proto(TwistStamped(Twist(Vector3(1.0, 0.0, 0.0)))).velocity
         )
         is_moving = False
 

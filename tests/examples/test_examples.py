@@ -11,7 +11,7 @@ from pathlib import Path
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
-from ual import _discovery
+from ual import discovery
 from ual.simulation import PositionLost
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -43,7 +43,7 @@ def test_first_flight() -> None:
 
 def test_client_flight(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     daemon = armed_daemon(start_daemon)
-    lines = run("client_flight.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("client_flight.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines[0] == f"flying {daemon.ns}"
     assert any(re.fullmatch(r"take-off: SUCCEEDED 100%", line) for line in lines)
     assert any(line.startswith("refused, as it should be: recover_from_manual") for line in lines)
@@ -57,7 +57,7 @@ def test_the_cells_of_the_notebook_of_the_first_hour(
     cells = json.loads((EXAMPLES / "first_hour.ipynb").read_text("utf-8"))["cells"]
     program = tmp_path / "first_hour.py"
     program.write_text("\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), "utf-8")
-    lines = run(str(program), MPLBACKEND="agg", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run(str(program), MPLBACKEND="agg", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines[0] == "light LANDED_ARMED"
     assert any(line.startswith("refused: ") for line in lines)
     flown = re.fullmatch(r"(\S+) m flown, up to (\S+) m", lines[-1])
@@ -68,7 +68,7 @@ def test_the_cells_of_the_notebook_of_the_first_hour(
 
 def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     armed_daemon(start_daemon)
-    lines = run("inspection_path.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("inspection_path.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines[-1] == "inspected"
     shown = [line for line in lines if line.startswith("waypoint")]
     assert len(shown) >= 3
@@ -79,7 +79,7 @@ def test_inspection_path(start_daemon: StartDaemon, runtime_dir: Path) -> None:
 def test_formation(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     start_daemon("--fleet", "3", "--set", "light.speed_factor=5").wait_for("state", ns="uav_3", new="LANDED_DISARMED")
     team = ("uav_1", "uav_2", "uav_3")
-    lines = run("formation.py", "--arm", *team, **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("formation.py", "--arm", *team, **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert lines == ["all at 1, 0", "all at 1, 1", "all at 0, 1", "all at 0, 0", "all landed"]
 
 
@@ -89,5 +89,5 @@ def test_external_poses(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     with ual.Uav() as uav:
         uav.simulation.begin_fault(PositionLost())
     daemon.wait_for("state", new="UNINITIALIZED")
-    lines = run("external_poses.py", **{_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
+    lines = run("external_poses.py", **{discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)})
     assert any("LANDED_DISARMED not armed Vector3(x=1.0, y=2.0, z=0.0)" in line for line in lines), lines

@@ -23,7 +23,7 @@ from examples import avoidance, contact, film, perch, survey
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.examples.installing import install, search_path
 from tests.ual.recording.waiting import wait_until
-from ual import _discovery
+from ual import discovery
 
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 200.0
@@ -39,7 +39,7 @@ class Program:
         self.process = subprocess.Popen(
             [sys.executable, "-W", "error", "-m", f"examples.{name}", *words],
             cwd=ROOT,
-            env={**os.environ, _discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)},
+            env={**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir)},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -19,7 +19,7 @@ from tests.conftest import LIMIT_S, DaemonProcess
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.simulators import Simulator
 from tests.sitl.transmitter import Sticks, Transmitter
-from ual import _discovery, conformance
+from ual import conformance, discovery
 from ual.conformance import Check, Flight, Need, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.errors import NotSupportedError
@@ -91,7 +91,7 @@ def over_class(stack: ExitStack, url: str, limits: dict[str, float], is_arming: 
 def over_grpc(stack: ExitStack, url: str, limits: dict[str, float], is_arming: bool, directory: Path) -> Uav:
     flags = ["--backend", "mavlink", "--url", url, "--listen", "127.0.0.1:0", *["--allow-arming"] * is_arming]
     flags += [f"--set=limits.{name}={value}" for name, value in limits.items()]
-    daemon = DaemonProcess(tuple(flags), "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    daemon = DaemonProcess(tuple(flags), "uav_1", {discovery.RUNTIME_DIR_VARIABLE: str(directory)})
     stack.callback(daemon.close)
     return stack.enter_context(ual.Uav(address=daemon.address))
 

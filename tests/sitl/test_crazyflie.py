@@ -15,7 +15,7 @@ import pytest
 
 import ual
 from tests.conftest import DaemonProcess
-from ual import _discovery, conformance
+from ual import conformance, discovery
 from ual.conformance import Check, Flight
 from ual.conformance.flight import CannotRunError
 from ual.errors import NotSupportedError
@@ -40,7 +40,7 @@ def url() -> str:
 
 def begin_daemon(url: str, directory: Path) -> DaemonProcess:
     flags = ("--backend", "crazyflie", "--url", url, "--listen", "127.0.0.1:0", "--allow-arming")
-    return DaemonProcess(flags, "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    return DaemonProcess(flags, "uav_1", {discovery.RUNTIME_DIR_VARIABLE: str(directory)})
 
 
 def wait_for(uav: Uav, *states: State) -> None:

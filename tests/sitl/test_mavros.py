@@ -28,7 +28,7 @@ from tests.sitl.test_conformance import (
     run_check,
 )
 from tests.sitl.transmitter import Transmitter
-from ual import _discovery
+from ual import discovery
 from ual.conformance import Check, Flight
 from ual.errors import NotSupportedError
 from ual.geometry import Pose
@@ -71,7 +71,7 @@ def over_class(stack: ExitStack, url: str, limits: dict[str, float], is_arming: 
 def over_grpc(stack: ExitStack, url: str, limits: dict[str, float], is_arming: bool, directory: Path) -> Uav:
     flags = ["--backend", "mavros", "--url", url, "--listen", "127.0.0.1:0", *["--allow-arming"] * is_arming]
     flags += [f"--set=limits.{name}={value}" for name, value in limits.items()]
-    daemon = DaemonProcess(tuple(flags), "uav_1", {_discovery.RUNTIME_DIR_VARIABLE: str(directory)})
+    daemon = DaemonProcess(tuple(flags), "uav_1", {discovery.RUNTIME_DIR_VARIABLE: str(directory)})
     stack.callback(daemon.close)
     return stack.enter_context(ual.Uav(address=daemon.address))
 

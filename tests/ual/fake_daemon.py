@@ -12,10 +12,10 @@ from contextlib import contextmanager
 
 import grpc
 
-from ual import _rpc_errors
 from ual.errors import UalError
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc as pb_grpc
+from ual.wire import rpc_errors
 
 
 class FakeDaemon(pb_grpc.UalServiceServicer):
@@ -91,7 +91,7 @@ class FakeDaemon(pb_grpc.UalServiceServicer):
 
     def _refuse(self, context: grpc.ServicerContext) -> None:
         if self.refusal is not None:
-            context.abort_with_status(_rpc_errors.to_grpc_status(self.refusal))
+            context.abort_with_status(rpc_errors.to_grpc_status(self.refusal))
 
     def wait_for_streams(self, count: int) -> None:
         with self.changed:

@@ -12,10 +12,10 @@ import ual
 from tests.conftest import StartDaemon
 from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
 from ual import Credentials
-from ual._access import certificates
-from ual._credentials import is_this_computer
+from ual.credentials import is_this_computer
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, PermissionDeniedError, UnauthenticatedError
 from ual.v1 import ual_pb2, ual_pb2_grpc
+from ual_tools.access import certificates
 from ual_tools.main import cli
 
 

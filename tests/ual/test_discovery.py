@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from ual import _discovery
-from ual._discovery import Registration
+from ual import discovery
 from ual._target import Target
+from ual.discovery import Registration
 from ual.errors import InvalidArgumentError
 
 GONE_PID = 2**31 - 5
@@ -45,20 +45,20 @@ def register(ns: str, address: str = "127.0.0.1:6000", pid: int = os.getpid()) -
     ],
 )
 def test_the_port_follows_the_number_of_the_namespace(ns: str, port: int) -> None:
-    assert _discovery.default_port(ns) == port
-    assert _discovery.default_address(ns) == f"127.0.0.1:{port}"
+    assert discovery.default_port(ns) == port
+    assert discovery.default_address(ns) == f"127.0.0.1:{port}"
 
 
 def test_the_directory_is_configured_or_temporary(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(_discovery.RUNTIME_DIR_VARIABLE, str(tmp_path))
-    assert _discovery.runtime_dir() == tmp_path
-    monkeypatch.delenv(_discovery.RUNTIME_DIR_VARIABLE)
-    assert _discovery.runtime_dir().name == "ual"
+    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(tmp_path))
+    assert discovery.runtime_dir() == tmp_path
+    monkeypatch.delenv(discovery.RUNTIME_DIR_VARIABLE)
+    assert discovery.runtime_dir().name == "ual"
 
 
 def test_a_registration_is_read_as_it_was_written(here: Path) -> None:
     registration = register("uav_3", "unix:/run/ual/uav_3.sock")
-    assert Registration.read(_discovery.registry_file("uav_3")) == registration
+    assert Registration.read(discovery.registry_file("uav_3")) == registration
     assert [file.name for file in here.iterdir()] == ["uav_3.json"]
 
 
@@ -91,50 +91,50 @@ def test_a_file_that_was_laid_to_do_harm_is_none(text: str) -> None:
 
 
 def refuse(text: str) -> None:
-    file = _discovery.registry_file("uav_1")
+    file = discovery.registry_file("uav_1")
     file.write_text(as_json())
     assert Registration.read(file) is not None
     file.write_text(text)
     assert Registration.read(file) is None
-    assert _discovery.list_daemons() == []
+    assert discovery.list_daemons() == []
 
 
 def test_a_pipe_is_no_registration_and_not_waited_for(here: Path) -> None:
     os.mkfifo(here / "uav_1.json")
     register("uav_2")
-    assert [each.ns for each in _discovery.list_daemons()] == ["uav_2"]
-    assert _discovery.registered("uav_1") is None
+    assert [each.ns for each in discovery.list_daemons()] == ["uav_2"]
+    assert discovery.registered("uav_1") is None
 
 
 def test_a_linked_registration_is_not_followed(here: Path, tmp_path: Path) -> None:
     register("uav_1")
     (here / "uav_1.json").rename(tmp_path / "elsewhere.json")
     (here / "uav_1.json").symlink_to(tmp_path / "elsewhere.json")
-    assert _discovery.list_daemons() == []
+    assert discovery.list_daemons() == []
 
 
 def test_a_pid_that_somebody_else_has_by_now_is_no_daemon() -> None:
-    _discovery.lock_file("uav_1").touch()
+    discovery.lock_file("uav_1").touch()
     register("uav_1", pid=os.getpid())
     register("uav_2", "127.0.0.1:6002")
-    assert _discovery.registered("uav_1") is None
-    assert _discovery.find() == "127.0.0.1:6002"
+    assert discovery.registered("uav_1") is None
+    assert discovery.find() == "127.0.0.1:6002"
 
 
 def test_a_daemon_whose_pid_is_not_seen_from_here_is_there_by_its_lock() -> None:
     register("uav_1", pid=GONE_PID)
-    with _discovery.lock_file("uav_1").open("w") as lock:
+    with discovery.lock_file("uav_1").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        assert _discovery.registered("uav_1") is not None
-    assert _discovery.registered("uav_1") is None
+        assert discovery.registered("uav_1") is not None
+    assert discovery.registered("uav_1") is None
 
 
 def test_where_the_lock_cannot_be_looked_at_it_goes_by_the_pid(here: Path) -> None:
     (here / "uav_1.lock").symlink_to(here / "nowhere")
     register("uav_1")
-    assert _discovery.registered("uav_1") is not None
+    assert discovery.registered("uav_1") is not None
     register("uav_1", pid=GONE_PID)
-    assert _discovery.registered("uav_1") is None
+    assert discovery.registered("uav_1") is None
 
 
 def test_a_daemon_that_was_killed_is_none() -> None:
@@ -142,34 +142,34 @@ def test_a_daemon_that_was_killed_is_none() -> None:
     ended.wait()
     for pid in (ended.pid, GONE_PID, 0, -1, 2**40):
         register("uav_1", pid=pid)
-        assert _discovery.registered("uav_1") is None
-        assert _discovery.list_daemons() == []
-        assert _discovery.find("uav_1") == "127.0.0.1:50051"
+        assert discovery.registered("uav_1") is None
+        assert discovery.list_daemons() == []
+        assert discovery.find("uav_1") == "127.0.0.1:50051"
 
 
 def test_daemons_are_listed_by_name_and_number() -> None:
     for ns in ("uav_10", "uav_2", "blimp", "uav_1"):
         register(ns)
-    assert [each.ns for each in _discovery.list_daemons()] == ["blimp", "uav_1", "uav_2", "uav_10"]
+    assert [each.ns for each in discovery.list_daemons()] == ["blimp", "uav_1", "uav_2", "uav_10"]
 
 
 def test_no_directory_means_no_daemons(here: Path) -> None:
     here.rmdir()
-    assert _discovery.list_daemons() == []
-    assert _discovery.find() == "127.0.0.1:50051"
+    assert discovery.list_daemons() == []
+    assert discovery.find() == "127.0.0.1:50051"
 
 
 def test_a_daemon_is_found_where_it_registered() -> None:
     register("uav_4", "unix:/tmp/uav_4.sock")
-    assert _discovery.find("uav_4") == "unix:/tmp/uav_4.sock"
-    assert _discovery.find() == "unix:/tmp/uav_4.sock"
+    assert discovery.find("uav_4") == "unix:/tmp/uav_4.sock"
+    assert discovery.find() == "unix:/tmp/uav_4.sock"
 
 
 def test_one_of_several_must_be_named() -> None:
     register("uav_1")
     register("uav_2")
     with pytest.raises(InvalidArgumentError, match="uav_1, uav_2"):
-        _discovery.find()
+        discovery.find()
 
 
 # --- What a client makes of it ----------------------------------------------------------------------------------------
@@ -188,7 +188,7 @@ def test_a_target_expects_a_daemon_that_is_gone_where_it_was() -> None:
     target = Target("uav_5", None, None)
     register("uav_5", "127.0.0.1:7001")
     assert target.address() == "127.0.0.1:7001"
-    _discovery.registry_file("uav_5").unlink()
+    discovery.registry_file("uav_5").unlink()
     assert target.address() == "127.0.0.1:7001"
 
 
@@ -231,7 +231,7 @@ def test_a_certificate_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 def test_a_registration_is_one_json_object() -> None:
     register("uav_1")
-    values = json.loads(_discovery.registry_file("uav_1").read_text())
+    values = json.loads(discovery.registry_file("uav_1").read_text())
     assert values == {
         "ns": "uav_1",
         "pid": os.getpid(),

@@ -16,8 +16,8 @@ import ual
 import ual.aio
 from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
-from ual._callbacks import SLOW_S
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
+from ual.shared.callbacks import SLOW_S
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
 

@@ -26,7 +26,7 @@ from tests.pages import why_wrong
 from tests.ports import free_port
 from tests.ual import fake_daemon
 from tests.ual_tools.terminal import UAL, Terminal
-from ual._discovery import Registration
+from ual.discovery import Registration
 from ual.types import State, Telemetry
 from ual_tools import values
 from ual_tools.app import SHARED_OPTIONS, UalCommand, UalGroup

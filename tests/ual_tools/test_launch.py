@@ -19,7 +19,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, daemon_environment, open_terminal
-from ual import _discovery
+from ual import discovery
 from ual.types import State, Telemetry
 from ual_tools.launch.descendants import all_below
 from ual_tools.launch.flying import SENDS_NOTHING, Watched
@@ -148,7 +148,7 @@ def start_team(tmp_path: Path, runtime_dir: Path) -> Iterator[StartTeam]:
 
 
 def pid_of(ns: str) -> int:
-    found = _discovery.registered(ns)
+    found = discovery.registered(ns)
     assert found is not None
     return found.pid
 

@@ -15,10 +15,10 @@ import grpc
 from tests.ual_daemon.stepped import STEP_S, Stepped, stepped
 from tests.work.flights import CORNER
 from tests.work.memory_calls import MemoryCall, MemoryTransport
-from ual._access.roles import Role
-from ual._access.tokens import Token, hashed
-from ual._recording.recorder import Turnover
+from ual.access.roles import Role
+from ual.access.tokens import Token, hashed
 from ual.geometry import Vector3
+from ual.recording.recorder import Turnover
 from ual.v1 import ual_pb2 as pb
 from ual_daemon import UAL
 from ual_daemon.program.recording.audit import Audit

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.interface import Uav
 from ual_daemon.backends.payload import Payload
 from ual_daemon.settings import Settings, convert

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ual._access import roles as role_names
-from ual._access import tokens
-from ual._access.roles import Role
+from ual.access import roles as role_names
+from ual.access import tokens
+from ual.access.roles import Role
 from ual_daemon.program.configuration import ConfigurationError, DaemonSettings
 from ual_daemon.server.access.policy import ANYBODY, Access, Roles
 from ual_daemon.server.access.watched_file import WatchedFile

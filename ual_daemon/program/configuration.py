@@ -18,7 +18,7 @@ import msgspec
 from msgspec import Meta
 from typing_extensions import override
 
-from ual import _discovery
+from ual import discovery
 from ual_daemon.settings import (
     NAMESPACE_PATTERN,
     ConfigError,
@@ -86,8 +86,8 @@ class Configuration:
         default depends on the namespace.
         """
         if self.is_fleet:
-            return self.daemon.listen or (f"{_discovery.LOOPBACK}:{{port}}",)
-        return self.daemon.listen or (_discovery.default_address(self.daemon.ns),)
+            return self.daemon.listen or (f"{discovery.LOOPBACK}:{{port}}",)
+        return self.daemon.listen or (discovery.default_address(self.daemon.ns),)
 
     def as_yaml(self) -> str:
         """Returns the same configuration as the text of a file. Leaves out infinite limits: they mean no limit."""

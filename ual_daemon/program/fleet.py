@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from msgspec import structs
 
-from ual import _discovery
+from ual import discovery
 from ual.geometry import Vector3
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
@@ -31,7 +31,7 @@ def names(first: str, count: int) -> list[str]:
     Raises:
         ConfigError: The names are too long.
     """
-    base, number = _discovery.split_number(first)
+    base, number = discovery.split_number(first)
     begin = 1 if number is None else number
     if len(f"{base}_{begin + count}") > LONGEST_NAMESPACE:
         raise ConfigError(f"{first}: the names of a fleet of {count} are longer than {LONGEST_NAMESPACE}", "ns")
@@ -89,11 +89,11 @@ def addresses(templates: Sequence[str], ns: str) -> list[str]:
                 "HOST:{port} for port 50050 + N, or unix:DIRECTORY/{ns}.sock",
                 "listen",
             )
-        if "{port}" in template and not _discovery.has_own_port(ns):
+        if "{port}" in template and not discovery.has_own_port(ns):
             raise ConfigError(
                 f"{ns} has no port, because 50050 + N is above 65535; use unix sockets for so many UAVs", "fleet"
             )
-        found.append(template.replace("{ns}", ns).replace("{port}", str(_discovery.default_port(ns))))
+        found.append(template.replace("{ns}", ns).replace("{port}", str(discovery.default_port(ns))))
     return found
 
 

@@ -251,7 +251,7 @@ def _fly(
     configuration: Configuration, sources: Sequence[Source], worker: Worker | None = None, *, print_config: bool = False
 ) -> None:
     """Flies all UAVs, or those of a worker."""
-    from ual import _discovery
+    from ual import discovery
 
     settings = configuration.daemon
     _choose_poller(configuration)  # gRPC reads it when it is imported
@@ -272,7 +272,7 @@ def _fly(
                 each.vehicle,
                 allow_arming=settings.allow_arming,
                 watch_only=settings.watch_only,
-                home_file=HomeFile(_discovery.home_file(each.backend.options.ns)),
+                home_file=HomeFile(discovery.home_file(each.backend.options.ns)),
             )
             for each in uavs
         ]  # checks the frames and the fence
@@ -414,9 +414,9 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recordi
     """Returns the recording of the vehicles, if one is wanted."""
     if settings.record is None:
         return None
-    from ual._recording import requirements
-    from ual._recording.recorder import Turnover
     from ual.errors import NotSupportedError
+    from ual.recording import requirements
+    from ual.recording.recorder import Turnover
 
     try:
         requirements.require("ual-daemon")

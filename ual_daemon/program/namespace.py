@@ -1,6 +1,6 @@
 """Ensures that each namespace has only one daemon on a computer, and registers it for clients.
 
-All users of the computer share the directory (`ual._discovery.runtime_dir`), like ``/tmp``: everyone may add files, and
+All users of the computer share the directory (`ual.discovery.runtime_dir`), like ``/tmp``: everyone may add files, and
 only their owner may change or remove them. For safety no link in it is followed, and nothing is written to a file that
 another user may have put there.
 """
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from typing_extensions import Self
 
-from ual import _discovery
-from ual._discovery import Registration
+from ual import discovery
+from ual.discovery import Registration
 
 _STICKY_FOR_ALL = 0o1777
 _READABLE = 0o644
@@ -42,7 +42,7 @@ class Namespace:
     def __init__(self, ns: str) -> None:
         self._ns = ns
         self._is_registered = False
-        path = _discovery.lock_file(ns)
+        path = discovery.lock_file(ns)
         try:
             _make_directory(path.parent)
             self._lock = _open_lock(path)
@@ -53,7 +53,7 @@ class Namespace:
             os.close(self._lock)
             raise NamespaceError(f"{ns} is already flown by {holder}: stop that daemon, or choose another --ns")
         with suppress(OSError):  # the registration of a killed daemon must not be taken for this one's
-            _discovery.registry_file(ns).unlink()
+            discovery.registry_file(ns).unlink()
         with suppress(OSError):  # another user's file can be locked, but not written
             os.truncate(self._lock, 0)
             os.pwrite(self._lock, f"{os.getpid()}\n".encode(), 0)
@@ -73,13 +73,13 @@ class Namespace:
         try:
             Registration(self._ns, os.getpid(), address, backend, time.time()).write()
         except OSError as error:
-            raise NamespaceError(f"cannot write {_discovery.registry_file(self._ns)}: {error.strerror}") from None
+            raise NamespaceError(f"cannot write {discovery.registry_file(self._ns)}: {error.strerror}") from None
         self._is_registered = True
 
     def release(self) -> None:
         """Frees the namespace. Keeps the lock file: if it were removed, two daemons could lock two different files."""
         if self._is_registered:
-            _discovery.registry_file(self._ns).unlink(missing_ok=True)
+            discovery.registry_file(self._ns).unlink(missing_ok=True)
         os.close(self._lock)
 
 
@@ -90,11 +90,11 @@ def _make_directory(directory: Path) -> None:
         directory.chmod(_STICKY_FOR_ALL)  # the umask limits the mode that mkdir gives
     found = directory.lstat()
     if not stat.S_ISDIR(found.st_mode):
-        raise NamespaceError(f"{directory} is not a directory: remove it, or set {_discovery.RUNTIME_DIR_VARIABLE}")
+        raise NamespaceError(f"{directory} is not a directory: remove it, or set {discovery.RUNTIME_DIR_VARIABLE}")
     if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
         raise NamespaceError(
             f"{directory}: users may remove each other's files there: `chmod +t` it, "
-            f"or set {_discovery.RUNTIME_DIR_VARIABLE}"
+            f"or set {discovery.RUNTIME_DIR_VARIABLE}"
         )
 
 
@@ -117,7 +117,7 @@ def _open_lock(path: Path) -> int:
 def _take(lock: int) -> bool:
     """Takes a lock. Returns False if another daemon holds it.
 
-    A client that tests the lock takes it for a moment, shared (`ual._discovery`). Only daemons take it exclusively. So
+    A client that tests the lock takes it for a moment, shared (`ual.discovery`). Only daemons take it exclusively. So
     if a shared lock is possible, no daemon holds it, and it is worth trying again.
     """
     end_s = time.monotonic() + _RETRY_LIMIT_S
@@ -145,7 +145,7 @@ def _holder(ns: str, lock: int) -> str:
     user cannot be written, and so may name a process that ended long ago.
     """
     pid = _locking_pid(lock)
-    registration = _discovery.registered(ns)
+    registration = discovery.registered(ns)
     if registration is not None and pid in (None, registration.pid) and _is_running(registration.pid):
         return f"pid {registration.pid} at {registration.address}"
     written = os.pread(lock, 20, 0).decode(errors="replace").strip()
@@ -153,7 +153,7 @@ def _holder(ns: str, lock: int) -> str:
         return "a daemon that is still starting, or another process that has its lock"
     if written == str(pid):
         return f"pid {pid}, which is still starting"
-    return f"pid {pid} of {_user(pid)}, which has the lock {_discovery.lock_file(ns)}"
+    return f"pid {pid} of {_user(pid)}, which has the lock {discovery.lock_file(ns)}"
 
 
 def _locking_pid(lock: int) -> int | None:

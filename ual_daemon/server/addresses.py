@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ual._credentials import is_this_computer
+from ual.credentials import is_this_computer
 from ual_daemon.settings import ConfigError
 
 if TYPE_CHECKING:  # the addresses decide how gRPC is to be imported

@@ -11,8 +11,7 @@ from functools import partial
 
 import grpc
 
-from ual import _rpc_errors
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import (
     InvalidArgumentError,
     PermissionDeniedError,
@@ -20,6 +19,7 @@ from ual.errors import (
     UalError,
     UnauthenticatedError,
 )
+from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy import lease
 from ual_daemon.server.access import caller
@@ -116,7 +116,7 @@ class Calls:
         self.set_context(call, None)
         logs.refused(_log, call.method, error)
         self.set_context(None, None)
-        status = _rpc_errors.to_grpc_status(error)
+        status = rpc_errors.to_grpc_status(error)
         call.finish(None, status.code, status.details, status.trailing_metadata)
 
     @property

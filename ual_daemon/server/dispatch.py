@@ -21,8 +21,8 @@ import grpc
 from google.protobuf.message import DecodeError
 from typing_extensions import override
 
-from ual import _rpc_errors
 from ual.errors import TaskAbortedError, UalError
+from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
@@ -144,7 +144,7 @@ class Answer:
         else:
             _log.error("%s failed unexpectedly", self.call.method, exc_info=error)
             error = UalError(f"internal error, see the daemon's log: {type(error).__name__}: {error}")
-        status = _rpc_errors.to_grpc_status(error)
+        status = rpc_errors.to_grpc_status(error)
         self.call.finish(None, status.code, status.details, status.trailing_metadata)
 
 

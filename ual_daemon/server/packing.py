@@ -15,10 +15,10 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from ual import _convert
 from ual.geometry import Quaternion, Transform, Twist, Vector3
 from ual.types import GeoPoint, Odometry, Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 _VARINT, _FIXED64, _DELIMITED = 0, 1, 2
 _MORE = 0x80
@@ -109,16 +109,16 @@ class TelemetryPacker:
         if (point := sample.position_geo) is not None:
             parts.append(_geo(point))
         if task is not None:
-            parts.append(_delimited(_TASK, _convert.task_to_proto(task).SerializeToString()))
+            parts.append(_delimited(_TASK, convert.task_to_proto(task).SerializeToString()))
         parts += (_SEQUENCE, _varint(sample.sequence))
         return b"".join(parts)
 
     def _packed_rare(self, sample: Telemetry) -> bytes:
-        rare = _convert.rare_of_telemetry(sample)
+        rare = convert.rare_of_telemetry(sample)
         known, packed = self._rare
         if rare != known:
             message = pb.Telemetry()
-            _convert.write_rare(sample, message)
+            convert.write_rare(sample, message)
             packed = message.SerializeToString()
             self._rare = rare, packed
         return packed
@@ -137,7 +137,7 @@ def _stamp(stamp_s: float) -> bytes:
     """Returns the stamp of a header; nothing where it is not known."""
     if not stamp_s:
         return b""
-    seconds, nanos = _convert.stamp_parts(stamp_s)
+    seconds, nanos = convert.stamp_parts(stamp_s)
     return _delimited(_STAMP, _whole(seconds) + _NANOS + _varint(nanos))
 
 

@@ -9,7 +9,7 @@ import grpc
 from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection, reflection_pb2_grpc
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import NotSupportedError
 from ual.interface import Simulation
 from ual.types import State

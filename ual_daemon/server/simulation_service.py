@@ -11,10 +11,10 @@ from typing import TypeVar
 
 from typing_extensions import override
 
-from ual import _convert
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
+from ual.wire import convert
 
 T = TypeVar("T")
 
@@ -51,7 +51,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def ListParts(self, request: pb.ListPartsRequest, context: object) -> pb.ListPartsResponse:
-        return _convert.parts_to_proto(self._simulation.parts())
+        return convert.parts_to_proto(self._simulation.parts())
 
     @override
     async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
@@ -86,7 +86,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
-        fault = _convert.fault_from_proto(request.fault)
+        fault = convert.fault_from_proto(request.fault)
         return pb.BeginFaultResponse(fault_id=await self._act(self._simulation.begin_fault, fault, request.duration_s))
 
     @override
@@ -96,7 +96,7 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
-        return _convert.faults_to_proto(await self._act(self._simulation.faults))
+        return convert.faults_to_proto(await self._act(self._simulation.faults))
 
     @override
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
@@ -121,12 +121,12 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
 
     @override
     async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
-        await self._act(self._simulation.set_wind, _convert.wind_from_proto(request))
+        await self._act(self._simulation.set_wind, convert.wind_from_proto(request))
         return pb.SetWindResponse()
 
     @override
     async def PlaceOnGround(self, request: pb.PlaceOnGroundRequest, context: object) -> pb.PlaceOnGroundResponse:
-        await self._act(self._simulation.place_on_ground, _convert.place_from_proto(request), request.yaw_rad)
+        await self._act(self._simulation.place_on_ground, convert.place_from_proto(request), request.yaw_rad)
         return pb.PlaceOnGroundResponse()
 
 

@@ -12,12 +12,12 @@ from typing import TypeAlias, TypeVar
 
 from typing_extensions import override
 
-from ual import _convert
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import InvalidArgumentError
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
+from ual.wire import convert
 from ual_daemon import logs
 from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
@@ -58,11 +58,11 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
-        return _convert.info_to_proto(self._vehicle.info())
+        return convert.info_to_proto(self._vehicle.info())
 
     @override
     def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
-        return pb.GetTelemetryResponse(telemetry=_convert.telemetry_to_proto(self._vehicle.telemetry()))
+        return pb.GetTelemetryResponse(telemetry=convert.telemetry_to_proto(self._vehicle.telemetry()))
 
     @override
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
@@ -73,25 +73,25 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     @override
     def GetTransform(self, request: pb.GetTransformRequest, context: object) -> pb.GetTransformResponse:
         transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
-        return pb.GetTransformResponse(transform=_convert.transform_to_proto(transform))
+        return pb.GetTransformResponse(transform=convert.transform_to_proto(transform))
 
     @override
     def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
-        return pb.ListFramesResponse(frames=[_convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
+        return pb.ListFramesResponse(frames=[convert.frame_to_proto(frame) for frame in self._vehicle.frames()])
 
     @override
     def GetGeofence(self, request: pb.GetGeofenceRequest, context: object) -> pb.GetGeofenceResponse:
-        return pb.GetGeofenceResponse(geofence=_convert.geofence_to_proto(self._vehicle.geofence()))
+        return pb.GetGeofenceResponse(geofence=convert.geofence_to_proto(self._vehicle.geofence()))
 
     @override
     async def GetRoute(self, request: pb.GetRouteRequest, context: object) -> pb.GetRouteResponse:
         # The outline of a path with thousands of waypoints takes a while: nothing that flies or serves waits for it.
         route = await ended(self._routing.begin("route", self._vehicle.route))
-        return pb.GetRouteResponse(route=None if route is None else _convert.route_to_proto(route))
+        return pb.GetRouteResponse(route=None if route is None else convert.route_to_proto(route))
 
     @override
     def AddFrame(self, request: pb.AddFrameRequest, context: object) -> pb.AddFrameResponse:
-        self._commands.add_frame(_convert.new_frame_from_proto(request))
+        self._commands.add_frame(convert.new_frame_from_proto(request))
         return pb.AddFrameResponse()
 
     @override
@@ -141,19 +141,19 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         response = self._begun(await ended(planned), request, pb.FollowPathResponse)
         return await response if isinstance(response, Awaitable) else response
 
-    def _prepare(self, request: _convert.TaskRequestMessage, since: LastCommand) -> Prepared[VehicleTask]:
-        return self._commands.prepare(_convert.task_request_from_proto(request), since)
+    def _prepare(self, request: convert.TaskRequestMessage, since: LastCommand) -> Prepared[VehicleTask]:
+        return self._commands.prepare(convert.task_request_from_proto(request), since)
 
-    def _task(self, request: _convert.TaskRequestMessage, make: Callable[..., R]) -> _Maybe[R]:
-        prepared = self._commands.prepare(_convert.task_request_from_proto(request))
+    def _task(self, request: convert.TaskRequestMessage, make: Callable[..., R]) -> _Maybe[R]:
+        prepared = self._commands.prepare(convert.task_request_from_proto(request))
         return self._begun(prepared, request, make)
 
     def _begun(
-        self, prepared: Prepared[VehicleTask], request: _convert.TaskRequestMessage, make: Callable[..., R]
+        self, prepared: Prepared[VehicleTask], request: convert.TaskRequestMessage, make: Callable[..., R]
     ) -> _Maybe[R]:
         """The response with the plan of a dry run, or with the task that begins now."""
         if request.dry_run:
-            return make(plan=_convert.plan_to_proto(prepared.plan))
+            return make(plan=convert.plan_to_proto(prepared.plan))
         return self._outcome(prepared.begin(), make, request.non_blocking)
 
     async def _outcome(self, task: VehicleTask, make: Callable[..., R], non_blocking: bool) -> R:
@@ -170,21 +170,21 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
                     _log, logging.WARNING, "caller_gone", task=task.id, kind=task.kind.name, cancelled=is_cancelled
                 )
                 raise
-        return make(task=_convert.task_to_proto(task.info()))
+        return make(task=convert.task_to_proto(task.info()))
 
     @override
     def SetPose(self, request: pb.SetPoseRequest, context: object) -> pb.SetPoseResponse:
-        pose = _convert.pose_from_proto(request)
+        pose = convert.pose_from_proto(request)
         if request.dry_run:
-            return pb.SetPoseResponse(plan=_convert.plan_to_proto(self._commands.plan(pose)))
+            return pb.SetPoseResponse(plan=convert.plan_to_proto(self._commands.plan(pose)))
         self._setpoints.set_pose(pose)
         return pb.SetPoseResponse()
 
     @override
     def SetVelocity(self, request: pb.SetVelocityRequest, context: object) -> pb.SetVelocityResponse:
-        velocity = _convert.velocity_from_proto(request)
+        velocity = convert.velocity_from_proto(request)
         if request.dry_run:
-            return pb.SetVelocityResponse(plan=_convert.plan_to_proto(self._commands.plan(velocity)))
+            return pb.SetVelocityResponse(plan=convert.plan_to_proto(self._commands.plan(velocity)))
         self._setpoints.set_velocity(velocity)
         return pb.SetVelocityResponse()
 
@@ -195,7 +195,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         accepted_count = 0
         setpoints = self._setpoints
         while (request := (yield)) is not None:
-            setpoint = _convert.setpoint_from_proto(request)
+            setpoint = convert.setpoint_from_proto(request)
             if isinstance(setpoint, TwistStamped):
                 setpoints.set_velocity(setpoint)
             else:
@@ -205,7 +205,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def SetExternalPose(self, request: pb.SetExternalPoseRequest, context: object) -> pb.SetExternalPoseResponse:
-        dropped = self._external_poses.set(_convert.external_pose_from_proto(request))
+        dropped = self._external_poses.set(convert.external_pose_from_proto(request))
         return pb.SetExternalPoseResponse(dropped=dropped)
 
     @override
@@ -214,7 +214,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> Generator[None, pb.StreamExternalPosesRequest | None, pb.StreamExternalPosesResponse]:
         accepted_count = dropped_count = 0
         while (request := (yield)) is not None:
-            if self._external_poses.offer(_convert.external_pose_from_proto(request)):
+            if self._external_poses.offer(convert.external_pose_from_proto(request)):
                 dropped_count += 1
             else:
                 accepted_count += 1
@@ -226,7 +226,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     ) -> _Maybe[pb.RecoverFromManualResponse]:
         prepared = self._commands.recover_from_manual(force=request.force)
         if request.dry_run:
-            return pb.RecoverFromManualResponse(plan=_convert.plan_to_proto(prepared.plan))
+            return pb.RecoverFromManualResponse(plan=convert.plan_to_proto(prepared.plan))
         return _after(prepared.begin(), pb.RecoverFromManualResponse())
 
     @override
@@ -258,7 +258,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take)
         return pb.AcquireLeaseResponse(
             lease_id=lease_id,
-            lease=_convert.lease_to_proto(self._vehicle.lease()),
+            lease=convert.lease_to_proto(self._vehicle.lease()),
             expires_after_s=EXPIRES_AFTER_S,
         )
 
@@ -274,11 +274,11 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def GetLease(self, request: pb.GetLeaseRequest, context: object) -> pb.GetLeaseResponse:
-        return pb.GetLeaseResponse(lease=_convert.lease_to_proto(self._vehicle.lease()))
+        return pb.GetLeaseResponse(lease=convert.lease_to_proto(self._vehicle.lease()))
 
     @override
     def GetTask(self, request: pb.GetTaskRequest, context: object) -> pb.GetTaskResponse:
-        return pb.GetTaskResponse(task=_convert.task_to_proto(self._vehicle.task(request.task_id).info()))
+        return pb.GetTaskResponse(task=convert.task_to_proto(self._vehicle.task(request.task_id).info()))
 
     @override
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
@@ -286,9 +286,9 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)
         while not done.done():
-            yield pb.WatchTaskResponse(task=_convert.task_to_proto(task.info()))
+            yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
             await asyncio.wait((done,), timeout=period_s)
-        yield pb.WatchTaskResponse(task=_convert.task_to_proto(task.info()))
+        yield pb.WatchTaskResponse(task=convert.task_to_proto(task.info()))
 
 
 async def _after(future: Future[None], response: R) -> R:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from ual._credentials import Credentials
+from ual.credentials import Credentials
 from ual.errors import (
     DaemonUnreachableError,
     FrameLostError,

@@ -13,11 +13,10 @@ from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
 
-from ual import _convert
-from ual._time_limit import time_limit
 from ual._wrong_type import require, wrong_part
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import PoseStamped, Transform, TwistStamped, Vector3, checked_transform
+from ual.shared.time_limit import time_limit
 from ual.simulation import Fault, SimulationPart
 from ual.types import (
     ExternalPose,
@@ -43,6 +42,7 @@ from ual.types import (
 )
 from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 T = TypeVar("T")
 
@@ -126,19 +126,19 @@ def _built(make: Callable[[], Message], field: str, value: object = None) -> Mes
 
 
 def get_info() -> Call[Info]:
-    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), _convert.info_from_proto)
+    return Call(Service.UAL, "GetInfo", pb.GetInfoRequest(), convert.info_from_proto)
 
 
 def get_telemetry() -> Call[Telemetry]:
     def read(response: pb.GetTelemetryResponse) -> Telemetry:
-        return _convert.telemetry_from_proto(response.telemetry)
+        return convert.telemetry_from_proto(response.telemetry)
 
     return Call(Service.UAL, "GetTelemetry", pb.GetTelemetryRequest(), read)
 
 
 def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
     def read(response: pb.GetTransformResponse) -> Transform:
-        return _convert.transform_from_proto(response.transform)
+        return convert.transform_from_proto(response.transform)
 
     request = _built(
         lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
@@ -148,21 +148,21 @@ def get_transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]
 
 def list_frames() -> Call[list[Frame]]:
     def read(response: pb.ListFramesResponse) -> list[Frame]:
-        return [_convert.frame_from_proto(each) for each in response.frames]
+        return [convert.frame_from_proto(each) for each in response.frames]
 
     return Call(Service.UAL, "ListFrames", pb.ListFramesRequest(), read)
 
 
 def get_geofence() -> Call[Geofence]:
     def read(response: pb.GetGeofenceResponse) -> Geofence:
-        return _convert.geofence_from_proto(response.geofence)
+        return convert.geofence_from_proto(response.geofence)
 
     return Call(Service.UAL, "GetGeofence", pb.GetGeofenceRequest(), read)
 
 
 def get_route() -> Call[Route | None]:
     def read(response: pb.GetRouteResponse) -> Route | None:
-        return _convert.route_from_proto(response.route) if response.HasField("route") else None
+        return convert.route_from_proto(response.route) if response.HasField("route") else None
 
     return Call(Service.UAL, "GetRoute", pb.GetRouteRequest(), read)
 
@@ -170,7 +170,7 @@ def get_route() -> Call[Route | None]:
 def add_frame(transform: Transform) -> Call[None]:
     checked_transform(transform)
     request = _built(
-        lambda: pb.AddFrameRequest(transform=_convert.transform_to_proto(transform)), "transform", transform
+        lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform
     )
     return Call(Service.UAL, "AddFrame", request, _nothing)
 
@@ -226,7 +226,7 @@ def release_lease(lease_id: str) -> Call[None]:
 
 
 def get_lease() -> Call[LeaseInfo | None]:
-    return Call(Service.UAL, "GetLease", pb.GetLeaseRequest(), _convert.lease_from_proto)
+    return Call(Service.UAL, "GetLease", pb.GetLeaseRequest(), convert.lease_from_proto)
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
@@ -250,13 +250,13 @@ _TASK_METHODS: Mapping[type[TaskRequest], tuple[str, str, str]] = {
 def begin_task(request: TaskRequest, blocking: bool = True) -> Call[TaskInfo]:
     """The call that begins a task, and waits for its end where it is blocking."""
     method, field, at_timeout = _TASK_METHODS[type(request)]
-    message = _built(lambda: _convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
+    message = _built(lambda: convert.task_request_to_proto(request, non_blocking=not blocking), field, request)
     quick_s, at_timeout = (None, at_timeout) if blocking else (QUICK_S, _GOES_ON)
     return Call(Service.UAL, method, message, _read_task, quick_s, at_timeout)
 
 
 def _read_task(response: Any) -> TaskInfo:  # noqa: ANN401 (each task's response has a type of its own)
-    return _convert.task_from_proto(response.task)
+    return convert.task_from_proto(response.task)
 
 
 def has_ended(task: TaskInfo) -> bool:
@@ -287,7 +287,7 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
         raise NotSupportedError(
             "the daemon is too old for dry runs, and has taken this for the command itself; abort stops the UAV"
         )
-    return _convert.plan_from_proto(response.plan)
+    return convert.plan_from_proto(response.plan)
 
 
 # Setpoints
@@ -296,7 +296,7 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 def setpoint(reference: Setpoint, field: str) -> pb.StreamSetpointsRequest:
     """A reference as an element of the stream. `field` is named where protobuf refuses a value."""
     try:
-        return _convert.setpoint_to_proto(reference)
+        return convert.setpoint_to_proto(reference)
     except (TypeError, ValueError, AttributeError) as error:
         raise wrong_part(reference, field, error) from None
 
@@ -314,7 +314,7 @@ def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
 def external_pose(measured: ExternalPose) -> pb.StreamExternalPosesRequest:
     """A pose from outside as an element of the stream."""
     try:
-        return _convert.external_pose_to_proto(measured)
+        return convert.external_pose_to_proto(measured)
     except (TypeError, ValueError, AttributeError) as error:
         raise wrong_part(measured, "external_pose", error) from None
 
@@ -329,7 +329,7 @@ def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
 
 
 def list_parts() -> Call[frozenset[SimulationPart]]:
-    return Call(Service.SIMULATION, "ListParts", sim_pb.ListPartsRequest(), _convert.parts_from_proto)
+    return Call(Service.SIMULATION, "ListParts", sim_pb.ListPartsRequest(), convert.parts_from_proto)
 
 
 def pilot_arm() -> Call[None]:
@@ -358,7 +358,7 @@ def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
         return response.fault_id
 
     request = _built(
-        lambda: sim_pb.BeginFaultRequest(fault=_convert.fault_to_proto(fault), duration_s=duration_s), "fault"
+        lambda: sim_pb.BeginFaultRequest(fault=convert.fault_to_proto(fault), duration_s=duration_s), "fault"
     )
     return Call(Service.SIMULATION, "BeginFault", request, read)
 
@@ -369,7 +369,7 @@ def end_fault(fault_id: str) -> Call[None]:
 
 def list_faults() -> Call[dict[str, Fault]]:
     def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
-        return _convert.faults_from_proto(response.faults)
+        return convert.faults_from_proto(response.faults)
 
     return Call(Service.SIMULATION, "ListFaults", sim_pb.ListFaultsRequest(), read)
 
@@ -391,15 +391,13 @@ def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
 
 def set_wind(velocity_m_s: Vector3) -> Call[None]:
     require(velocity_m_s, Vector3, "velocity_m_s")
-    request = _built(
-        lambda: sim_pb.SetWindRequest(velocity_m_s=_convert.vector3_to_proto(velocity_m_s)), "velocity_m_s"
-    )
+    request = _built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
     return Call(Service.SIMULATION, "SetWind", request, _nothing)
 
 
 def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
     require(position, Vector3, "position")
     request = _built(
-        lambda: sim_pb.PlaceOnGroundRequest(position=_convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
+        lambda: sim_pb.PlaceOnGroundRequest(position=convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
     )
     return Call(Service.SIMULATION, "PlaceOnGround", request, _nothing)

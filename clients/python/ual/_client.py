@@ -10,12 +10,12 @@ from typing_extensions import override
 
 from ual import _calls, interface
 from ual._connection import Connection
-from ual._credentials import Credentials
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
 from ual._target import Target
 from ual._task import Task
+from ual.credentials import Credentials
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.simulation import Fault, SimulationPart
 from ual.types import ExternalPose, Frame, Geofence, Info, LeaseInfo, Plan, Route, TaskRequest, Telemetry

@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 
 import grpc
 
-from ual import _calls, _forks, _rpc_errors
+from ual import _calls, _forks
 from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
+from ual.wire import rpc_errors
 
 T = TypeVar("T")
 
@@ -62,7 +63,7 @@ class Connection:
         try:
             return self._run_once(call, limit_s)
         except DaemonUnreachableError as error:
-            if not (self._was_reached and _rpc_errors.was_never_sent(error)):
+            if not (self._was_reached and rpc_errors.was_never_sent(error)):
                 raise
             self._was_reached = False
             self._wait_until_back(error)
@@ -123,7 +124,7 @@ class Connection:
         if self._is_closed and error.code() is grpc.StatusCode.CANCELLED:
             return _calls.closed()
         route = self._route
-        return _rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
+        return rpc_errors.from_rpc_error(error, address="" if route is None else route.address, ns=self.target.ns)
 
     def close(self) -> None:
         """Ends all running calls and refuses new ones."""
@@ -258,7 +259,7 @@ class TelemetryStream:
         except grpc.RpcError as error:
             if self._is_closed:
                 raise _calls.closed() from error
-            raise _rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from None
+            raise rpc_errors.from_rpc_error(error, address=self._address, ns=self._target.ns) from None
         finally:
             self.close()
             with suppress(grpc.RpcError):  # gRPC frees what the call holds only once its end has been read

@@ -15,14 +15,16 @@ from dataclasses import replace
 
 from typing_extensions import Self, override
 
-from ual import _calls, _convert, _views, interface
-from ual._callbacks import Callbacks, Listener
+from ual import _calls, interface
 from ual._calls import QUICK_S
 from ual._connection import Connection, TelemetryStream
 from ual._interruption_log import InterruptionLog
 from ual.errors import UalError, UalTimeoutError
+from ual.shared import views
+from ual.shared.callbacks import Callbacks, Listener
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 _log = logging.getLogger(__name__)
 
@@ -98,7 +100,7 @@ class Subscription(interface.Subscription):
     def __repr__(self) -> str:
         feed = self.feed
         ns, rate_hz = ("", 0.0) if feed is None else (feed.ns, feed.rate_hz)
-        return _views.subscription_text(ns, rate_hz, is_closed=self._is_closed)
+        return views.subscription_text(ns, rate_hz, is_closed=self._is_closed)
 
     @override
     def close(self) -> None:
@@ -264,7 +266,7 @@ class _Feed:
                 stream.close()
             self._responses = stream.read()
         response = next(self._responses, None)
-        return None if response is None else _convert.telemetry_from_proto(response.telemetry, response.missed_count)
+        return None if response is None else convert.telemetry_from_proto(response.telemetry, response.missed_count)
 
     def _hand_out(self, sample: Telemetry) -> tuple[Subscription, ...]:
         with self._lock:

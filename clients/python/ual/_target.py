@@ -10,9 +10,9 @@ from typing import Any
 
 import grpc
 
-from ual import _discovery, _gevent
+from ual import _gevent, discovery
 from ual._calls import Call, Service
-from ual._credentials import Credentials, read
+from ual.credentials import Credentials, read
 from ual.errors import InvalidArgumentError
 from ual.v1 import simulation_pb2_grpc, ual_pb2_grpc
 
@@ -136,17 +136,17 @@ class Target:
         if self._fixed_address is not None:
             return self._fixed_address
         if not self.ns:
-            daemon = _discovery.only()
+            daemon = discovery.only()
             if daemon is None:
-                return _discovery.default_address("")
+                return discovery.default_address("")
             self.ns = daemon.ns
-        seen = _signature(_discovery.registry_file(self.ns))
+        seen = _signature(discovery.registry_file(self.ns))
         if self._address is None or (seen is not None and seen != self._seen):
             self._seen = seen
-            registration = _discovery.registered(self.ns)
+            registration = discovery.registered(self.ns)
             if registration is not None:
                 self._address = registration.address
-        return self._address or _discovery.default_address(self.ns)
+        return self._address or discovery.default_address(self.ns)
 
 
 def _checked(address: str) -> str:

@@ -13,7 +13,7 @@ from typing_extensions import Self, override
 
 from ual import aio
 from ual._client import Uav
-from ual._credentials import Credentials
+from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands

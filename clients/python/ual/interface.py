@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from ual import _views
-from ual._time_limit import time_limit
 from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.geometry import (
     PointStamped,
@@ -31,6 +29,8 @@ from ual.geometry import (
     stamped_pose,
     stamped_twist,
 )
+from ual.shared import views
+from ual.shared.time_limit import time_limit
 from ual.simulation import Fault, SimulationPart
 from ual.types import (
     AltitudeReference,
@@ -600,7 +600,7 @@ class Uav(TaskCommands[Task]):
             >>> uav.wait_for(ual.State.LANDED_ARMED, timeout_s=60.0)  # until the safety pilot has armed
             >>> uav.take_off(3.0)
         """
-        _views.require_states(states)
+        views.require_states(states)
         limit_s = time_limit(timeout_s)
         reached: SimpleQueue[State] = SimpleQueue()
 
@@ -615,15 +615,15 @@ class Uav(TaskCommands[Task]):
             try:
                 return reached.get(timeout=limit_s)
             except Empty:
-                raise _views.not_reached(states, self.telemetry(), limit_s) from None
+                raise views.not_reached(states, self.telemetry(), limit_s) from None
 
     def is_ready(self) -> bool:
         """Returns True when the state is not UNINITIALIZED."""
-        return _views.is_ready(self.telemetry())
+        return views.is_ready(self.telemetry())
 
     def is_idle(self) -> bool:
         """Returns True when no task runs."""
-        return _views.is_idle(self.telemetry())
+        return views.is_idle(self.telemetry())
 
     def pose(self) -> PoseStamped:
         """Returns the pose of the body, in ``<ns>/odom`` or in the configured `pose_frame_id`.
@@ -637,7 +637,7 @@ class Uav(TaskCommands[Task]):
             Vector3(x=0.0, y=0.0, z=3.0)
 
         """
-        return _views.pose(self.telemetry())
+        return views.pose(self.telemetry())
 
     def velocity(self) -> TwistStamped:
         """Returns the velocity in m/s and rad/s, along the axes of the frame of `pose`.
@@ -646,7 +646,7 @@ class Uav(TaskCommands[Task]):
             WrongStateError: The velocity is not known (yet).
 
         """
-        return _views.velocity(self.telemetry())
+        return views.velocity(self.telemetry())
 
     def odometry(self) -> Odometry:
         """Returns the pose in ``<ns>/odom`` with the velocity along the axes of the body.
@@ -656,11 +656,11 @@ class Uav(TaskCommands[Task]):
             FrameLostError: It is not known any more where the frame is.
 
         """
-        return _views.odometry(self.telemetry())
+        return views.odometry(self.telemetry())
 
     def reference_pose(self) -> PoseStamped | None:
         """Returns where the UAV is commanded to be now; None while no pose is commanded."""
-        return _views.reference_pose(self.telemetry())
+        return views.reference_pose(self.telemetry())
 
     @abstractmethod
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:

@@ -22,9 +22,9 @@ from ual_tools.streams import Line, OutputLostError, give_up_output, write
 from ual_tools.values import Number
 
 if TYPE_CHECKING:
-    from ual._client import Uav
-    from ual._credentials import Credentials
-    from ual._discovery import Registration
+    from ual import Uav
+    from ual.credentials import Credentials
+    from ual.discovery import Registration
     from ual_tools.start import Member
 
 REFUSED = 1
@@ -66,7 +66,7 @@ class Session:
 
         `with_lease`: with its lease, if one is wanted; False for a command that acquires it later by itself.
         """
-        from ual._client import Uav
+        from ual import Uav
 
         uav = Uav(self.ns, address=self.address, tls_ca=self.tls_ca, credentials=self.credentials)
         if self.member is not None:
@@ -80,14 +80,14 @@ class Session:
 
     def connect_to(self, daemon: Registration) -> Uav:
         """Returns the UAV of a daemon of this computer."""
-        from ual._client import Uav
+        from ual import Uav
 
         return Uav(daemon.ns, address=daemon.address, tls_ca=self.tls_ca, credentials=self.credentials)
 
     @property
     def credentials(self) -> Credentials:
         """What shows a daemon who calls: the options, and the environment where there are none."""
-        from ual._credentials import Credentials, read
+        from ual.credentials import Credentials, read
 
         if self.token_file is None and self.tls_certificate is None and self.tls_key is None:
             return Credentials.from_environment()

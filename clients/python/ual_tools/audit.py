@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ual._access import audit as chain
+from ual.access import audit as chain
 from ual.errors import InvalidArgumentError
 from ual_tools.app import Session, UalGroup, command, pass_session
 from ual_tools.help import Section

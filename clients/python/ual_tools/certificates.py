@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ual import _extras
-from ual._access import tokens
+from ual.access import tokens
 from ual.errors import InvalidArgumentError
+from ual.shared import extras
 from ual_tools.app import Session, UalGroup, command, pass_session
 from ual_tools.help import Section
 from ual_tools.values import Number
@@ -18,7 +18,7 @@ from ual_tools.values import Number
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from ual._access.certificates import Files
+    from ual_tools.access.certificates import Files
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -104,8 +104,8 @@ def caller(session: Session, name: str, days: float, directory: Path) -> None:
 
 
 def _module() -> ModuleType:
-    with _extras.needs("ual certificates", "access"):
-        from ual._access import certificates as module
+    with extras.needs("ual certificates", "access"):
+        from ual_tools.access import certificates as module
     return module
 
 

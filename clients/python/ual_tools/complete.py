@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, TypeVar
+import threading
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
@@ -11,34 +12,27 @@ from click.shell_completion import CompletionItem
 from ual.errors import UalError
 
 if TYPE_CHECKING:
-    from ual._calls import Call
+    from ual.interface import Uav
 
 _PATIENCE_S = 1.0
 """A shell waits for the completion, so a daemon that does not answer by then is left out."""
 
-T = TypeVar("T")
-
 
 def namespaces(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completes the names of the UAVs of this computer."""
-    from ual import _discovery
+    from ual import discovery
 
-    return _items((each.ns for each in _discovery.list_daemons()), incomplete)
+    return _items((each.ns for each in discovery.list_daemons()), incomplete)
 
 
 def frames(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completes the names of the frames of the chosen UAV."""
-    from ual import _calls
-
-    return _items((each.frame_id for each in _asked(context, _calls.list_frames(), [])), incomplete)
+    return _items(_asked(context, lambda uav: [each.frame_id for each in uav.frames()]), incomplete)
 
 
 def faults(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completes the identifiers of the active faults of a simulated UAV."""
-    from ual import _calls
-
-    found = _asked(context, _calls.list_faults(), {})
-    return _items(found, incomplete)
+    return _items(_asked(context, lambda uav: list(uav.simulation.faults())), incomplete)
 
 
 def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -48,23 +42,22 @@ def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[Compl
     return _items((each.name for each in conformance.CHECKS), incomplete)
 
 
-def _asked(context: click.Context, call: Call[T], otherwise: T) -> T:
-    """Returns the answer of the chosen UAV, or `otherwise` if there is none."""
-    from ual._connection import Connection
-    from ual._target import Target
+def _asked(context: click.Context, ask: Callable[[Uav], list[str]]) -> list[str]:
+    """Returns the answer of the chosen UAV; nothing where there is none in time."""
+    from ual import Uav
     from ual_tools.app import session
 
     chosen = session(context)
     try:
-        connection = Connection(Target(chosen.ns, chosen.address, chosen.tls_ca, chosen.credentials))
+        with Uav(chosen.ns, address=chosen.address, tls_ca=chosen.tls_ca, credentials=chosen.credentials) as uav:
+            end = threading.Timer(_PATIENCE_S, uav.close)
+            end.start()
+            try:
+                return ask(uav)
+            finally:
+                end.cancel()
     except UalError:
-        return otherwise
-    try:
-        return connection.run(call, _PATIENCE_S)
-    except UalError:
-        return otherwise
-    finally:
-        connection.close()
+        return []
 
 
 def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:

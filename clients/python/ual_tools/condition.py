@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-from ual._discovery import natural_order
+from ual.discovery import natural_order
 from ual.errors import UalError
 from ual.types import Battery, Health, State, Telemetry
 from ual_tools.watch_board import Seen

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ual import _discovery
-from ual._discovery import Registration
+from ual import discovery
+from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
 from ual_tools import many
@@ -16,7 +16,7 @@ _PARALLEL = 16
 
 def chosen_daemons(session: Session) -> list[Registration]:
     """Returns the daemons of this computer: with ``--ns a,b`` those with these names, else all."""
-    daemons = _discovery.list_daemons()
+    daemons = discovery.list_daemons()
     names = many.names(session) if session.ns else None
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 

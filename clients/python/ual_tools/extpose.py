@@ -11,10 +11,10 @@ from pathlib import Path
 import click
 
 from ual import routes
-from ual._numbers import parse_number
-from ual._text import decoded, lines_of
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Pose, PoseStamped, Quaternion, Vector3
+from ual.shared.numbers import parse_number
+from ual.shared.text import decoded, lines_of
 from ual_tools import complete, values
 from ual_tools.app import Session, command, pass_session
 from ual_tools.help import Section

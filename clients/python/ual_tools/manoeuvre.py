@@ -17,7 +17,7 @@ from ual_tools.app import INTERRUPTED, Session, note
 from ual_tools.output import plan_text, task_text
 
 if TYPE_CHECKING:
-    from ual._client import Uav
+    from ual import Uav
 
 _STANDING = {State.LANDED_ARMED.name, State.LANDED_DISARMED.name}
 CANCELLED = "cancelled: the UAV holds its position"

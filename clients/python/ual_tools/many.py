@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ual._discovery import natural_order
+from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
 from ual_tools.start import Gate, Member
 from ual_tools.streams import Line, OutputLostError, give_up_output, write
@@ -30,9 +30,9 @@ def names(session: Session) -> list[str] | None:
     if session.is_all and (session.ns or session.address):
         raise click.UsageError("--all is all UAVs of this computer: leave out --ns and --address")
     if session.is_all:
-        from ual import _discovery
+        from ual import discovery
 
-        found = [daemon.ns for daemon in _discovery.list_daemons()]
+        found = [daemon.ns for daemon in discovery.list_daemons()]
         if not found:
             raise DaemonUnreachableError("no daemon runs on this computer: start one with `ual-daemon`")
         return found

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual import _extras
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3
+from ual.shared import extras
 from ual.types import Telemetry
 
 if TYPE_CHECKING:
-    from ual._client import Uav
+    from ual import Uav
 
 _ENDINGS = (".pdf", ".png", ".svg")
 _WINDOW = 100
@@ -62,7 +62,7 @@ def _require_drawing(file: Path) -> None:
         raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
     if not (os.access(file, os.W_OK) or (os.access(file.parent, os.W_OK | os.X_OK) and not file.exists())):
         raise click.BadParameter(f"{file} cannot be written", param_hint="--plot")
-    with _extras.needs("--plot", "plot"):
+    with extras.needs("--plot", "plot"):
         import matplotlib as mpl  # noqa: F401
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ual.types import Telemetry
 
 if TYPE_CHECKING:
-    from ual._client import Uav
+    from ual import Uav
 
 _RATE_HZ = 5.0
 

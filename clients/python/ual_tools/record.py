@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual import _extras
-from ual._recording import requirements
 from ual.errors import InvalidArgumentError
+from ual.recording import requirements
+from ual.shared import extras
 from ual_tools.app import REFUSED, Session, UalCommand, UalGroup, command, pass_session
 from ual_tools.everyone import several
 from ual_tools.help import Section
@@ -21,8 +21,8 @@ from ual_tools.tables import print_table
 from ual_tools.values import Number
 
 if TYPE_CHECKING:
-    from ual._recording.client import ClientRecording
-    from ual._recording.summary import Summary
+    from ual_tools.recording.client import ClientRecording
+    from ual_tools.recording.summary import Summary
 
 _LOOK_S = 0.2
 _DRAWINGS = (".pdf", ".png", ".svg")
@@ -74,7 +74,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
 
 def _begin(session: Session, directory: Path, stack: ExitStack) -> ClientRecording:
     """Subscribes to the chosen UAVs until the stack ends. Returns the recording, which ends after them."""
-    from ual._recording.client import ClientRecording
+    from ual_tools.recording.client import ClientRecording
 
     daemons = several(session)
     if daemons is None:
@@ -113,8 +113,8 @@ def _report(session: Session, recording: ClientRecording) -> None:
 @pass_session
 def info(session: Session, file: Path) -> None:
     """Tell what is in the recording FILE."""
-    from ual._recording.reader import Recording
-    from ual._recording.summary import summarize
+    from ual.recording.reader import Recording
+    from ual_tools.recording.summary import summarize
 
     summary = summarize(Recording(file))
     session.emit(summary)
@@ -178,7 +178,8 @@ def _exported(
     file: Path, target: Path, *, as_csv: bool, as_parquet: bool, as_kml: bool, as_gpx: bool
 ) -> list[tuple[Path, int, str]]:
     """Writes the files. Returns each with the number of what is in it."""
-    from ual._recording import reader, tables, tracks
+    from ual.recording import reader
+    from ual_tools.recording import tables, tracks
 
     recording = reader.Recording(file)
     done = []
@@ -221,13 +222,13 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
     It has the ground track, height, speed, states, tasks and refusals. Where the recording has several UAVs, they are
     drawn in map, the frame that they share.
     """
-    from ual._recording import page
-    from ual._recording.reader import Recording
+    from ual.recording.reader import Recording
+    from ual_tools.recording import page
 
     target = file.with_suffix(".png") if output is None else output
     if target.suffix.lower() not in _DRAWINGS:
         raise click.BadParameter(f"{target} ends in none of {', '.join(_DRAWINGS)}", param_hint="--output")
-    with _extras.needs("ual plot", "plot"):
+    with extras.needs("ual plot", "plot"):
         import matplotlib as mpl  # noqa: F401
     requirements.require_reading("ual plot", "plot")
     is_in_map = len(Recording(file).uavs()) > 1

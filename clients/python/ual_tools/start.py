@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import click
 from typing_extensions import override
 
-from ual._numbers import parse_number
 from ual.errors import DaemonUnreachableError
+from ual.shared.numbers import parse_number
 from ual_tools.streams import Line
 
 if TYPE_CHECKING:
-    from ual._client import Uav
+    from ual import Uav
     from ual_tools.condition import Condition
 
 _LONGEST_S = 86_400.0

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import click
 
-from ual import _discovery
-from ual._discovery import Registration
+from ual import discovery
+from ual.discovery import Registration
 from ual.errors import UalError
 from ual.types import Health, State, Telemetry
 from ual_tools import condition
@@ -35,7 +35,7 @@ _STATES = [state.name for state in State]
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer, the worst first."""
-    daemons = _discovery.list_daemons()
+    daemons = discovery.list_daemons()
     known = [_Known(daemon, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
     known = condition.worst_first(known, lambda each: each.how, lambda each: each.daemon.ns)
     if session.as_json:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
-from ual._access import private_file, roles, tokens
-from ual._access.roles import Role
-from ual._access.tokens import Token
+from ual.access import roles, tokens
+from ual.access.roles import Role
+from ual.access.tokens import Token
 from ual.errors import InvalidArgumentError
+from ual_tools.access import private_file
 from ual_tools.app import Session, UalGroup, command, pass_session
 from ual_tools.help import Section
 from ual_tools.tables import print_table

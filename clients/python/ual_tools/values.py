@@ -12,10 +12,10 @@ import click
 from typing_extensions import override
 
 from ual import routes
-from ual._numbers import parse_number
 from ual.errors import InvalidArgumentError
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual.routes import Route, RouteError
+from ual.shared.numbers import parse_number
 from ual.types import AltitudeReference, PathHeading
 
 _WORDS = {word: float(word) for word in ("inf", "-inf", "nan")}

@@ -9,10 +9,9 @@ from functools import partial
 
 import click
 
-from ual import _places
-from ual._discovery import Registration
+from ual.discovery import Registration
 from ual.types import Telemetry
-from ual_tools import condition
+from ual_tools import condition, places
 from ual_tools.app import REFUSED, Many, Session, command, note, pass_session
 from ual_tools.everyone import ask_all, several
 from ual_tools.help import Section
@@ -128,5 +127,5 @@ def _pose(telemetry: Telemetry) -> str:
 
 
 def _place(telemetry: Telemetry) -> str:
-    place = _places.position(telemetry)
+    place = places.position(telemetry)
     return "" if place is None else f"{vector_text(place)} in map"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ual import _discovery
+from ual import discovery
 from ual.errors import UalError
 from ual.types import Telemetry
 
@@ -91,7 +91,7 @@ class Board:
         now_s = time.monotonic()
         with self._lock:
             self._seen = {ns: each for ns, each in self._seen.items() if not self._has_vanished(each, now_s)}
-            return dict(sorted(self._seen.items(), key=lambda item: _discovery.natural_order(item[0])))
+            return dict(sorted(self._seen.items(), key=lambda item: discovery.natural_order(item[0])))
 
     def _has_vanished(self, seen: Seen, now_s: float) -> bool:
         limit_s = GONE_S if self._gone_after_s is None else self._gone_after_s

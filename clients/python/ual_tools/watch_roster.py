@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ual._discovery import Registration
+from ual.discovery import Registration
 from ual.errors import UalError
 from ual_tools.app import Session, note
 from ual_tools.everyone import chosen_daemons
@@ -17,7 +17,7 @@ from ual_tools.output import error_text
 from ual_tools.watch_board import Board
 
 if TYPE_CHECKING:
-    from ual._client import Uav
+    from ual import Uav
 
 _SCAN_S = 1.0
 _RETRY_S = 1.0

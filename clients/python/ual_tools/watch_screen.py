@@ -6,9 +6,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from ual import _places
 from ual.types import State, Telemetry
-from ual_tools import condition, watch_table
+from ual_tools import condition, places, watch_table
 from ual_tools.condition import STYLES
 from ual_tools.keys import Key, keyboard
 from ual_tools.output import pose_text, running_text, vector_text
@@ -134,7 +133,7 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("because", t.state_reason, "dim"),
         ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
-        ("in map", "" if (place := _places.position(t)) is None else vector_text(place), ""),
+        ("in map", "" if (place := places.position(t)) is None else vector_text(place), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else running_text(task), ""),

@@ -7,9 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ual import _places
 from ual.types import State, Telemetry
-from ual_tools import condition
+from ual_tools import condition, places
 from ual_tools.condition import STYLES, Condition, Level
 from ual_tools.keys import Key
 from ual_tools.output import running_text
@@ -46,7 +45,7 @@ class _Column:
 
 
 def _place(t: Telemetry) -> str:
-    place = _places.position(t)
+    place = places.position(t)
     return "" if place is None else " ".join(f"{c:6.1f}" for c in place)
 
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.geometry import Vector3
 from ual_arm.interface import Arm, Joints

@@ -13,7 +13,7 @@ from typing import Literal
 
 from typing_extensions import override
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError, UalTimeoutError, WrongStateError
 from ual.geometry import PointStamped, Vector3, wrap_angle
 from ual.interface import Uav

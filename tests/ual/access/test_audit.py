@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual._access import audit
-from ual._access.audit import BrokenChainError
+from ual.access import audit
+from ual.access.audit import BrokenChainError
 from ual_tools.main import cli
 
 

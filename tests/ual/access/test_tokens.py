@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from ual._access import roles, tokens
-from ual._access.roles import Role
+from ual.access import roles, tokens
+from ual.access.roles import Role
 from ual_tools.main import cli
 
 NOW = datetime(2026, 11, 23, 12, 0, tzinfo=timezone.utc)

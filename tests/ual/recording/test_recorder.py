@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from tests.ual.recording.waiting import LIMIT_S, wait_until
-from ual._recording import recorder as recorder_module
-from ual._recording import requirements
-from ual._recording.file import File
-from ual._recording.reader import Recording
-from ual._recording.recorder import METADATA, Entry, Output, Recorder, Turnover
-from ual._recording.topics import JSON, Topic
 from ual.errors import NotSupportedError
+from ual.recording import recorder as recorder_module
+from ual.recording import requirements
+from ual.recording.file import File
+from ual.recording.reader import Recording
+from ual.recording.recorder import METADATA, Entry, Output, Recorder, Turnover
+from ual.recording.topics import JSON, Topic
 
 TOPIC = Topic("/uav_1/numbers", JSON)
 
@@ -111,7 +111,7 @@ import logging, resource, signal, sys, time
 from pathlib import Path
 sys.path.insert(0, {str(Path.cwd())!r})
 from tests.ual.recording.test_recorder import put
-from ual._recording.recorder import Recorder
+from ual.recording.recorder import Recorder
 logging.basicConfig(level=logging.INFO, format="%(message)s")
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))

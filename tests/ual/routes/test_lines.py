@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ual import routes
-from ual._numbers import parse_number
 from ual.geometry import Pose, PoseStamped
 from ual.routes import RouteError
+from ual.shared.numbers import parse_number
 
 POSES = [PoseStamped(Pose.at(1.5, 2.0, 3.0)), PoseStamped(Pose.at(-4.0, 5.0, 6.25))]
 NO_NUMBERS = [

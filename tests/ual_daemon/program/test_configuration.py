@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ual import _discovery
+from ual import discovery
 from ual_daemon.program import configuration, configuration_yaml
 from ual_daemon.program.configuration import Configuration, ConfigurationError, FlagSource, Source
 from ual_daemon.settings import ConfigError
@@ -40,7 +40,7 @@ def test_nothing_given_is_a_light_uav_on_loopback() -> None:
 
 @pytest.mark.parametrize(("ns", "port"), [("uav_2", 50052), ("uav_12", 50062), ("hawk", 50051), ("uav2", 50051)])
 def test_the_default_port_follows_from_the_namespace(ns: str, port: int) -> None:
-    assert configuration.resolve([Source({"ns": ns})], BACKENDS).listen == (f"{_discovery.LOOPBACK}:{port}",)
+    assert configuration.resolve([Source({"ns": ns})], BACKENDS).listen == (f"{discovery.LOOPBACK}:{port}",)
 
 
 def test_a_file_has_everything(file: Path) -> None:

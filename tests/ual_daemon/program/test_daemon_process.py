@@ -18,10 +18,11 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
-from ual import _discovery, _rpc_errors
+from ual import discovery
 from ual.errors import TaskAbortedError
 from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2_grpc
 from ual.v1 import ual_pb2 as pb
+from ual.wire import rpc_errors
 
 TLS = Path(__file__).parents[2] / "data" / "tls"
 
@@ -62,8 +63,8 @@ def test_two_daemons_fly_side_by_side(start_daemon: StartDaemon) -> None:
     daemons = [start_daemon(ns=ns) for ns in ("uav_1", "uav_2")]
     for daemon in daemons:
         assert namespace_of(daemon.channel()) == daemon.ns
-    assert [each.ns for each in _discovery.list_daemons()] == ["uav_1", "uav_2"]
-    assert _discovery.find("uav_2") == daemons[1].address
+    assert [each.ns for each in discovery.list_daemons()] == ["uav_1", "uav_2"]
+    assert discovery.find("uav_2") == daemons[1].address
 
 
 def test_a_namespace_flies_once_on_a_computer(start_daemon: StartDaemon) -> None:
@@ -86,7 +87,7 @@ def test_what_a_killed_daemon_left_is_in_nobodys_way(start_daemon: StartDaemon) 
     assert killed.wait() == -signal.SIGKILL
     again = start_daemon(listen=listen)
     assert again.address == listen
-    found = _discovery.registered("uav_1")
+    found = discovery.registered("uav_1")
     assert found is not None
     assert found.pid == again.pid
 
@@ -99,7 +100,7 @@ def test_a_port_in_use_is_refused_and_says_by_whom(transport: str, start_daemon:
     assert second.stderr.startswith(
         f"ual-daemon: cannot listen on {first.address}: the port is in use by pid {first.pid} ("
     )
-    assert _discovery.registered("uav_2") is None
+    assert discovery.registered("uav_2") is None
 
 
 @pytest.mark.parametrize("transport", ["core", "aio"])
@@ -183,7 +184,7 @@ def refusal(tmp_path: Path) -> Callable[..., str]:
         found = subprocess.run(
             [sys.executable, "-m", "ual_daemon", *flags],
             cwd=tmp_path,
-            env={**os.environ, _discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment},
+            env={**os.environ, discovery.RUNTIME_DIR_VARIABLE: str(tmp_path / "ual"), **environment},
             capture_output=True,
             text=True,
             timeout=LIMIT_S,
@@ -335,8 +336,8 @@ def test_on_the_ground_a_signal_ends_it_cleanly(start_daemon: StartDaemon, numbe
     daemon.wait_for("state", new="LANDED_DISARMED")
     daemon.signal(number)
     assert daemon.wait() == 0
-    assert _discovery.registered("uav_1") is None
-    assert not _discovery.registry_file("uav_1").exists()
+    assert discovery.registered("uav_1") is None
+    assert not discovery.registry_file("uav_1").exists()
     daemon.wait_for("ended")
 
 
@@ -349,7 +350,7 @@ def test_in_a_go_to_a_signal_makes_the_autopilot_hold_and_tells_the_callers(daem
     daemon.signal(signal.SIGTERM)
     with pytest.raises(grpc.RpcError) as caught:
         going.result(LIMIT_S)
-    error = _rpc_errors.from_rpc_error(caught.value)
+    error = rpc_errors.from_rpc_error(caught.value)
     assert isinstance(error, TaskAbortedError)
     assert error.metadata["by"] == "shutdown"
     with pytest.raises(grpc.RpcError, match="the daemon is shutting down") as caught:

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 
 from tests.conftest import LIMIT_S
-from ual import _discovery
+from ual import discovery
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.light.world import World
@@ -78,4 +78,4 @@ def test_a_fleet_ends_at_any_time_of_its_start(end_at: str, told: list[str]) -> 
             uavs.append(Uav(interface.vehicle, namespace, [parse("127.0.0.1:0")], interface))
         assert asyncio.run(Daemon(uavs, supervision=watcher).run())
     assert watcher.told == told
-    assert not _discovery.list_daemons()
+    assert not discovery.list_daemons()

@@ -16,7 +16,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
-from ual import _discovery
+from ual import discovery
 from ual.errors import InvalidArgumentError, LinkLostError
 from ual.geometry import Pose, PoseStamped, Vector3
 from ual.simulation import LinkLost
@@ -124,7 +124,7 @@ def clients(daemon: DaemonProcess, count: int) -> Iterator[list[ual.Uav]]:
 def test_each_uav_of_a_fleet_has_its_namespace_address_place_and_state(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--fleet", "12", "--auto-arm", "--set", "light.speed_factor=10")
     with clients(daemon, 12) as uavs:
-        registered = _discovery.list_daemons()
+        registered = discovery.list_daemons()
         assert [each.ns for each in registered] == [f"uav_{number}" for number in range(1, 13)]
         assert len({each.address for each in registered}) == 12
         assert {each.pid for each in registered} == {daemon.pid}
@@ -188,7 +188,7 @@ def test_a_fault_of_one_is_no_fault_of_the_others(start_daemon: StartDaemon) -> 
 def test_unix_sockets_for_all(start_daemon: StartDaemon, tmp_path: Path) -> None:
     daemon = start_daemon("--fleet", "3", listen=f"unix:{tmp_path}/{{ns}}.sock", ns="spot")
     daemon.wait_for("state", ns="spot_3")
-    assert _discovery.find("spot_2") == f"unix:{tmp_path}/spot_2.sock"
+    assert discovery.find("spot_2") == f"unix:{tmp_path}/spot_2.sock"
     with ual.Uav(address=f"unix:{tmp_path}/spot_2.sock") as uav:
         assert uav.info().namespace == "spot_2"
 
@@ -217,13 +217,13 @@ def test_the_fleet_ends_by_one_signal_after_all_are_safe(start_daemon: StartDaem
     held = [event["ns"] for event in daemon.events if event.get("event") == "hold_by_autopilot"]
     assert sorted(held) == ["uav_1", "uav_2", "uav_3", "uav_4"]
     assert daemon.events[-1]["event"] == "ended"
-    assert not _discovery.list_daemons()
+    assert not discovery.list_daemons()
 
 
 def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDaemon) -> None:
     first = start_daemon("--fleet", "4")
     first.wait_for("state", ns="uav_4")
-    address = _discovery.find("uav_3")
+    address = discovery.find("uav_3")
     second = start_daemon(ns="uav_3")
     assert second.wait() == 1
     assert f"uav_3 is already flown by pid {first.pid} at {address}" in second.stderr

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from tests.conftest import DaemonProcess
-from ual import Uav, _discovery
+from ual import Uav, discovery
 from ual.types import State
 
 NEVER = {
@@ -31,7 +31,7 @@ def loaded(daemon: DaemonProcess) -> set[str]:
 
 
 def start(runtime_dir: Path, *flags: str) -> DaemonProcess:
-    variables = {_discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "PYTHONPROFILEIMPORTTIME": "1"}
+    variables = {discovery.RUNTIME_DIR_VARIABLE: str(runtime_dir), "PYTHONPROFILEIMPORTTIME": "1"}
     environment = {name: value for name, value in os.environ.items() if not name.startswith("UAL_")}
     return DaemonProcess(("--listen", "127.0.0.1:0", *flags), "uav_1", environment | variables)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ual import _discovery
+from ual import discovery
 from ual_daemon.program.namespace import Namespace, NamespaceError
 
 HOLD = """
@@ -27,7 +27,7 @@ sys.stdin.read()
 @pytest.fixture(autouse=True)
 def runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "run" / "ual"
-    monkeypatch.setenv(_discovery.RUNTIME_DIR_VARIABLE, str(path))
+    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, str(path))
     return path
 
 
@@ -48,12 +48,12 @@ def end(process: subprocess.Popen[str]) -> None:
 
 def test_a_daemon_is_found_until_it_releases_the_namespace() -> None:
     with Namespace("uav_1") as namespace:
-        assert _discovery.registered("uav_1") is None
+        assert discovery.registered("uav_1") is None
         namespace.register("127.0.0.1:50051", "light")
-        found = _discovery.registered("uav_1")
+        found = discovery.registered("uav_1")
         assert found is not None
         assert (found.pid, found.address, found.backend) == (os.getpid(), "127.0.0.1:50051", "light")
-    assert _discovery.registered("uav_1") is None
+    assert discovery.registered("uav_1") is None
     with Namespace("uav_1"):
         pass
 
@@ -105,7 +105,7 @@ def test_what_a_killed_daemon_left_is_not_taken_for_one_that_starts(runtime_dir:
     end(hold("127.0.0.1:4711", "light"))
     assert (runtime_dir / "uav_1.json").exists()
     with Namespace("uav_1"):
-        assert _discovery.registered("uav_1") is None
+        assert discovery.registered("uav_1") is None
         with pytest.raises(NamespaceError, match=rf"pid {os.getpid()}, which is still starting"):
             Namespace("uav_1")
 
@@ -170,11 +170,11 @@ def test_a_directory_that_cannot_be_trusted_is_refused(runtime_dir: Path, tmp_pa
     else:
         runtime_dir.mkdir()
         runtime_dir.chmod(0o777)
-    with pytest.raises(NamespaceError, match=_discovery.RUNTIME_DIR_VARIABLE):
+    with pytest.raises(NamespaceError, match=discovery.RUNTIME_DIR_VARIABLE):
         Namespace("uav_1")
 
 
 def test_a_directory_that_cannot_be_made_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(_discovery.RUNTIME_DIR_VARIABLE, "/proc/ual")
+    monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, "/proc/ual")
     with pytest.raises(NamespaceError, match=r"cannot open /proc/ual/uav_1\.lock: No such file"):
         Namespace("uav_1")

@@ -17,8 +17,8 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon, daemon_environment
-from ual import _discovery
-from ual._access import audit as chain
+from ual import discovery
+from ual.access import audit as chain
 from ual.types import State
 from ual_daemon.program import fleet
 from ual_daemon.program.configuration import DaemonSettings
@@ -74,7 +74,7 @@ def workers_of(daemon: DaemonProcess) -> dict[int, list[str]]:
     for ns in NAMES:
         daemon.wait_for("state", ns=ns, new="LANDED_ARMED")
     found: dict[int, list[str]] = {}
-    for each in _discovery.list_daemons():
+    for each in discovery.list_daemons():
         found.setdefault(each.pid, []).append(each.ns)
     return found
 
@@ -114,7 +114,7 @@ def test_several_processes_fly_one_fleet(start_daemon: StartDaemon) -> None:
         "signal",
         "ended",
     ]
-    assert not _discovery.list_daemons()
+    assert not discovery.list_daemons()
 
 
 @contextmanager
@@ -149,7 +149,7 @@ def test_a_worker_that_dies_is_told_and_the_others_go_on(start_daemon: StartDaem
     os.kill(lost, signal.SIGKILL)
     told = daemon.wait_for("worker_ended", pid=lost)
     assert (told["how"], told["uavs"], told["count"]) == ("killed by SIGKILL", "uav_1 to uav_2", 2)
-    assert [each.ns for each in _discovery.list_daemons()] == NAMES[2:]
+    assert [each.ns for each in discovery.list_daemons()] == NAMES[2:]
     with ual.Uav("uav_4") as uav:
         uav.take_off(2.0, timeout_s=LIMIT_S)
     daemon.signal(signal.SIGTERM)
@@ -165,7 +165,7 @@ def test_workers_end_when_the_process_that_started_them_is_killed(start_daemon: 
     daemon.process.kill()
     wait_for_end(pids)
     daemon.wait()
-    assert not _discovery.list_daemons()
+    assert not discovery.list_daemons()
     held = [event["ns"] for event in daemon.events if event.get("event") == "hold_by_autopilot"]
     assert held == ["uav_1"]  # its end was safe, and still logged
     assert sum(event.get("event") == "supervisor_gone" for event in daemon.events) == 2

@@ -14,12 +14,12 @@ import pytest
 
 from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import serving, told
-from ual import _rpc_errors
 from ual.errors import InvalidArgumentError, ResourceExhaustedError, TaskAbortedError, UalError, WrongStateError
 from ual.geometry import TwistStamped
 from ual.types import ExternalPose, State, TaskKind, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
+from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
@@ -130,7 +130,7 @@ async def served(transport: Choice) -> AsyncIterator[Served]:
 async def error_of(call: Any) -> UalError:
     with pytest.raises(grpc.aio.AioRpcError) as caught:
         await call
-    return _rpc_errors.from_rpc_error(caught.value)
+    return rpc_errors.from_rpc_error(caught.value)
 
 
 async def until(condition: Callable[[], bool]) -> None:

@@ -64,8 +64,8 @@ def test_without_an_authority_it_says_what_makes_one(tmp_path: Path) -> None:
 
 
 def test_without_its_package_it_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "ual._access.certificates", raising=False)
-    monkeypatch.delattr("ual._access.certificates", raising=False)
+    monkeypatch.delitem(sys.modules, "ual_tools.access.certificates", raising=False)
+    monkeypatch.delattr("ual_tools.access.certificates", raising=False)
     monkeypatch.setitem(sys.modules, "cryptography", None)
     result = run(tmp_path, "authority")
     assert result.exit_code == 1

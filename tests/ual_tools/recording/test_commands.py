@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon, daemon_environment
-from ual._recording.reader import Recording
 from ual.errors import UalError
+from ual.recording.reader import Recording
 from ual.types import State
 from ual_tools.main import cli
 
@@ -102,7 +102,7 @@ def test_a_flight_is_drawn_on_one_page(flown: Path, tmp_path: Path) -> None:
 
 
 def test_the_drawing_has_states_tasks_and_refusals(flown: Path) -> None:
-    from ual._recording import page
+    from ual_tools.recording import page
 
     [flight] = page.flights(Recording(flown).messages())
     states = [band.label for band in flight.states]
@@ -113,7 +113,7 @@ def test_the_drawing_has_states_tasks_and_refusals(flown: Path) -> None:
 
 
 def test_several_uavs_are_drawn_where_they_are_in_map(start_daemon: StartDaemon, tmp_path: Path) -> None:
-    from ual._recording import page
+    from ual_tools.recording import page
 
     for number, home in ((1, "[0, 0, 0]"), (2, "[30, -40, 2]")):
         start_daemon("--set", f"home_pose={home}", ns=f"uav_{number}").wait_for("state", new="LANDED_DISARMED")

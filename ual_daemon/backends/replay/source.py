@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ual._recording.reader import Message, Recording
 from ual.errors import UalError
 from ual.geometry import Vector3
+from ual.recording.reader import Message, Recording
 from ual.types import Telemetry
 from ual_daemon.backends.values import Packet
 from ual_daemon.settings import ConfigError

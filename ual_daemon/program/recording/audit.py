@@ -1,6 +1,6 @@
 """The audit (``--audit``): a line for each call that changes something. Who, from where, what, and what came of it.
 
-Lines are only appended, by a thread of their own: a slow or full disk delays no call. `ual._access.audit` says how they
+Lines are only appended, by a thread of their own: a slow or full disk delays no call. `ual.access.audit` says how they
 are chained.
 """
 
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from typing_extensions import override
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual_daemon.program.recording.audit_file import time_text
 from ual_daemon.program.recording.audit_writer import AuditWriter
 from ual_daemon.program.recording.call_json import to_json

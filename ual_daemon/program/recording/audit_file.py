@@ -19,7 +19,7 @@ from typing import Any
 from typing_extensions import override
 
 from ual import __version__
-from ual._access import audit
+from ual.access import audit
 from ual_daemon import logs
 
 _log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.json_format import MessageToDict
 from google.protobuf.message import DecodeError, Message
 
-from ual import _rpc_errors
+from ual.wire import rpc_errors
 from ual_daemon.server.call_log import CallRecord
 
 _SECRETS = frozenset({"lease_id"})
@@ -34,7 +34,7 @@ def to_json(call: CallRecord) -> dict[str, Any]:
         "requests_count": call.requests_count,
     }
     if call.has_ended:
-        error = _rpc_errors.error_info(call.metadata)
+        error = rpc_errors.error_info(call.metadata)
         values |= {
             "response": _message(None if types is None else types.response, call.response),
             "responses_count": call.responses_count,

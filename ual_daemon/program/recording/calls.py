@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from ual._recording.recorder import Entry, Output
-from ual._recording.topics import json_schema, of_json
+from ual.recording.recorder import Entry, Output
+from ual.recording.topics import json_schema, of_json
 from ual_daemon.program.recording.call_json import to_json
 from ual_daemon.server.call_log import CallRecord
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ual._recording.recorder import Clock, Entry, Output
-from ual._recording.topics import Topic
+from ual.recording.recorder import Clock, Entry, Output
+from ual.recording.topics import Topic
 from ual_daemon.backends.values import Packet
 
 _MOST_PEERS = 64

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from typing_extensions import override
 
-from ual._recording.log import RecordingHandler
-from ual._recording.recorder import Recorder, Turnover
-from ual._recording.telemetry import TelemetryTopics
+from ual.recording.log import RecordingHandler
+from ual.recording.recorder import Recorder, Turnover
+from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 from ual_daemon import logs
 from ual_daemon.backends.values import Packet, Setpoint

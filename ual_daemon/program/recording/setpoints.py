@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from ual._recording.recorder import Entry, Output
-from ual._recording.topics import json_schema, of_json
 from ual.geometry import Vector3
+from ual.recording.recorder import Entry, Output
+from ual.recording.topics import json_schema, of_json
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}

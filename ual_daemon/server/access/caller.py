@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.errors import PermissionDeniedError
 
 LOCAL = "local"

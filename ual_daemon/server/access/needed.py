@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ual._access.roles import Role
+from ual.access.roles import Role
 
 _READING = (
     "GetInfo",

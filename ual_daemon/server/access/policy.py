@@ -11,9 +11,9 @@ from functools import lru_cache
 from typing import Protocol
 from urllib.parse import unquote
 
-from ual._access import tokens
-from ual._access.roles import Role
-from ual._access.tokens import Token
+from ual.access import tokens
+from ual.access.roles import Role
+from ual.access.tokens import Token
 from ual.errors import UnauthenticatedError
 from ual_daemon.server.access.caller import LOCAL, NOBODY, OF_THIS_COMPUTER, Caller
 from ual_daemon.server.transport.base import Call

@@ -9,20 +9,21 @@ from typing import Any, TypeVar
 
 from typing_extensions import Self, override
 
-from ual import _calls, _views
+from ual import _calls
 from ual._calls import Call
-from ual._credentials import Credentials
 from ual._setpoints import EXTERNAL_POSES
 from ual._target import Target
-from ual._time_limit import time_limit
 from ual.aio._connection import Connection
 from ual.aio._lease import Lease
 from ual.aio._setpoints import Setpoints
 from ual.aio._subscription import Subscription
 from ual.aio._task import Task
+from ual.credentials import Credentials
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3, stamped_pose, stamped_twist
 from ual.interface import DryRun, TaskCommands
+from ual.shared import views
+from ual.shared.time_limit import time_limit
 from ual.simulation import Fault, SimulationPart
 from ual.types import (
     ExternalPose,
@@ -132,12 +133,12 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
             InvalidArgumentError: No state is given, or one is no `State`.
             UalTimeoutError: None of the states came in time.
         """
-        _views.require_states(states)
+        views.require_states(states)
         limit_s = time_limit(timeout_s)
         try:
             return await asyncio.wait_for(self._first_of(states), limit_s)
         except asyncio.TimeoutError:
-            raise _views.not_reached(states, await self.telemetry(), limit_s) from None
+            raise views.not_reached(states, await self.telemetry(), limit_s) from None
 
     async def _first_of(self, states: Sequence[State]) -> State:
         async with self.subscribe() as samples:
@@ -148,11 +149,11 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
 
     async def is_ready(self) -> bool:
         """Returns True when the state is not UNINITIALIZED."""
-        return _views.is_ready(await self.telemetry())
+        return views.is_ready(await self.telemetry())
 
     async def is_idle(self) -> bool:
         """Returns True when no task runs."""
-        return _views.is_idle(await self.telemetry())
+        return views.is_idle(await self.telemetry())
 
     async def pose(self) -> PoseStamped:
         """Returns the pose of the body; see `ual.interface.Uav.pose`.
@@ -161,7 +162,7 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
             WrongStateError: The pose is not known (yet).
 
         """
-        return _views.pose(await self.telemetry())
+        return views.pose(await self.telemetry())
 
     async def velocity(self) -> TwistStamped:
         """Returns the velocity in m/s and rad/s; see `ual.interface.Uav.velocity`.
@@ -170,7 +171,7 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
             WrongStateError: The velocity is not known (yet).
 
         """
-        return _views.velocity(await self.telemetry())
+        return views.velocity(await self.telemetry())
 
     async def odometry(self) -> Odometry:
         """Returns the pose with the velocity in the body; see `ual.interface.Uav.odometry`.
@@ -179,11 +180,11 @@ class Uav(TaskCommands[Coroutine[Any, Any, Task]]):
             WrongStateError: The odometry is not known (yet).
 
         """
-        return _views.odometry(await self.telemetry())
+        return views.odometry(await self.telemetry())
 
     async def reference_pose(self) -> PoseStamped | None:
         """Returns where the UAV is commanded to be now; None while no pose is commanded."""
-        return _views.reference_pose(await self.telemetry())
+        return views.reference_pose(await self.telemetry())
 
     def subscribe(self, rate_hz: float = 0.0) -> Subscription:
         """Returns new samples, to be iterated with ``async for``.

@@ -10,11 +10,12 @@ from typing import TypeVar
 import grpc
 import grpc.aio
 
-from ual import _calls, _rpc_errors
+from ual import _calls
 from ual._calls import Call
 from ual._target import Route, Stubs, Target
 from ual.errors import DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
+from ual.wire import rpc_errors
 
 T = TypeVar("T")
 
@@ -54,7 +55,7 @@ class Connection:
         try:
             return await self._run_once(call, limit_s)
         except DaemonUnreachableError as error:
-            if not (self._was_reached and _rpc_errors.was_never_sent(error)):
+            if not (self._was_reached and rpc_errors.was_never_sent(error)):
                 raise
             self._was_reached = False
             await self._wait_until_back(error)
@@ -94,7 +95,7 @@ class Connection:
     def error(self, error: grpc.RpcError) -> UalError:
         """Converts the error that a call of this connection ended with."""
         address = "" if self._route is None else self._route.address
-        return _rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
+        return rpc_errors.from_rpc_error(error, address=address, ns=self.target.ns)
 
     async def close(self) -> None:
         """Ends all running calls and refuses new ones."""

@@ -8,13 +8,14 @@ from collections.abc import Callable
 
 from typing_extensions import Self
 
-from ual import _convert, _views
 from ual._interruption_log import InterruptionLog
 from ual._subscription import RETRY_S
 from ual.aio._connection import Connection
 from ual.errors import UalError
+from ual.shared import views
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class Subscription:
         self._reading: asyncio.Task[None] | None = None
 
     def __repr__(self) -> str:
-        return _views.subscription_text(self._connection.target.shown_ns, self._rate_hz, is_closed=self._is_closed)
+        return views.subscription_text(self._connection.target.shown_ns, self._rate_hz, is_closed=self._is_closed)
 
     def __aiter__(self) -> Self:
         return self
@@ -56,7 +57,7 @@ class Subscription:
             await self._changed.wait()
         response, self._newest = self._newest, None
         missed_count, self._missed_count = self._missed_count, 0
-        return _convert.telemetry_from_proto(response.telemetry, missed_count)
+        return convert.telemetry_from_proto(response.telemetry, missed_count)
 
     async def close(self) -> None:
         """Ends it, and with it the iteration."""

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from typing_extensions import Self, override
 
-from ual._credentials import Credentials
 from ual.aio._client import Uav
 from ual.aio._lease import Lease
 from ual.aio._task import Task
+from ual.credentials import Credentials
 from ual.errors import InvalidArgumentError, TeamError, UalError
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped
 from ual.interface import DryRun, TaskCommands

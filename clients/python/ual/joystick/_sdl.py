@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ual import _extras
+from ual.shared import extras
 
 _MAPPINGS = "SDL_GAMECONTROLLERCONFIG"
 _SETTINGS = {
@@ -53,7 +53,7 @@ class Sdl:
 
 
 def _pygame() -> Any:  # noqa: ANN401 (a module)
-    with _extras.needs("a joystick", "joystick"):
+    with extras.needs("a joystick", "joystick"):
         import pygame
         import pygame.joystick
     return pygame

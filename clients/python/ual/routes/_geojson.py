@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from ual._numbers import shown
 from ual.routes import _json
 from ual.routes._places import Heights, Place, counted, route, the_one
 from ual.routes._route import FaultError, Route
+from ual.shared.numbers import shown
 
 _SHAPES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 _TYPES = (*_SHAPES, "Feature", "FeatureCollection")

@@ -6,8 +6,8 @@ import json
 import math
 from typing import Any
 
-from ual._numbers import shown
 from ual.routes._route import FaultError
+from ual.shared.numbers import shown
 
 
 class NotJson(str):

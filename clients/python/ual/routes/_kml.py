@@ -11,10 +11,10 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 
-from ual._numbers import shown
 from ual.routes import _xml
 from ual.routes._places import HOW, Heights, Place, counted, number, route, the_one
 from ual.routes._route import FaultError, Route, naming
+from ual.shared.numbers import shown
 from ual.types import AltitudeReference
 
 _AMSL, _HOME = AltitudeReference.AMSL, AltitudeReference.HOME

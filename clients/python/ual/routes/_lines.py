@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from ual._numbers import parse_number, shown
-from ual._text import lines_of
 from ual.geometry import Pose, PoseStamped, wrap_angle
 from ual.routes import _json
 from ual.routes._route import FaultError, Route, naming
+from ual.shared.numbers import parse_number, shown
+from ual.shared.text import lines_of
 
 _COLUMNS = (("x", "y", "z"), ("x", "y", "z", "yaw"))
 _KEYS = ("x", "y", "z", "yaw_rad", "frame_id", "hold_s")

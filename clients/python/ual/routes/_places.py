@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from ual._numbers import parse_number, shown
 from ual.routes._route import FaultError, Route, geo_waypoint, is_same_place
+from ual.shared.numbers import parse_number, shown
 from ual.types import AltitudeReference, GeoWaypoint
 
 T = TypeVar("T")

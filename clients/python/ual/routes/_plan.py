@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from ual._numbers import shown
 from ual.routes import _json
 from ual.routes._mission import Firmware, Item, fly
 from ual.routes._route import FaultError, Route, naming
+from ual.shared.numbers import shown
 
 _KEYS = {"fileType", "mission", "firmwareType", "MAV_AUTOPILOT"}
 _FIRMWARES = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}

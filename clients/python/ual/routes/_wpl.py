@@ -9,11 +9,11 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
-from ual._numbers import parse_number, shown
-from ual._text import lines_of
 from ual.routes import _commands as commands
 from ual.routes._mission import Firmware, Item, fly
 from ual.routes._route import FaultError, Route
+from ual.shared.numbers import parse_number, shown
+from ual.shared.text import lines_of
 
 HEADER = "QGC WPL"
 _FIRMWARES = {"110": Firmware.ARDUPILOT, "120": Firmware.OTHER}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ual import _discovery
+from ual import discovery
 from ual.errors import NotSupportedError
 from ual_tools.app import Session, command, note, pass_session
 from ual_tools.help import Section
@@ -99,7 +99,7 @@ def _run(team: Team) -> None:
 def _refuse_running(team: Team) -> None:
     """Ends the program if a UAV of the team has a daemon already: nothing is started then, no simulator either."""
     for daemon in team.daemons:
-        running = _discovery.registered(daemon.ns)
+        running = discovery.registered(daemon.ns)
         if running is not None:
             note(f"ual: {daemon.ns} has a daemon already, pid {running.pid} at {running.address}: end it first")
             raise click.exceptions.Exit(_FAILED)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from ual import _discovery
+from ual import discovery
 from ual_tools.launch.team import Condition, Program
 
 _LOOK_S = 0.05
@@ -68,7 +68,7 @@ async def _until(is_true: Callable[[], bool]) -> None:
 async def address_of(ns: str, session: int) -> str:
     """Returns where a daemon listens once it does. `session` is its process's: no other daemon is taken for it."""
     while True:
-        found = _discovery.registered(ns)
+        found = discovery.registered(ns)
         if found is not None and _session_of(found.pid) == session:
             return found.address
         await asyncio.sleep(_LOOK_S)

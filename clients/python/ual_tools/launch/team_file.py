@@ -12,7 +12,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TypedDict
 
-from ual import _discovery
+from ual import discovery
 from ual_tools.launch.team import AtEnd, Condition, Program, Ready, Restart, Team
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.nodes import Node, read
@@ -151,7 +151,7 @@ def _uav(
         raise values.get("ns", entry).error(
             f"{ns!r} is not a namespace: letters, digits and _, at most 64, no digit first"
         )
-    names = {**names, "ns": ns, "port": str(_discovery.default_port(ns))}
+    names = {**names, "ns": ns, "port": str(discovery.default_port(ns))}
     if "model" in values:
         names["model"] = values["model"].text()
     values = entry.named(names).entries()
@@ -308,7 +308,7 @@ def _port(node: Node) -> str:
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 65536:
         raise node.error(f"expected PORT or HOST:PORT of TCP, got {text!r}")
-    return f"{host or _discovery.LOOPBACK}:{port}"
+    return f"{host or discovery.LOOPBACK}:{port}"
 
 
 def _pattern(node: Node) -> str:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import click
 
-from ual import _extras
+from ual.shared import extras
 from ual_tools.app import note
 
 T = TypeVar("T")
@@ -29,7 +29,7 @@ def loaded(load: Callable[[Path], T], file: Path, what: str, extra: str) -> T:
 
     """
     try:
-        with _extras.needs(what, extra):
+        with extras.needs(what, extra):
             return load(file)
     except YamlFileError as error:
         note(f"ual: {error}")

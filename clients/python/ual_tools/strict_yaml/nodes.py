@@ -19,7 +19,7 @@ from typing import TypeVar
 
 import yaml
 
-from ual._numbers import parse_number
+from ual.shared.numbers import parse_number
 from ual_tools.help import close, did_you_mean
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.placeholders import PlaceholderError, fill, is_one

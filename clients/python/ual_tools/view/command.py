@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from typing_extensions import override
 
-from ual import _extras
+from ual.shared import extras
 from ual_tools.app import Many, Session, command, pass_session
 from ual_tools.help import Section
 from ual_tools.view.access import access
@@ -94,7 +94,7 @@ def view(
 
 def _require_viser() -> None:
     """Refuses before anything is begun."""
-    with _extras.needs("ual view", "view"):
+    with extras.needs("ual view", "view"):
         import viser  # noqa: F401
 
 

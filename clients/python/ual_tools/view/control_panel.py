@@ -7,7 +7,7 @@ from functools import partial
 
 import viser
 
-from ual._client import Uav
+from ual import Uav
 from ual.errors import LeaseLostError
 from ual.geometry import Vector3
 from ual.simulation import (

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ual._client import Uav
+from ual import Uav
 from ual.errors import DaemonUnreachableError, UalError
 from ual_tools.output import error_text
 from ual_tools.view.fleet import Fleet, Member

@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ual._client import Uav
-from ual._discovery import Registration
+from ual import Uav
+from ual.discovery import Registration
 from ual.errors import UalError
 from ual.interface import Lease
 from ual.types import Frame, Geofence, Info, Route, Telemetry

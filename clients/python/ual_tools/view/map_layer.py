@@ -13,8 +13,8 @@ import trimesh
 import viser
 from PIL import Image, UnidentifiedImageError
 
-from ual import _places
 from ual.geometry import Vector3
+from ual_tools import places
 from ual_tools.view.earth import Origin, Place, Tile, tiles_around
 from ual_tools.view.journal import Journal
 from ual_tools.view.map_source import Picture, Tiles
@@ -133,7 +133,7 @@ def origin_of(seen: Mapping[str, Seen]) -> Origin | None:
     """Returns where `map` is on Earth, by the first UAV that tells both."""
     for each in seen.values():
         t = each.telemetry
-        place = None if t is None else _places.position(t)
+        place = None if t is None else places.position(t)
         if t is not None and place is not None and t.position_geo is not None:
             return Origin.of(Place(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
     return None
@@ -142,5 +142,5 @@ def origin_of(seen: Mapping[str, Seen]) -> Origin | None:
 def _middle(seen: Mapping[str, Seen]) -> Vector3 | None:
     """Returns the middle of all UAVs in `map`."""
     telemetry = (each.telemetry for each in seen.values())
-    found = [place for t in telemetry if t is not None and (place := _places.position(t)) is not None]
+    found = [place for t in telemetry if t is not None and (place := places.position(t)) is not None]
     return sum(found, Vector3()) * (1.0 / len(found)) if found else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ual._client import Uav
+from ual import Uav
 from ual.errors import WrongStateError
 from ual.geometry import Pose, PoseStamped, Vector3
 from ual.interface import Task

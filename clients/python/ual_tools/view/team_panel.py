@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from ual._client import Uav
+from ual import Uav
 from ual.types import State
 from ual_tools.view import chosen, panel
 from ual_tools.view.desk import Desk

@@ -8,11 +8,11 @@ from typing import Any
 
 from tests.ual_daemon.backends.mavlink.traces import Trace
 from tests.ual_daemon.stepped import at, stepped
-from ual import _convert
-from ual._recording.file import File
-from ual._recording.recorder import Clock, Entry
-from ual._recording.telemetry import TelemetryTopics
+from ual.recording.file import File
+from ual.recording.recorder import Clock, Entry
+from ual.recording.telemetry import TelemetryTopics
 from ual.types import Telemetry
+from ual.wire import convert
 from ual_daemon.backends.values import Packet
 from ual_daemon.program.recording.packets import PacketTopics
 
@@ -48,4 +48,4 @@ def light_flight(**light: Any) -> list[Telemetry]:
         uav.end(uav.prepare.take_off(2.0).begin().future)
         uav.end(uav.prepare.go_to_waypoint(at(1.0, 2.0, 2.0)).begin().future)
         uav.end(uav.prepare.land().begin().future)
-        return [_convert.telemetry_from_proto(_convert.telemetry_to_proto(sample)) for sample in uav.samples]
+        return [convert.telemetry_from_proto(convert.telemetry_to_proto(sample)) for sample in uav.samples]

@@ -9,7 +9,7 @@ from tests.conftest import StartDaemon
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.traces import load, replay
 from tests.ual_daemon.backends.replay.test_replay import Watched
-from ual._recording.reader import Recording
+from ual.recording.reader import Recording
 from ual.types import State, Telemetry
 
 FLOWN = {State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDING}

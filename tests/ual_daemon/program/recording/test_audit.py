@@ -15,7 +15,7 @@ import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ual_daemon.stepped import stepped
 from ual import Pose, State, Twist, Vector3
-from ual._access import audit as chain
+from ual.access import audit as chain
 from ual_daemon.program.recording import audit_writer
 from ual_daemon.program.recording.audit import Audit, changes
 from ual_daemon.program.recording.audit_file import AuditError, AuditFile

@@ -19,11 +19,11 @@ from tests.conftest import DaemonProcess, StartDaemon
 from tests.patient_checks import run_check
 from tests.ual.recording.waiting import wait_until
 from ual import conformance
-from ual._access import audit as chain
-from ual._recording.reader import Message, Recording
+from ual.access import audit as chain
 from ual.conformance import Flight, Tolerances
 from ual.errors import UalError
 from ual.geometry import Twist, Vector3
+from ual.recording.reader import Message, Recording
 from ual.types import State
 from ual_daemon.program.recording.audit import changes
 

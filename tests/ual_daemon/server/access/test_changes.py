@@ -12,11 +12,12 @@ import grpc.aio
 import pytest
 
 from tests.ual_daemon.server.access.ways_in import Served, beyond_loopback, make_files, served, ways
-from ual._access import certificates, private_file, tokens
+from ual.access import tokens
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import calls
 from ual_daemon.server.transport.selection import Choice
+from ual_tools.access import certificates, private_file
 
 LIMIT_S = 60.0
 

@@ -12,7 +12,7 @@ from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
 from tests.ual_daemon.server.access.ways_in import Served, Way, beyond_loopback, make_files, served, ways
-from ual._access.roles import Role
+from ual.access.roles import Role
 from ual.v1 import simulation_pb2, ual_pb2
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.transport.selection import Choice

@@ -9,14 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from ual._access import private_file, tokens
-from ual._access.roles import Role
+from ual.access import tokens
+from ual.access.roles import Role
 from ual_daemon.program import access_files
 from ual_daemon.program.access_files import read_roles
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.server.access.policy import ANYBODY, Roles, is_this_computer
 from ual_daemon.server.access.watched_file import WatchedFile
 from ual_daemon.settings import ConfigError
+from ual_tools.access import private_file
 
 NOW = datetime(2026, 11, 23, tzinfo=timezone.utc)
 

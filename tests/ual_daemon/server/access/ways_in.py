@@ -14,8 +14,8 @@ import grpc
 import grpc.aio
 import pytest
 
-from ual._access import certificates, private_file, tokens
-from ual._access.roles import Role
+from ual.access import tokens
+from ual.access.roles import Role
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.program import access_files
@@ -24,6 +24,7 @@ from ual_daemon.server import addresses, tls
 from ual_daemon.server.server import Server
 from ual_daemon.server.transport import selection
 from ual_daemon.vehicle.vehicle import Vehicle
+from ual_tools.access import certificates, private_file
 
 ROLES = """
 certificates:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET  # only written, never read
 
-from ual._recording.reader import Message
+from ual.recording.reader import Message
 
 _LEAST_NS = 100_000_000
 """Ten points a second are enough for a map."""

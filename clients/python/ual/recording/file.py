@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ual._recording.topics import Schema, Topic
+from ual.recording.topics import Schema, Topic
 
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP)
 """Some file systems cannot say when something is on the disk."""

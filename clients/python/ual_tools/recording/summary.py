@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ual._recording.reader import Message, Recording
+from ual.recording.reader import Message, Recording
 
 
 @dataclass(slots=True)

@@ -6,9 +6,9 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from ual import _extras
-from ual._recording.reader import Message
 from ual.geometry import Pose
+from ual.recording.reader import Message
+from ual.shared import extras
 from ual.types import Telemetry
 
 Cell = str | float | int | bool | None
@@ -90,7 +90,7 @@ def write_parquet(path: Path, table: Iterable[list[Cell]]) -> int:
         NotSupportedError: The extra is not installed.
 
     """
-    with _extras.needs("--parquet", "parquet"):
+    with extras.needs("--parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
     texts = {"state", "state_reason", "flight_mode", "frame_id", "task", "task_id", "status_text"}

@@ -9,10 +9,11 @@ from typing import NoReturn
 import grpc
 import pytest
 
-from ual import _discovery, _rpc_errors, errors
-from ual._discovery import Registration
+from ual import discovery, errors
+from ual.discovery import Registration
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc as pb_grpc
+from ual.wire import rpc_errors
 
 CODES = {
     errors.WrongStateError: grpc.StatusCode.FAILED_PRECONDITION,
@@ -58,7 +59,7 @@ def failing() -> Iterator[tuple[Failing, pb_grpc.UalServiceStub]]:
 def call(stub: pb_grpc.UalServiceStub) -> errors.UalError:
     with pytest.raises(grpc.RpcError) as caught:
         stub.GetInfo(pb.GetInfoRequest(), timeout=30.0)
-    return _rpc_errors.from_rpc_error(caught.value, address="127.0.0.1:50051", ns="uav_1")
+    return rpc_errors.from_rpc_error(caught.value, address="127.0.0.1:50051", ns="uav_1")
 
 
 @pytest.mark.parametrize(("kind", "code"), CODES.items())
@@ -67,8 +68,8 @@ def test_every_error_arrives_as_it_was_raised(
 ) -> None:
     servicer, stub = failing
     sent = kind("needs FLYING_AUTO, is LANDED: 5° off", {"state": "LANDED_ARMED", "needed": "FLYING_AUTO"})
-    assert _rpc_errors.status_code(sent) is code
-    servicer.fail = lambda context: context.abort_with_status(_rpc_errors.to_grpc_status(sent))
+    assert rpc_errors.status_code(sent) is code
+    servicer.fail = lambda context: context.abort_with_status(rpc_errors.to_grpc_status(sent))
     received = call(stub)
     assert type(received) is kind
     assert (received.message, dict(received.metadata)) == (sent.message, dict(sent.metadata))
@@ -81,7 +82,7 @@ def test_a_long_error_is_shortened_to_what_a_call_can_carry(
     servicer, stub = failing
     known = ", ".join(f"uav_1/früme_{i}" for i in range(2000))
     sent = errors.UnknownFrameError(f"frame_id: 'x' is none of {known}", {"known": known, "field": "frame_id"})
-    servicer.fail = lambda context: context.abort_with_status(_rpc_errors.to_grpc_status(sent))
+    servicer.fail = lambda context: context.abort_with_status(rpc_errors.to_grpc_status(sent))
     received = call(stub)
     assert type(received) is errors.UnknownFrameError
     assert received.message.startswith("frame_id: 'x' is none of uav_1/früme_0")
@@ -94,7 +95,7 @@ def test_a_reason_of_a_newer_daemon_is_a_plain_error(failing: tuple[Failing, pb_
         reason = "VOLCANO"
 
     servicer, stub = failing
-    servicer.fail = lambda context: context.abort_with_status(_rpc_errors.to_grpc_status(NewerError("ash")))
+    servicer.fail = lambda context: context.abort_with_status(rpc_errors.to_grpc_status(NewerError("ash")))
     assert type(call(stub)) is errors.UalError
 
 
@@ -126,14 +127,14 @@ def test_a_method_that_the_daemon_lacks_is_not_supported(failing: tuple[Failing,
     _, stub = failing
     with pytest.raises(grpc.RpcError) as caught:
         stub.Arm(pb.ArmRequest(), timeout=30.0)
-    assert type(_rpc_errors.from_rpc_error(caught.value)) is errors.NotSupportedError
+    assert type(rpc_errors.from_rpc_error(caught.value)) is errors.NotSupportedError
 
 
 def test_details_that_are_no_status_are_ignored(failing: tuple[Failing, pb_grpc.UalServiceStub]) -> None:
     servicer, stub = failing
 
     def fail(context: grpc.ServicerContext) -> NoReturn:
-        context.set_trailing_metadata(((_rpc_errors.DETAILS_KEY, b"\xff\xff"),))
+        context.set_trailing_metadata(((rpc_errors.DETAILS_KEY, b"\xff\xff"),))
         context.abort(grpc.StatusCode.DATA_LOSS, "broken")
 
     servicer.fail = fail
@@ -144,7 +145,7 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
     with grpc.insecure_channel("127.0.0.1:1") as channel:
         with pytest.raises(grpc.RpcError) as caught:
             pb_grpc.UalServiceStub(channel).GetInfo(pb.GetInfoRequest(), timeout=30.0)
-        error = _rpc_errors.from_rpc_error(caught.value, address="127.0.0.1:1", ns="uav_7")
+        error = rpc_errors.from_rpc_error(caught.value, address="127.0.0.1:1", ns="uav_7")
     assert type(error) is errors.DaemonUnreachableError
     assert isinstance(error, ConnectionError)
     assert "\n" not in error.message
@@ -183,13 +184,13 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
     ],
 )
 def test_why_nobody_answers_is_told_in_plain_words(details: str, says: str) -> None:
-    assert says in _rpc_errors.unreachable("host:1", "", details).message
+    assert says in rpc_errors.unreachable("host:1", "", details).message
 
 
 def test_a_wrong_name_is_told_with_the_names_that_run(monkeypatch: pytest.MonkeyPatch) -> None:
     running = [Registration(f"uav_{i}", 1, f"127.0.0.1:{50050 + i}", "light", 0.0) for i in range(1, 9)]
-    monkeypatch.setattr(_discovery, "list_daemons", lambda: running[:2])
-    assert "; uav_1, uav_2 run here: start one with" in _rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
-    assert "run here" not in _rpc_errors.unreachable("127.0.0.1:1", "uav_1").message
-    monkeypatch.setattr(_discovery, "list_daemons", lambda: running)
-    assert "uav_6 and 2 others run here" in _rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
+    monkeypatch.setattr(discovery, "list_daemons", lambda: running[:2])
+    assert "; uav_1, uav_2 run here: start one with" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message
+    assert "run here" not in rpc_errors.unreachable("127.0.0.1:1", "uav_1").message
+    monkeypatch.setattr(discovery, "list_daemons", lambda: running)
+    assert "uav_6 and 2 others run here" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message

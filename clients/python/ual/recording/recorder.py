@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from ual import __version__
-from ual._recording.file import File
-from ual._recording.topics import Topic
+from ual.recording.file import File
+from ual.recording.topics import Topic
 
 _log = logging.getLogger(__name__)
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ual import _convert
-from ual._recording import requirements
 from ual.errors import InvalidArgumentError
+from ual.recording import requirements
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -23,7 +23,7 @@ _WINDOW_NS = 1_000_000_000
 
 
 class Message(NamedTuple):
-    """One message of a recording; times are UTC since 1970 in nanoseconds (see `ual._recording.topics`)."""
+    """One message of a recording; times are UTC since 1970 in nanoseconds (see `ual.recording.topics`)."""
 
     log_ns: int
     """When it was recorded."""
@@ -52,7 +52,7 @@ class Message(NamedTuple):
 
     def telemetry(self) -> Telemetry:
         """Returns the sample of a message of the topic ``telemetry``."""
-        return _convert.telemetry_from_proto(pb.Telemetry.FromString(self.data))
+        return convert.telemetry_from_proto(pb.Telemetry.FromString(self.data))
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from ual._access import private_file
+from ual_tools.access import private_file
 
 AUTHORITY = "authority"
 _CLOCKS_DIFFER = timedelta(days=1)

@@ -11,12 +11,12 @@ from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from ual import _convert
-from ual._recording.recorder import Entry, Output
-from ual._recording.topics import Schema, json_schema, of_json, of_protobuf
 from ual.geometry import Pose, Quaternion, Vector3
+from ual.recording.recorder import Entry, Output
+from ual.recording.topics import Schema, json_schema, of_json, of_protobuf
 from ual.types import Frame, GeoPoint, State, Telemetry
 from ual.v1 import ual_pb2 as pb
+from ual.wire import convert
 
 STATE_SCHEMA: Schema = json_schema(
     "UalStateChange",
@@ -49,7 +49,7 @@ class TelemetryTopics:
         """Writes a sample of the telemetry, and the state if it has changed."""
         sample: Telemetry = entry.value
         log_ns, stamp_ns = entry.log_ns, round(sample.stamp_s * 1e9) or entry.log_ns
-        message = _convert.telemetry_to_proto(sample)
+        message = convert.telemetry_to_proto(sample)
         output.write(self._telemetry, message.SerializeToString(), log_ns, stamp_ns, sample.sequence)
         if sample.state is not self._state:
             self._write_state(output, entry)
@@ -81,7 +81,7 @@ class TelemetryTopics:
 
     def write_info(self, output: Output, entry: Entry) -> None:
         """Writes who the UAV is, and what it can do."""
-        message = _convert.info_to_proto(entry.value)
+        message = convert.info_to_proto(entry.value)
         output.write(self._info_topic, message.SerializeToString(), entry.log_ns, entry.log_ns)
 
     def _write_state(self, output: Output, entry: Entry) -> None:

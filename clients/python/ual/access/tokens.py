@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
 
-from ual._access import roles
-from ual._access.roles import Role
+from ual.access import roles
+from ual.access.roles import Role
 
 PREFIX = "ual_"
 """By this a token is recognized, also by programs that search for secrets in files."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from ual import _extras
+from ual.shared import extras
 
 _READING = "mcap.stream_reader"
 _MODULES = ("mcap.writer", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
@@ -17,7 +17,7 @@ def require(distribution: str = "ual-client") -> None:
         NotSupportedError: One is not; names the extra to install.
 
     """
-    with _extras.needs("a recording", "record", distribution):
+    with extras.needs("a recording", "record", distribution):
         for module in _MODULES:
             import_module(module)
 
@@ -29,5 +29,5 @@ def require_reading(what: str = "a recording", extra: str = "record") -> None:
         NotSupportedError: It is not; names the extra.
 
     """
-    with _extras.needs(what, extra):
+    with extras.needs(what, extra):
         import_module(_READING)

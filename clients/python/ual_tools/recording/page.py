@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ual import _places
-from ual._recording.reader import Message
 from ual.geometry import Vector3
+from ual.recording.reader import Message
 from ual.types import State, Telemetry
+from ual_tools import places
 
 _LEAST_NS = 40_000_000
 """So many points a second are drawn at most: 25."""
@@ -72,11 +72,11 @@ class Flight:
         if sample.task is not None:
             _extend(self.tasks, sample.task.kind.name, time_s)
         is_due = not self.times_s or time_s - self.times_s[-1] >= _LEAST_NS * 1e-9
-        places = _in_map(sample) if self.is_in_map else _in_its_frame(sample)
-        if places is None or not is_due:
+        found = _in_map(sample) if self.is_in_map else _in_its_frame(sample)
+        if found is None or not is_due:
             return
         self.frame_id = self.frame_id or ("map" if self.is_in_map else sample.frame_id)
-        position, reference_z = places
+        position, reference_z = found
         self.times_s.append(time_s)
         self.xs.append(position.x)
         self.ys.append(position.y)
@@ -95,7 +95,7 @@ def _in_its_frame(sample: Telemetry) -> tuple[Vector3, float | None] | None:
 
 def _in_map(sample: Telemetry) -> tuple[Vector3, float | None] | None:
     """Returns the same in `map`."""
-    place, reference = _places.position(sample), _places.reference(sample)
+    place, reference = places.position(sample), places.reference(sample)
     return None if place is None else (place, None if reference is None else reference.position.z)
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from ual import _callbacks
-from ual._callbacks import SLOW_S, Callbacks, Listener
+from ual.shared import callbacks
+from ual.shared.callbacks import SLOW_S, Callbacks, Listener
 from ual.types import State, Telemetry
 
 LIMIT_S = 30.0
@@ -144,7 +144,7 @@ def test_what_is_offered_to_one_that_waits_behind_another_in_a_worker_frees_it(m
     stuck.listener.put(sample(1))
     stuck.wait_for(1)
     with monkeypatch.context() as patched:  # on a busy computer it could count as delayed before the put
-        patched.setattr(_callbacks, "SLOW_S", LIMIT_S)
+        patched.setattr(callbacks, "SLOW_S", LIMIT_S)
         waiting.listener.put(sample(1))
     time.sleep(2.0 * SLOW_S)  # only then does the worker count as delayed
     waiting.listener.offer(sample(2))

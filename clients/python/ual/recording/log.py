@@ -9,8 +9,8 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.timestamp_pb2 import Timestamp
 from typing_extensions import override
 
-from ual._recording.recorder import Entry, Output, Recorder
-from ual._recording.topics import of_protobuf
+from ual.recording.recorder import Entry, Output, Recorder
+from ual.recording.topics import of_protobuf
 
 _TOPIC = "/log"
 _LEVELS = (

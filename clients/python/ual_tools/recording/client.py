@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from ual._recording.recorder import Recorder
-from ual._recording.telemetry import TelemetryTopics
 from ual.errors import InvalidArgumentError
 from ual.interface import Uav
+from ual.recording.recorder import Recorder
+from ual.recording.telemetry import TelemetryTopics
 from ual.types import Frame, Info, Telemetry
 
 

@@ -14,7 +14,7 @@ from google.rpc.error_details_pb2 import ErrorInfo
 from google.rpc.status_pb2 import Status
 from grpc_status import rpc_status
 
-from ual import _discovery, errors
+from ual import discovery, errors
 from ual.errors import (
     DOMAIN,
     DaemonUnreachableError,
@@ -160,7 +160,7 @@ def unreachable(address: str, ns: str = "", details: str = "") -> DaemonUnreacha
 
 def _others(ns: str) -> str:
     """Names the UAVs that run on this computer, where one that was named does not."""
-    names = [each.ns for each in _discovery.list_daemons()] if ns else []
+    names = [each.ns for each in discovery.list_daemons()] if ns else []
     if not names or ns in names:
         return ""
     more = f" and {len(names) - _MOST_NAMES} others" if len(names) > _MOST_NAMES else ""
