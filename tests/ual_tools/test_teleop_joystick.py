@@ -205,9 +205,12 @@ def test_a_wrong_file_is_wrong_usage(tmp_path: Path) -> None:
     assert "joystick.yaml:1: hold: expected" in result.stderr
 
 
-@pytest.mark.parametrize(("package", "words"), [("pygame", []), ("yaml", ["--config", "any.yaml"])])
+@pytest.mark.parametrize(
+    ("package", "words", "extra"),
+    [("pygame", [], "ual-client[joystick]"), ("yaml", ["--config", "any.yaml"], "ual-tools[joystick]")],
+)
 def test_a_package_that_is_missing_is_named_with_its_extra(
-    package: str, words: list[str], monkeypatch: pytest.MonkeyPatch
+    package: str, words: list[str], extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [
         name for name in sys.modules if name.startswith(("ual_tools.strict_yaml.nodes", "ual_tools.teleop.layout_file"))
@@ -216,4 +219,4 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
     monkeypatch.setitem(sys.modules, package, None)
     result = CliRunner().invoke(cli, ["teleop", "joystick", *words])
     assert result.exit_code == 1
-    assert "pip install 'ual-client[joystick]'" in result.stderr
+    assert f"pip install '{extra}'" in result.stderr

@@ -419,7 +419,7 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[Vehicle]) -> Recordi
     from ual.recording.recorder import Turnover
 
     try:
-        requirements.require("ual-daemon")
+        requirements.require("ual-daemon[record]")
     except NotSupportedError as error:
         raise RecordingError(str(error)) from None
     from ual_daemon.program.recording.recording import Recording

@@ -55,7 +55,7 @@ def _days(default: float) -> Callable[[F], F]:
 def certificates() -> None:
     """Make the TLS certificates of a team.
 
-    An authority of your own signs those of the daemons and of the callers. Needs ual-client[access]. Keep
+    An authority of your own signs those of the daemons and of the callers. Needs ual-tools[access]. Keep
     authority.key off the computers that fly: whoever has it can be anybody.
     """
 
@@ -104,7 +104,7 @@ def caller(session: Session, name: str, days: float, directory: Path) -> None:
 
 
 def _module() -> ModuleType:
-    with extras.needs("ual certificates", "access"):
+    with extras.needs("ual certificates", "ual-tools[access]"):
         from ual_tools.access import certificates as module
     return module
 

@@ -53,6 +53,6 @@ plot = click.option(
     "--plot",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Draw the flown path and the wanted one (.png, .svg, .pdf); needs ual-client[plot].",
+    help="Draw the flown path and the wanted one (.png, .svg, .pdf); needs ual-tools[plot].",
 )
 dry_run = click.option("--dry-run", is_flag=True, help="Only print what would happen; nothing moves.")

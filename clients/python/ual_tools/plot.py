@@ -62,7 +62,7 @@ def _require_drawing(file: Path) -> None:
         raise click.BadParameter(f"{file} ends in none of {', '.join(_ENDINGS)}", param_hint="--plot")
     if not (os.access(file, os.W_OK) or (os.access(file.parent, os.W_OK | os.X_OK) and not file.exists())):
         raise click.BadParameter(f"{file} cannot be written", param_hint="--plot")
-    with extras.needs("--plot", "plot"):
+    with extras.needs("--plot", "ual-tools[plot]"):
         import matplotlib as mpl  # noqa: F401
 
 

@@ -61,7 +61,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None) ->
     if context.invoked_subcommand is not None:
         return
     session = context.find_root().ensure_object(Session)
-    requirements.require()
+    requirements.require("ual-tools[record]")
     with ExitStack() as stack:
         recording = _begin(session, directory, stack)
         session.note(f"recording {', '.join(recording.uavs)} into {recording.path}; Ctrl-C ends it")
@@ -228,9 +228,9 @@ def plot(session: Session, file: Path, output: Path | None) -> None:
     target = file.with_suffix(".png") if output is None else output
     if target.suffix.lower() not in _DRAWINGS:
         raise click.BadParameter(f"{target} ends in none of {', '.join(_DRAWINGS)}", param_hint="--output")
-    with extras.needs("ual plot", "plot"):
+    with extras.needs("ual plot", "ual-tools[plot]"):
         import matplotlib as mpl  # noqa: F401
-    requirements.require_reading("ual plot", "plot")
+    requirements.require_reading("ual plot", "ual-tools[plot]")
     is_in_map = len(Recording(file).uavs()) > 1
     messages = Recording(file).messages(lambda topic: topic.endswith(("/telemetry", "/calls")))
     drawn = page.flights(messages, is_in_map=is_in_map)

@@ -229,4 +229,4 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
 def test_a_missing_package_is_named_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(NotSupportedError, match=r"pip install 'ual-daemon\[record\]'"):
-        requirements.require("ual-daemon")
+        requirements.require("ual-daemon[record]")

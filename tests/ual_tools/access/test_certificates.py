@@ -69,4 +69,4 @@ def test_without_its_package_it_names_the_extra(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "cryptography", None)
     result = run(tmp_path, "authority")
     assert result.exit_code == 1
-    assert "ual-client[access]" in result.output
+    assert "ual-tools[access]" in result.output

@@ -33,7 +33,7 @@ def views() -> Iterator[Views]:
 @pytest.fixture
 def start_view(runtime_dir: Path, views: Views) -> StartView:
     """Starts ``ual --json view`` with these arguments on any free port; returns the address of the page."""
-    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
     def start(*arguments: str) -> str:
         process = subprocess.Popen(

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-pytest.importorskip("viser", reason="NO VISER, the chart of `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+pytest.importorskip("viser", reason="NO VISER, the chart of `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
 from ual_tools.view.chart import Range, columns, limits
 from ual_tools.view.track import CHART_S, Sample

@@ -122,7 +122,7 @@ def test_a_tile_is_read_from_a_server_or_from_a_directory(server: str, tiles: Pa
 def test_the_page_has_the_tile_below_the_uav_and_says_which_are_missing(
     daemon: DaemonProcess, start_view: StartView, server: str
 ) -> None:
-    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
     from tests.ual_tools.view.forger import forger
 
     daemon.wait_for("listening")
@@ -133,7 +133,7 @@ def test_the_page_has_the_tile_below_the_uav_and_says_which_are_missing(
 
 
 def test_the_page_has_a_picture_between_its_corners(daemon: DaemonProcess, start_view: StartView, tiles: Path) -> None:
-    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
     from tests.ual_tools.view.forger import forger
 
     daemon.wait_for("listening")
@@ -146,7 +146,7 @@ def test_the_page_has_a_picture_between_its_corners(daemon: DaemonProcess, start
 
 def test_a_picture_lies_with_its_upper_edge_to_the_north() -> None:
     image = pytest.importorskip("PIL.Image")
-    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+    pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
     from trimesh.visual import TextureVisuals
 
     from ual_tools.view.map_layer import quad

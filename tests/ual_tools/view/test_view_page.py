@@ -18,7 +18,7 @@ from tests.ual_tools.view.conftest import StartView
 from ual import LeaseHeldError, State, Team, Uav
 from ual.simulation import LinkLost
 
-pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-client[view]'")
+pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
 from tests.ual_tools.view.forger import Forger, forger
 

@@ -53,7 +53,7 @@ class Sdl:
 
 
 def _pygame() -> Any:  # noqa: ANN401 (a module)
-    with extras.needs("a joystick", "joystick"):
+    with extras.needs("a joystick", "ual-client[joystick]"):
         import pygame
         import pygame.joystick
     return pygame

@@ -10,19 +10,19 @@ _READING = "mcap.stream_reader"
 _MODULES = ("mcap.writer", "mcap_protobuf.schema", "foxglove_schemas_protobuf.PoseInFrame_pb2")
 
 
-def require(distribution: str = "ual-client") -> None:
-    """Checks that the packages are installed that a new recording needs; `distribution` is what has the extra.
+def require(extra: str) -> None:
+    """Checks that the packages are installed that a new recording needs; `extra` is what brings them.
 
     Raises:
         NotSupportedError: One is not; names the extra to install.
 
     """
-    with extras.needs("a recording", "record", distribution):
+    with extras.needs("a recording", extra):
         for module in _MODULES:
             import_module(module)
 
 
-def require_reading(what: str = "a recording", extra: str = "record") -> None:
+def require_reading(what: str = "a recording", extra: str = "ual-client[record]") -> None:
     """Checks that the package is installed that reads recordings; `extra` is what to install for `what`.
 
     Raises:

@@ -9,8 +9,8 @@ from ual.errors import NotSupportedError
 
 
 @contextmanager
-def needs(what: str, extra: str, distribution: str = "ual-client") -> Iterator[None]:
-    """Says that `what` needs an extra of `distribution`, if an import in the block fails.
+def needs(what: str, extra: str) -> Iterator[None]:
+    """Says that `what` needs an extra, such as ``ual-tools[view]``, if an import in the block fails.
 
     Raises:
         NotSupportedError: An import failed.
@@ -19,6 +19,4 @@ def needs(what: str, extra: str, distribution: str = "ual-client") -> Iterator[N
     try:
         yield
     except ImportError as error:
-        raise NotSupportedError(
-            f"{what} needs {error.name}: install the extra by pip install '{distribution}[{extra}]'"
-        ) from None
+        raise NotSupportedError(f"{what} needs {error.name}: install the extra by pip install '{extra}'") from None

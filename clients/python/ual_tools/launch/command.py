@@ -46,7 +46,7 @@ def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, c
         raise click.UsageError("the UAVs of a team are those of its file: leave out --ns, --all and --address")
     if not hasattr(os, "killpg"):
         raise NotSupportedError("ual launch starts daemons, which run on Linux and macOS")
-    team = loaded(_load, file, "ual launch", "launch")
+    team = loaded(_load, file, "ual launch", "ual-tools[launch]")
     if is_shown:
         from ual_tools.launch import shown
 

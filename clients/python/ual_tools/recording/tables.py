@@ -90,7 +90,7 @@ def write_parquet(path: Path, table: Iterable[list[Cell]]) -> int:
         NotSupportedError: The extra is not installed.
 
     """
-    with extras.needs("--parquet", "parquet"):
+    with extras.needs("--parquet", "ual-tools[parquet]"):
         import pyarrow as pa
         from pyarrow import parquet
     texts = {"state", "state_reason", "flight_mode", "frame_id", "task", "task_id", "status_text"}

@@ -110,7 +110,7 @@ def joystick(
 def _layout(file: Path | None) -> Layout:
     from ual_tools.teleop.layout import Layout
 
-    return Layout() if file is None else loaded(_load_layout, file, "--config", "joystick")
+    return Layout() if file is None else loaded(_load_layout, file, "--config", "ual-tools[joystick]")
 
 
 def _load_layout(file: Path) -> Layout:

@@ -81,7 +81,7 @@ def view(
     """Show the UAVs in a page of the browser until Ctrl-C.
 
     These are all UAVs of this computer, or those named by --ns, and those at the given addresses. They appear when
-    their daemons start. A UAV that is lost turns grey at once. Needs ual-client[view].
+    their daemons start. A UAV that is lost turns grey at once. Needs ual-tools[view].
     """
     _require_viser()
     below = ground(map_tiles, map_zoom, map_picture, map_corners)
@@ -94,7 +94,7 @@ def view(
 
 def _require_viser() -> None:
     """Refuses before anything is begun."""
-    with extras.needs("ual view", "view"):
+    with extras.needs("ual view", "ual-tools[view]"):
         import viser  # noqa: F401
 
 
