@@ -19,10 +19,10 @@ from ual.joystick import Button, Joysticks
 from ual.types import State
 from ual_tools.main import cli
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.craft import Craft
 from ual_tools.teleop.joystick import JoystickControls
 from ual_tools.teleop.layout import Layout
 from ual_tools.teleop.pilot import Pilot
+from ual_tools.teleop.vehicle import Vehicle
 
 require_pygame()
 
@@ -81,7 +81,7 @@ def bench(joysticks: Joysticks) -> Iterator[Bench]:
 
 def test_nothing_is_sent_until_something_is_touched(bench: Bench) -> None:
     bench.pass_s(5.0)
-    assert (bench.sent, bench.crafts[0].commands) == ([], [])
+    assert (bench.sent, bench.vehicles[0].commands) == ([], [])
 
 
 def test_only_what_is_held_flies(bench: Bench) -> None:
@@ -110,7 +110,7 @@ def test_a_pulled_cable_stops_and_what_is_held_when_it_is_back_does_nothing(benc
     bench.device.pull()
     assert not bench.flies()
     assert "was disconnected: connect it again" in bench.controls.question(bench.now_s)
-    assert "was disconnected" in bench.crafts[0].refusal.text
+    assert "was disconnected" in bench.vehicles[0].refusal.text
     bench.device = bench._connect()
     bench.hold(Button.LEFT_SHOULDER)
     bench.device.axis(FORWARD_AXIS, -1.0)
@@ -125,25 +125,25 @@ def test_two_buttons_take_off_once_and_one_does_not(bench: Bench) -> None:
     bench.pass_s()
     bench.hold(Button.Y)
     bench.pass_s(1.0)
-    assert bench.crafts[0].commands == []
+    assert bench.vehicles[0].commands == []
     bench.hold(Button.RIGHT_SHOULDER)
     bench.pass_s(3.0)
-    assert bench.crafts[0].commands == ["take-off"]
+    assert bench.vehicles[0].commands == ["take-off"]
 
 
 def test_buttons_that_are_held_at_the_start_ask_for_nothing(bench: Bench) -> None:
     bench.hold(Button.Y, Button.RIGHT_SHOULDER)
     bench.pass_s(1.0)
-    assert bench.crafts[0].commands == []
+    assert bench.vehicles[0].commands == []
 
 
 def test_late_buttons_and_keys_only_end_a_motion(bench: Bench) -> None:
     bench.pass_s()
     bench.hold(Button.Y, Button.RIGHT_SHOULDER)
     bench.pass_s(read=b"\t", is_late=True)
-    assert bench.crafts[0].commands == []
+    assert bench.vehicles[0].commands == []
     bench.pass_s(read=b" ", is_late=True)
-    assert [craft.commands for craft in bench.crafts] == [[Action.STOP.value], []]
+    assert [vehicle.commands for vehicle in bench.vehicles] == [[Action.STOP.value], []]
 
 
 def test_headless_is_along_east_and_north_and_the_next_uav_is_chosen(bench: Bench) -> None:
@@ -157,7 +157,7 @@ def test_headless_is_along_east_and_north_and_the_next_uav_is_chosen(bench: Benc
     assert bench.twists()[-1] == Twist(Vector3(0.0, 0.5, 0.0))
     bench.hold(Button.DPAD_RIGHT)
     bench.pass_s()
-    assert bench.pilot.craft is bench.crafts[1]
+    assert bench.pilot.vehicle is bench.vehicles[1]
 
 
 def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
@@ -167,9 +167,9 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
         uav.wait_for(State.LANDED_ARMED, timeout_s=LIMIT_S)
         uav.take_off(2.0)
         device = connect()
-        craft = Craft(ual.Uav(daemon.ns), daemon.ns)
-        craft.open()
-        controls, pilot = JoystickControls(joysticks, joysticks.find(), Layout()), Pilot([craft], 2.0)
+        vehicle = Vehicle(ual.Uav(daemon.ns), daemon.ns)
+        vehicle.open()
+        controls, pilot = JoystickControls(joysticks, joysticks.find(), Layout()), Pilot([vehicle], 2.0)
 
         def fly_until(condition: Callable[[], bool]) -> None:
             end_s = time.monotonic() + LIMIT_S
@@ -178,7 +178,7 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
                 controls.control(pilot, b"", time.monotonic(), is_late=False)
                 time.sleep(PERIOD_S)
 
-        fly_until(lambda: craft.telemetry is not None and not controls.question(0.0))
+        fly_until(lambda: vehicle.telemetry is not None and not controls.question(0.0))
         device.button(NUMBERS[Button.LEFT_SHOULDER], True)
         device.axis(FORWARD_AXIS, -1.0)
         begin = uav.pose().pose.position
@@ -186,7 +186,7 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
         device.pull()
         fly_until(lambda: uav.velocity().twist.linear.norm() < 0.02)
         assert uav.state() is State.FLYING_AUTO
-        craft.close()
+        vehicle.close()
         controls.close()
 
 

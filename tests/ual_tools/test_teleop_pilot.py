@@ -13,16 +13,16 @@ from ual.interface import Uav
 from ual.types import Battery, Info, Setpoint, State, TaskInfo, TaskKind, TaskStatus, Telemetry
 from ual_tools.teleop import board
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.craft import Craft, Said
 from ual_tools.teleop.keyboard import Keyboard
 from ual_tools.teleop.pilot import BRAKE_S, OLD_S, Mode, Pilot
 from ual_tools.teleop.sticks import CENTRED, Sticks
+from ual_tools.teleop.vehicle import Said, Vehicle
 
 PERIOD_S = 0.05
 FORWARD = Sticks(forward=1.0)
 
 
-class FakeCraft(Craft):
+class FakeVehicle(Vehicle):
     """Notes what it is asked; it has telemetry at once."""
 
     def __init__(self, name: str, clock: Callable[[], float]) -> None:
@@ -57,13 +57,13 @@ class Flight:
 
     def __init__(self, count: int = 1) -> None:
         self.now_s = 100.0
-        self.crafts = [FakeCraft(f"uav_{number + 1}", lambda: self.now_s) for number in range(count)]
-        self.pilot = Pilot(self.crafts, 2.0, lambda: self.now_s)
+        self.vehicles = [FakeVehicle(f"uav_{number + 1}", lambda: self.now_s) for number in range(count)]
+        self.pilot = Pilot(self.vehicles, 2.0, lambda: self.now_s)
         self._refresh()
 
     @property
     def sent(self) -> list[Setpoint]:
-        return self.crafts[0].sent
+        return self.vehicles[0].sent
 
     def steer(self, sticks: Sticks, duration_s: float = PERIOD_S, *, is_fresh: bool = True) -> None:
         for _ in range(round(duration_s / PERIOD_S)):
@@ -79,8 +79,8 @@ class Flight:
         return [each for each in self.sent if isinstance(each, PoseStamped)]
 
     def _refresh(self) -> None:
-        for craft in self.crafts:
-            craft.fresh_s = self.now_s
+        for vehicle in self.vehicles:
+            vehicle.fresh_s = self.now_s
 
 
 def test_an_idle_pilot_sends_nothing_at_all() -> None:
@@ -90,7 +90,7 @@ def test_an_idle_pilot_sends_nothing_at_all() -> None:
         flight.pilot.act(action)
         flight.steer(CENTRED, 1.0)
     assert flight.pilot.stop() == ""
-    assert (flight.sent, flight.crafts[0].commands) == ([], [])
+    assert (flight.sent, flight.vehicles[0].commands) == ([], [])
 
 
 def test_a_release_sends_zero_for_a_moment_and_then_nothing() -> None:
@@ -135,14 +135,14 @@ def test_after_a_stop_no_velocity_follows_it() -> None:
     flight.sent.clear()
     flight.pilot.act(Action.STOP)
     flight.steer(FORWARD, 1.0)
-    assert flight.crafts[0].commands == ["stop"]
+    assert flight.vehicles[0].commands == ["stop"]
     assert flight.sent == []
 
 
 def test_after_a_refusal_nothing_is_sent_until_the_release() -> None:
     flight = Flight()
     flight.steer(FORWARD, 1.0)
-    flight.crafts[0].is_refusing = True
+    flight.vehicles[0].is_refusing = True
     flight.steer(FORWARD)
     flight.sent.clear()
     flight.steer(FORWARD, 2.0)
@@ -155,7 +155,7 @@ def test_after_a_refusal_nothing_is_sent_until_the_release() -> None:
 def test_a_refusal_that_comes_after_the_release_does_not_hinder_the_next_touch() -> None:
     flight = Flight()
     flight.steer(FORWARD, 1.0)
-    flight.crafts[0].is_refusing = True
+    flight.vehicles[0].is_refusing = True
     flight.steer(CENTRED)
     flight.sent.clear()
     flight.steer(FORWARD)
@@ -164,7 +164,7 @@ def test_a_refusal_that_comes_after_the_release_does_not_hinder_the_next_touch()
 
 def test_before_the_first_telemetry_the_sticks_do_nothing() -> None:
     flight = Flight()
-    flight.crafts[0].telemetry = None
+    flight.vehicles[0].telemetry = None
     flight.steer(FORWARD, 1.0)
     flight.pilot.act(Action.MODE)
     flight.pilot.step(FORWARD)
@@ -186,7 +186,7 @@ def test_the_end_stops_what_the_sticks_fly_and_nothing_else() -> None:
     flight = Flight()
     flight.steer(FORWARD, 1.0)
     assert flight.pilot.stop() == "uav_1 stops and holds its position"
-    assert flight.crafts[0].commands == ["stop"]
+    assert flight.vehicles[0].commands == ["stop"]
     flight.steer(CENTRED, 3.0)
     assert flight.pilot.stop() == ""
 
@@ -195,16 +195,16 @@ def test_a_change_of_the_uav_stops_the_one_that_is_left_and_only_if_it_flies_by_
     flight = Flight(2)
     flight.pilot.act(Action.NEXT_UAV)
     flight.pilot.act(Action.PREVIOUS_UAV)
-    assert [craft.commands for craft in flight.crafts] == [[], []]
+    assert [vehicle.commands for vehicle in flight.vehicles] == [[], []]
     flight.steer(CENTRED)
     flight.steer(FORWARD, 1.0)
     flight.pilot.act(Action.NEXT_UAV)
-    assert [craft.commands for craft in flight.crafts] == [["stop"], []]
+    assert [vehicle.commands for vehicle in flight.vehicles] == [["stop"], []]
     flight.steer(FORWARD, 1.0)
-    assert flight.crafts[1].sent == []
+    assert flight.vehicles[1].sent == []
     flight.steer(CENTRED)
     flight.steer(FORWARD)
-    assert len(flight.crafts[1].sent) == 1
+    assert len(flight.vehicles[1].sent) == 1
 
 
 # --- The pose mode ----------------------------------------------------------------------------------------------------
@@ -227,10 +227,10 @@ def test_steps_lead_along_the_nose_and_add_up(posing: Flight) -> None:
 
 
 def test_a_reference_that_another_has_replaced_is_not_gone_on_from(posing: Flight) -> None:
-    craft = posing.crafts[0]
+    vehicle = posing.vehicles[0]
     posing.pilot.step(FORWARD)
-    posing.now_s = craft.fresh_s = posing.now_s + 10.0
-    craft.telemetry = Telemetry(State.FLYING_AUTO, pose=Pose.at(5.0, 5.0, 5.0, 0.0), reference_pose=Pose.at(9, 5, 5))
+    posing.now_s = vehicle.fresh_s = posing.now_s + 10.0
+    vehicle.telemetry = Telemetry(State.FLYING_AUTO, pose=Pose.at(5.0, 5.0, 5.0, 0.0), reference_pose=Pose.at(9, 5, 5))
     posing.pilot.step(FORWARD)
     assert tuple(posing.poses()[-1].pose.position) == pytest.approx((5.25, 5.0, 5.0))
 
@@ -262,16 +262,16 @@ def test_the_end_stops_a_step_that_is_being_flown(posing: Flight) -> None:
 def test_keys_that_waited_can_only_end_a_motion() -> None:
     flight, keys = Flight(), Keyboard()
     keys.control(flight.pilot, b"t\r\x1b[A\x1b[Ap", flight.now_s, is_late=True)
-    assert (flight.sent, flight.crafts[0].commands, flight.pilot.mode) == ([], [], Mode.VELOCITY)
+    assert (flight.sent, flight.vehicles[0].commands, flight.pilot.mode) == ([], [], Mode.VELOCITY)
     keys.control(flight.pilot, b"ww l", flight.now_s, is_late=True)
-    assert flight.crafts[0].commands == ["stop", "land"]
+    assert flight.vehicles[0].commands == ["stop", "land"]
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 20), (60, 16), (40, 24), (100, 40), (20, 5)])
 def test_the_screen_fits(width: int, height: int) -> None:
     flight = Flight(3)
-    craft = flight.crafts[0]
-    craft.telemetry = Telemetry(
+    vehicle = flight.vehicles[0]
+    vehicle.telemetry = Telemetry(
         State.FLYING_MANUAL,
         state_reason="the safety pilot flies it, " * 6,
         pose=Pose.at(-1234.56, 2345.67, 119.9, 3.1),
@@ -282,8 +282,8 @@ def test_the_screen_fits(width: int, height: int) -> None:
         armed=True,
         task=TaskInfo("1", TaskKind.GO_TO_WAYPOINT, TaskStatus.RUNNING, description="goes to 4 2 3 " * 10),
     )
-    craft.refusal = Said("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
-    craft.done = Said("landing", flight.now_s)
+    vehicle.refusal = Said("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
+    vehicle.done = Said("landing", flight.now_s)
     keys = Keyboard()
     shown = board.lines(
         flight.pilot.view(), keys.title, keys.help, "take-off? Enter confirms", width=width, height=height

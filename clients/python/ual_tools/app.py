@@ -15,7 +15,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual.types import TaskInfo
-from ual_tools import complete, many, start
+from ual_tools import complete, multi, start
 from ual_tools.help import ALIASES, Section, as_typed, close, no_such_command, write_commands, write_examples
 from ual_tools.output import error_text, to_json
 from ual_tools.streams import Line, OutputLostError, give_up_output, write
@@ -31,7 +31,7 @@ REFUSED = 1
 INTERRUPTED = 130
 
 
-class Many(Enum):
+class Multi(Enum):
     """What a command does where several UAVs are chosen."""
 
     REFUSED = "it is for one UAV"
@@ -306,28 +306,28 @@ class UalCommand(_SharedOptions):
     """A command that takes the shared options, and negative numbers as arguments.
 
     Args:
-        many: What it does where several UAVs are chosen.
+        multi: What it does where several UAVs are chosen.
 
     """
 
-    def __init__(self, *args: Any, many: Many = Many.REFUSED, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
+    def __init__(self, *args: Any, multi: Multi = Multi.REFUSED, **kwargs: Any) -> None:  # noqa: ANN401 (click's)
         super().__init__(*args, **kwargs)
-        self._many = many
+        self._multi = multi
         # No command has an option like `-1`: so it is an argument.
         self.ignore_unknown_options = True
 
     @override
     def invoke(self, ctx: click.Context) -> Any:
-        if self._many is Many.ITSELF or (names := many.names(session(ctx))) is None:
+        if self._multi is Multi.ITSELF or (names := multi.names(session(ctx))) is None:
             return super().invoke(ctx)
-        if self._many is Many.REFUSED:
+        if self._multi is Multi.REFUSED:
             raise click.UsageError(f"ual {self.name} is for one UAV at a time: name it by --ns", ctx)
-        return many.invoke(
+        return multi.invoke(
             ctx,
             names,
             super().invoke,
-            needs_all=self._many is Many.EACH,
-            is_looking=self._many is Many.LOOKING,
+            needs_all=self._multi is Multi.EACH,
+            is_looking=self._multi is Multi.LOOKING,
         )
 
     @override
@@ -393,10 +393,10 @@ class UalGroup(_SharedOptions, click.Group):
 
 
 def command(
-    name: str, *examples: str, section: Section = Section.FLYING, many: Many = Many.REFUSED
+    name: str, *examples: str, section: Section = Section.FLYING, multi: Multi = Multi.REFUSED
 ) -> Callable[[Callable[..., None]], click.Command]:
     """Makes a command that takes the shared options. `examples` are calls of it, as they are typed."""
-    return click.command(name, cls=UalCommand, section=section, examples=examples, many=many)
+    return click.command(name, cls=UalCommand, section=section, examples=examples, multi=multi)
 
 
 def _store(field: str) -> Callable[[click.Context, click.Parameter, Any], None]:

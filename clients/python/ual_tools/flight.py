@@ -16,7 +16,7 @@ from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import AltitudeReference, Limits
 from ual_tools import manoeuvre, options, values
-from ual_tools.app import Many, Session, command, note, pass_session
+from ual_tools.app import Multi, Session, command, note, pass_session
 from ual_tools.help import Section
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -27,7 +27,7 @@ _SAME_HEIGHT_M = 0.5
 _GOES_ON = "goes on: only the safety pilot can abort it"
 
 
-@command("arm", "ual arm", many=Many.EACH)
+@command("arm", "ual arm", multi=Multi.EACH)
 @pass_session
 def arm(session: Session) -> None:
     """Arm the motors (where the daemon permits it)."""
@@ -36,7 +36,7 @@ def arm(session: Session) -> None:
     session.emit({"done": "arm"}, "armed")
 
 
-@command("disarm", "ual disarm", many=Many.EACH)
+@command("disarm", "ual disarm", multi=Multi.EACH)
 @pass_session
 def disarm(session: Session) -> None:
     """Disarm the motors (where the daemon permits it)."""
@@ -49,7 +49,7 @@ def _force(help_text: str) -> Callable[[F], F]:
     return click.option("--force", is_flag=True, help=help_text)
 
 
-@command("takeoff", "ual takeoff 3", many=Many.EACH)
+@command("takeoff", "ual takeoff 3", multi=Multi.EACH)
 @click.argument("height_m", type=values.number, metavar="HEIGHT")
 @_force("Although a failsafe is active.")
 @options.dry_run
@@ -71,7 +71,7 @@ def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> No
         )
 
 
-@command("land", "ual land", many=Many.REACHABLE)
+@command("land", "ual land", multi=Multi.REACHABLE)
 @options.dry_run
 @pass_session
 def land(session: Session, dry_run: bool) -> None:
@@ -85,7 +85,9 @@ def land(session: Session, dry_run: bool) -> None:
         )
 
 
-@command("goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5", many=Many.EACH)
+@command(
+    "goto", "ual goto 4 2 3 --yaw 90deg", "ual goto 1 0 0 --frame uav_1/base_link --max-speed 0.5", multi=Multi.EACH
+)
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number)
@@ -169,7 +171,7 @@ def goto_geo(
         )
 
 
-@command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3", many=Many.EACH)
+@command("velocity", "ual velocity 1 0 0 --for 2", "ual velocity 0 0 0 --yaw-rate 30deg --for 3", multi=Multi.EACH)
 @click.argument("vx", type=values.number)
 @click.argument("vy", type=values.number)
 @click.argument("vz", type=values.number)
@@ -249,7 +251,7 @@ def _stop(uav: Uav) -> None:
         raise type(error)(f"the UAV could not be stopped: {error.message}", error.metadata) from None
 
 
-@command("pose", "ual pose 1 1 3", many=Many.EACH)
+@command("pose", "ual pose 1 1 3", multi=Multi.EACH)
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number)
@@ -271,7 +273,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
     session.emit({"done": "pose"}, "reference set")
 
 
-@command("recover", "ual recover", section=Section.TASKS, many=Many.EACH)
+@command("recover", "ual recover", section=Section.TASKS, multi=Multi.EACH)
 @_force("Although a failsafe is active or flies: ends its return or landing.")
 @options.dry_run
 @pass_session
@@ -288,7 +290,7 @@ def recover(session: Session, force: bool, dry_run: bool) -> None:
     session.emit({"done": "recover"}, "recovered")
 
 
-@command("home", "ual home --set-z", section=Section.FRAMES, many=Many.EACH)
+@command("home", "ual home --set-z", section=Section.FRAMES, multi=Multi.EACH)
 @click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
 def home(session: Session, set_z: bool) -> None:
@@ -312,7 +314,7 @@ def _home_height(ground_m: float, odom: str) -> str:
     )
 
 
-@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, many=Many.REACHABLE)
+@command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, multi=Multi.REACHABLE)
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
 def abort(session: Session, freeze: bool) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from ual_tools.app import Many, Session, command, pass_session
+from ual_tools.app import Multi, Session, command, pass_session
 from ual_tools.help import Section
 
 
-@command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, many=Many.REACHABLE)
+@command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, multi=Multi.REACHABLE)
 @pass_session
 def lease(session: Session) -> None:
     """Print who holds the lease of the UAV.

@@ -24,7 +24,7 @@ from ual.simulation import (
     PositionLost,
 )
 from ual_tools import complete, values
-from ual_tools.app import Many, Session, UalCommand, UalGroup, pass_session
+from ual_tools.app import Multi, Session, UalCommand, UalGroup, pass_session
 from ual_tools.help import Section
 from ual_tools.tables import print_table
 
@@ -44,7 +44,7 @@ def _pilot(name: str, help_text: str, done: str, act: str) -> None:
         session.emit({"done": f"sim {name}"}, done)
 
     examples = (f"ual sim {name}",)
-    sim.add_command(UalCommand(name, callback=pass_session(run), help=help_text, examples=examples, many=Many.EACH))
+    sim.add_command(UalCommand(name, callback=pass_session(run), help=help_text, examples=examples, multi=Multi.EACH))
 
 
 _pilot("arm", "The safety pilot arms.", "armed by the pilot", "pilot_arm")
@@ -69,7 +69,7 @@ def sticks(session: Session, forward: float, left: float, up: float, turn: float
     session.emit({"done": "sim sticks"}, "sticks moved")
 
 
-@sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",), many=Many.EACH)
+@sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",), multi=Multi.EACH)
 @click.argument("factor", type=values.number)
 @pass_session
 def speed(session: Session, factor: float) -> None:
@@ -82,7 +82,7 @@ def speed(session: Session, factor: float) -> None:
     session.emit({"done": "sim speed", "speed_factor": factor if math.isfinite(factor) else "inf"}, "speed set")
 
 
-@sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",), many=Many.EACH)
+@sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",), multi=Multi.EACH)
 @click.argument("duration_s", type=values.number, metavar="SECONDS")
 @pass_session
 def step(session: Session, duration_s: float) -> None:
@@ -92,7 +92,7 @@ def step(session: Session, duration_s: float) -> None:
     session.emit({"done": "sim step"}, f"{duration_s:g} s passed")
 
 
-@sim.command("noise", cls=UalCommand, examples=("ual sim noise 0.05 0.02",), many=Many.EACH)
+@sim.command("noise", cls=UalCommand, examples=("ual sim noise 0.05 0.02",), multi=Multi.EACH)
 @click.argument("position_m", type=values.number, metavar="POSITION")
 @click.argument("velocity_m_s", type=values.number, metavar="VELOCITY")
 @pass_session
@@ -106,7 +106,7 @@ def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
     session.emit({"done": "sim noise"}, "noise set")
 
 
-@sim.command("wind", cls=UalCommand, examples=("ual sim wind 2 0",), many=Many.EACH)
+@sim.command("wind", cls=UalCommand, examples=("ual sim wind 2 0",), multi=Multi.EACH)
 @click.argument("x", type=values.number)
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number, default=0.0)

@@ -14,10 +14,10 @@ from ual.discovery import Registration
 from ual.errors import UalError
 from ual.types import Health, State, Telemetry
 from ual_tools import condition
-from ual_tools.app import REFUSED, Many, Session, command, pass_session
+from ual_tools.app import REFUSED, Multi, Session, command, pass_session
 from ual_tools.condition import STYLES, Condition, Level
-from ual_tools.everyone import ask_all
 from ual_tools.help import Section
+from ual_tools.selection import ask_all
 from ual_tools.tables import print_table
 from ual_tools.watch import watch
 
@@ -31,7 +31,7 @@ _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
 _STATES = [state.name for state in State]
 
 
-@command("list", "ual list", "ual --json list", section=Section.LOOKING, many=Many.ITSELF)
+@command("list", "ual list", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
 def list_uavs(session: Session) -> None:
     """List the UAVs whose daemons run on this computer, the worst first."""
@@ -124,7 +124,7 @@ def info(session: Session) -> None:
     print_table(("", ""), rows)
 
 
-@command("state", "ual state", "ual --json state", section=Section.LOOKING, many=Many.LOOKING)
+@command("state", "ual state", "ual --json state", section=Section.LOOKING, multi=Multi.LOOKING)
 @pass_session
 def state(session: Session) -> None:
     """Print the state of the UAV.
@@ -155,7 +155,7 @@ def state(session: Session) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, many=Many.REACHABLE)
+@command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, multi=Multi.REACHABLE)
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
 def wait(session: Session, states: tuple[str, ...]) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 from ual_tools import manoeuvre, options, values
-from ual_tools.app import Many, Session, command, pass_session
+from ual_tools.app import Multi, Session, command, pass_session
 from ual_tools.help import Section
 
 _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
 
 
-@command("rtl", "ual rtl", "ual rtl --height 30", many=Many.REACHABLE)
+@command("rtl", "ual rtl", "ual rtl --height 30", multi=Multi.REACHABLE)
 @click.option(
     "--height",
     "height_m",
@@ -39,7 +39,7 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
         )
 
 
-@command("pause", "ual pause", section=Section.TASKS, many=Many.REACHABLE)
+@command("pause", "ual pause", section=Section.TASKS, multi=Multi.REACHABLE)
 @pass_session
 def pause(session: Session) -> None:
     """Stop the running task on its way and hold.
@@ -51,7 +51,7 @@ def pause(session: Session) -> None:
     session.emit({"done": "pause"}, "paused: ual resume goes on")
 
 
-@command("resume", "ual resume", section=Section.TASKS, many=Many.EACH)
+@command("resume", "ual resume", section=Section.TASKS, multi=Multi.EACH)
 @pass_session
 def resume(session: Session) -> None:
     """Go on with the paused task, along the rest of its way."""

@@ -12,10 +12,10 @@ import click
 from ual.discovery import Registration
 from ual.types import Telemetry
 from ual_tools import condition, places
-from ual_tools.app import REFUSED, Many, Session, command, note, pass_session
-from ual_tools.everyone import ask_all, several
+from ual_tools.app import REFUSED, Multi, Session, command, note, pass_session
 from ual_tools.help import Section
 from ual_tools.output import error_text, pose_text, vector_text
+from ual_tools.selection import ask_all, several
 from ual_tools.values import Number
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import all_subscribed
@@ -26,7 +26,7 @@ _TOTAL_RATE_HZ = 200.0
 
 
 @command(
-    "watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING, many=Many.ITSELF
+    "watch", "ual watch", "ual watch --all", "ual --json watch --rate 1", section=Section.LOOKING, multi=Multi.ITSELF
 )
 @click.option("--once", is_flag=True, help="Print one sample of each, and end.")
 @click.option(
@@ -53,7 +53,7 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
         rate_hz = default_rate_hz(len(daemons)) if rate_hz is None else rate_hz
         board = Board([daemon.ns for daemon in daemons], rate_hz)
         with all_subscribed(session, board, rate_hz, is_quiet=_is_screen(session)):
-            _follow(session, board, everyone=True)
+            _follow(session, board, is_all=True)
         return
     with session.connect() as uav:
         if once:
@@ -62,7 +62,7 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
         rate_hz = default_rate_hz(1) if rate_hz is None else rate_hz
         board = Board([uav.ns], rate_hz)
         with uav.subscribe(partial(board.put, uav.ns), rate_hz):
-            _follow(session, board, everyone=False)
+            _follow(session, board, is_all=False)
 
 
 def default_rate_hz(count: int) -> float:
@@ -88,13 +88,13 @@ def _is_screen(session: Session) -> bool:
     return sys.stdout.isatty() and not session.as_json
 
 
-def _follow(session: Session, board: Board, *, everyone: bool) -> None:
+def _follow(session: Session, board: Board, *, is_all: bool) -> None:
     if _is_screen(session):
         from ual_tools import watch_screen
 
-        watch_screen.show(board, watch_screen.Table() if everyone else watch_screen.Detail())
+        watch_screen.show(board, watch_screen.Table() if is_all else watch_screen.Detail())
     else:
-        _print_lines(session, board, is_one=not everyone)
+        _print_lines(session, board, is_one=not is_all)
 
 
 def _print_lines(session: Session, board: Board, *, is_one: bool) -> None:

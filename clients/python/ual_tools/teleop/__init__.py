@@ -1,5 +1,5 @@
 """``ual teleop``: flies a UAV by hand, from a keyboard or a joystick.
 
 A device (`keyboard`) gives sticks and actions to a `pilot`, which commands the chosen UAV without ever blocking
-(`craft`). The `cockpit` reads the device at a fixed rate and draws the `board`.
+(`vehicle`). The `loop` reads the device at a fixed rate and draws the `board`.
 """

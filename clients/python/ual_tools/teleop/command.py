@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import click
 
 from ual_tools import values
-from ual_tools.app import REFUSED, Many, Session, UalCommand, UalGroup, note, pass_session
-from ual_tools.everyone import several
+from ual_tools.app import REFUSED, Multi, Session, UalCommand, UalGroup, note, pass_session
 from ual_tools.help import Section
+from ual_tools.selection import several
 from ual_tools.strict_yaml.loading import loaded
 
 if TYPE_CHECKING:
     from ual.joystick import Device, Joysticks
-    from ual_tools.teleop.cockpit import Controls
-    from ual_tools.teleop.craft import Craft
     from ual_tools.teleop.layout import Layout
+    from ual_tools.teleop.loop import Controls
+    from ual_tools.teleop.vehicle import Vehicle
 
 HEIGHT_M = 2.0
 
@@ -49,7 +49,7 @@ def height_option(function: Callable[..., None]) -> Callable[..., None]:
 
 
 @teleop.command(
-    "keyboard", cls=UalCommand, many=Many.ITSELF, examples=("ual teleop keyboard", "ual --all teleop keyboard")
+    "keyboard", cls=UalCommand, multi=Multi.ITSELF, examples=("ual teleop keyboard", "ual --all teleop keyboard")
 )
 @height_option
 @pass_session
@@ -68,7 +68,7 @@ def keyboard(session: Session, height_m: float) -> None:
 @teleop.command(
     "joystick",
     cls=UalCommand,
-    many=Many.ITSELF,
+    multi=Multi.ITSELF,
     examples=("ual teleop joystick", "ual teleop joystick --list", "ual teleop joystick --map"),
 )
 @height_option
@@ -136,27 +136,27 @@ def _fly_by(session: Session, height_m: float, joysticks: Joysticks, device: Dev
 
 def fly(session: Session, height_m: float, make_controls: Callable[[], Controls]) -> None:
     """Flies the chosen UAVs with a device until the operator leaves."""
-    from ual_tools.teleop.cockpit import fly as fly_until_quit
+    from ual_tools.teleop.loop import fly as fly_until_quit
     from ual_tools.teleop.pilot import Pilot
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("ual teleop needs a terminal: its screen and its keys")
     with ExitStack() as stack:
-        crafts = _crafts(session)
-        for craft in crafts:
-            stack.callback(craft.close)
-            craft.open()
-        fly_until_quit(Pilot(crafts, height_m), make_controls(), _say)
+        vehicles = _vehicles(session)
+        for vehicle in vehicles:
+            stack.callback(vehicle.close)
+            vehicle.open()
+        fly_until_quit(Pilot(vehicles, height_m), make_controls(), _say)
 
 
-def _crafts(session: Session) -> list[Craft]:
-    from ual_tools.teleop.craft import Craft
+def _vehicles(session: Session) -> list[Vehicle]:
+    from ual_tools.teleop.vehicle import Vehicle
 
     daemons = several(session)
     if daemons is None:
         uav = session.connect(with_lease=False)
-        return [Craft(uav, session.ns or session.address or "", takes_lease=session.takes_lease)]
-    return [Craft(session.connect_to(daemon), daemon.ns, takes_lease=session.takes_lease) for daemon in daemons]
+        return [Vehicle(uav, session.ns or session.address or "", takes_lease=session.takes_lease)]
+    return [Vehicle(session.connect_to(daemon), daemon.ns, takes_lease=session.takes_lease) for daemon in daemons]
 
 
 def _say(text: str) -> None:

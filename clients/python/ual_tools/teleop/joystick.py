@@ -73,7 +73,7 @@ class JoystickControls:
         self._before, self._has_rested = None, False
 
     def control(self, pilot: Pilot, read: bytes, now_s: float, *, is_late: bool) -> None:
-        """Does what the gamepad and the keys say. See `ual_tools.teleop.cockpit.Controls`."""
+        """Does what the gamepad and the keys say. See `ual_tools.teleop.loop.Controls`."""
         for key in self._decoder.keys(read):
             if key in _KEYS and (not is_late or _KEYS[key] in ENDING):
                 pilot.act(_KEYS[key])

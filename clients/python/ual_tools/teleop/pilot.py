@@ -11,10 +11,10 @@ from enum import Enum
 from ual.geometry import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from ual.types import Limits, State, Telemetry
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.craft import Craft, Said
 from ual_tools.teleop.speeds import FIRST_LEVEL, LEVELS, Level
 from ual_tools.teleop.stepper import Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
+from ual_tools.teleop.vehicle import Said, Vehicle
 
 OLD_S = 1.0
 """With telemetry that is older than this, nobody sees what the UAV does: the sticks do nothing."""
@@ -62,18 +62,20 @@ class Pilot:
     that stop, which have a time limit.
 
     Args:
-        crafts: The UAVs, opened.
+        vehicles: The UAVs, opened.
         height_m: Of a take-off, in metres.
         clock: The time, in seconds from anywhere.
 
     """
 
-    def __init__(self, crafts: Sequence[Craft], height_m: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, vehicles: Sequence[Vehicle], height_m: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.mode = Mode.VELOCITY
         self.level = FIRST_LEVEL
         self.is_headless = False
         self.has_quit = False
-        self._crafts = crafts
+        self._vehicles = vehicles
         self._chosen = 0
         self._height_m = height_m
         self._clock = clock
@@ -84,32 +86,32 @@ class Pilot:
         self._stepper = Stepper()
 
     @property
-    def craft(self) -> Craft:
+    def vehicle(self) -> Vehicle:
         """The UAV that is flown."""
-        return self._crafts[self._chosen]
+        return self._vehicles[self._chosen]
 
     @property
     def speeds(self) -> Level:
         """The speed level within the limits of the UAV."""
-        info = self.craft.info
+        info = self.vehicle.info
         return LEVELS[self.level].within(Limits() if info is None else info.limits)
 
     def view(self) -> View:
         """Returns what there is to see now."""
-        craft = self.craft
+        vehicle = self.vehicle
         return View(
-            name=craft.name,
-            telemetry=craft.telemetry,
-            age_s=craft.age_s(),
+            name=vehicle.name,
+            telemetry=vehicle.telemetry,
+            age_s=vehicle.age_s(),
             mode=self.mode,
             level=self.level,
             speeds=self.speeds,
             is_headless=self.is_headless,
             sticks=self._sticks,
-            done=craft.done,
-            refusal=craft.refusal,
+            done=vehicle.done,
+            refusal=vehicle.refusal,
             number=self._chosen + 1,
-            count=len(self._crafts),
+            count=len(self._vehicles),
             now_s=self._clock(),
         )
 
@@ -134,18 +136,18 @@ class Pilot:
         For a device whose presses are steps (a keyboard), instead of `steer`.
         """
         assert self.mode is Mode.POSE
-        if self.craft.was_refused():
+        if self.vehicle.was_refused():
             self._reference = None
         if not self._is_blind(direction):
             self._step(direction)
 
     def release(self, why: str) -> None:
         """Stops what the sticks fly. They do nothing until they were centred once."""
-        self.craft.refuse(why)
+        self.vehicle.refuse(why)
         self._drop_sticks()
 
     def _admitted(self, sticks: Sticks) -> Sticks:
-        if self.craft.was_refused():
+        if self.vehicle.was_refused():
             self._latch()
         if sticks.is_centred():
             self._is_latched = False
@@ -155,10 +157,10 @@ class Pilot:
 
     def _is_blind(self, sticks: Sticks) -> bool:
         """Returns whether nobody sees what the UAV does; says so if the sticks are moved."""
-        is_known = self.craft.telemetry is not None and self.craft.info is not None
-        is_blind = self.craft.age_s() > OLD_S or not is_known
+        is_known = self.vehicle.telemetry is not None and self.vehicle.info is not None
+        is_blind = self.vehicle.age_s() > OLD_S or not is_known
         if is_blind and not sticks.is_centred():
-            self.craft.refuse(f"sticks: no telemetry for {self.craft.age_s():.0f} s: they do nothing")
+            self.vehicle.refuse(f"sticks: no telemetry for {self.vehicle.age_s():.0f} s: they do nothing")
         return is_blind
 
     def _latch(self) -> None:
@@ -170,28 +172,28 @@ class Pilot:
         now_s = self._clock()
         if not sticks.is_centred():
             self._moved_s = now_s
-            self.craft.send(self._velocity(self.speeds.twist(sticks)))
+            self.vehicle.send(self._velocity(self.speeds.twist(sticks)))
         elif now_s - self._moved_s < BRAKE_S:
-            self.craft.send(self._velocity(Twist()))
+            self.vehicle.send(self._velocity(Twist()))
 
     def _velocity(self, twist: Twist) -> TwistStamped:
         if self.is_headless:
             return TwistStamped(Twist(_north_up(twist.linear), twist.angular))
-        return TwistStamped(twist, f"{self.craft.name}/base_link")
+        return TwistStamped(twist, f"{self.vehicle.name}/base_link")
 
     def _step(self, direction: Sticks) -> None:
-        telemetry = self.craft.telemetry
+        telemetry = self.vehicle.telemetry
         if direction.is_centred():
             return
         if telemetry is None or telemetry.pose is None:
-            self.craft.refuse("sticks: the pose is not known")
+            self.vehicle.refuse("sticks: the pose is not known")
             return
         before = self._present_reference(telemetry, telemetry.pose)
         if (before.pose.position - telemetry.pose.position).norm() > LEAD_M:
-            self.craft.refuse(f"sticks: the UAV is more than {LEAD_M:g} m behind the last step")
+            self.vehicle.refuse(f"sticks: the UAV is more than {LEAD_M:g} m behind the last step")
             return
         self._reference = self._moved(before, direction), self._clock()
-        self.craft.send(self._reference[0])
+        self.vehicle.send(self._reference[0])
 
     def _moved(self, before: PoseStamped, direction: Sticks) -> PoseStamped:
         step, turn_rad = self.speeds.step(direction)
@@ -244,7 +246,7 @@ class Pilot:
     def _command(self, name: str, call: Callable[..., object], begins: str = "") -> None:
         self._drop_sticks()
         self._moved_s, self._reference = -math.inf, None
-        self.craft.command(name, call, begins=begins)
+        self.vehicle.command(name, call, begins=begins)
 
     def _change_meaning(self, action: Action) -> None:
         """Changes what the sticks mean. One that is held must not fly the other way all at once."""
@@ -254,17 +256,17 @@ class Pilot:
             return
         self.mode = Mode.POSE if self.mode is Mode.VELOCITY else Mode.VELOCITY
         if self._is_moving():
-            self.craft.send(self._velocity(Twist()))
+            self.vehicle.send(self._velocity(Twist()))
         self._reference = None
 
     def _choose(self, number: int) -> None:
-        if len(self._crafts) == 1:
+        if len(self._vehicles) == 1:
             return
         self._drop_sticks()
         if self._is_moving():
-            self.craft.command("stop", lambda uav: uav.abort())
+            self.vehicle.command("stop", lambda uav: uav.abort())
         self._moved_s, self._reference = -math.inf, None
-        self._chosen = number % len(self._crafts)
+        self._chosen = number % len(self._vehicles)
 
     def _drop_sticks(self) -> None:
         self._sticks, self._is_latched = CENTRED, True
@@ -281,20 +283,20 @@ class Pilot:
         self._moved_s, self._reference = -math.inf, None
         stopped = [self._halted()] if is_moving else []
         going_on = [
-            f"{each.name}: {name} goes on" for each in self._crafts for name in each.running() if name in _TASKS
+            f"{each.name}: {name} goes on" for each in self._vehicles for name in each.running() if name in _TASKS
         ]
         return "; ".join(stopped + going_on)
 
     def _halted(self) -> str:
-        if self.craft.halt(_HALT_S):
-            return f"{self.craft.name} stops and holds its position"
-        return f"{self.craft.name} did not confirm the stop: without new velocities it stops by itself after 0.5 s"
+        if self.vehicle.halt(_HALT_S):
+            return f"{self.vehicle.name} stops and holds its position"
+        return f"{self.vehicle.name} did not confirm the stop: without new velocities it stops by itself after 0.5 s"
 
     def _is_moving(self) -> bool:
         """Returns whether the UAV flies what the sticks said."""
         if self._clock() - self._moved_s < OURS_S:
             return True
-        telemetry = self.craft.telemetry
+        telemetry = self.vehicle.telemetry
         return (
             telemetry is not None
             and telemetry.state is State.FLYING_AUTO

@@ -8,7 +8,7 @@ import click
 from typing_extensions import override
 
 from ual.shared import extras
-from ual_tools.app import Many, Session, command, pass_session
+from ual_tools.app import Multi, Session, command, pass_session
 from ual_tools.help import Section
 from ual_tools.view.access import access
 from ual_tools.view.map_source import MOST_ZOOM, ZOOM, ground
@@ -31,7 +31,7 @@ class Model(click.ParamType[tuple[str, str]]):
         return ns, model
 
 
-@command("view", "ual view", "ual view --control", "ual view --port 9000", section=Section.LOOKING, many=Many.ITSELF)
+@command("view", "ual view", "ual view --control", "ual view --port 9000", section=Section.LOOKING, multi=Multi.ITSELF)
 @click.option(
     "--address",
     "addresses",

@@ -21,7 +21,7 @@ from ual.simulation import (
 )
 from ual_tools.simulation import fault_name
 from ual_tools.view import orders, panel
-from ual_tools.view.desk import Desk, Proposal
+from ual_tools.view.command_queue import CommandQueue, Proposal
 from ual_tools.view.fleet import Fleet
 from ual_tools.view.orders import Order
 from ual_tools.view.picture import Moment
@@ -42,8 +42,8 @@ class ControlPanel:
     at once.
     """
 
-    def __init__(self, desk: Desk, fleet: Fleet) -> None:
-        self._desk = desk
+    def __init__(self, command_queue: CommandQueue, fleet: Fleet) -> None:
+        self._command_queue = command_queue
         self._fleet = fleet
         self._ns = ""
         self._ground_m = 0.0
@@ -66,7 +66,7 @@ class ControlPanel:
             self._build_simulation(gui)
         self._marker = client.scene.add_icosphere("/goal", radius=0.2, color=(255, 127, 14), opacity=0.7, visible=False)
         self._on(self._confirm, self._confirmed)
-        self._on(self._cancel, self._desk.withdraw)
+        self._on(self._cancel, self._command_queue.withdraw)
         self._listen_to_ground(client)
 
     def choose(self, ns: str) -> None:
@@ -74,22 +74,22 @@ class ControlPanel:
         if ns == self._ns:
             return
         self._ns = ns
-        self._desk.withdraw()
+        self._command_queue.withdraw()
         for button, what in self._named:
             button.label = f"{what} {ns}"
         self._buttons.visible = bool(ns)
 
     def update(self, moment: Moment, ns: str) -> None:
         """Shows what is proposed and how the last order went."""
-        self._desk.tidy(moment.now_s)
+        self._command_queue.tidy(moment.now_s)
         self._look(moment.uavs.get(ns))
         member = self._fleet.members().get(ns)
         is_simulation = member is not None and member.info.is_simulation
         if self._simulation.visible != is_simulation:
             self._simulation.visible = is_simulation
-        if self._count != self._desk.count:
-            self._count = self._desk.count
-            self._show(self._desk.proposal)
+        if self._count != self._command_queue.count:
+            self._count = self._command_queue.count
+            self._show(self._command_queue.proposal)
 
     def _look(self, uav: Shown | None) -> None:
         self._ground_m = 0.0 if uav is None or uav.odom is None else uav.odom.translation.z
@@ -98,7 +98,7 @@ class ControlPanel:
         self._confirm.visible = self._cancel.visible = proposal is not None
         self._marker.visible = proposal is not None and proposal.order.way is not None
         if proposal is None:
-            self._text.content = panel.plain(self._desk.said or _HELP)
+            self._text.content = panel.plain(self._command_queue.said or _HELP)
             return
         self._text.content = f"**{panel.plain(proposal.text)}**"
         self._confirm.label = f"Confirm: {proposal.ns}: {proposal.order.what}"
@@ -137,7 +137,7 @@ class ControlPanel:
         self._on(button, act)
 
     def _on(self, button: viser.GuiButtonHandle, act: Callable[[], None]) -> None:
-        # A coroutine, so that clicks are answered in their order; the desk gives each call a thread.
+        # A coroutine, so that clicks are answered in their order; the command queue gives each call a thread.
         @button.on_click
         async def _(_: object) -> None:
             act()
@@ -156,7 +156,7 @@ class ControlPanel:
 
     def _propose(self, order: Order) -> None:
         if self._ns:
-            self._desk.propose(self._ns, order)
+            self._command_queue.propose(self._ns, order)
 
     def _take_lease(self) -> None:
         member = self._fleet.members().get(self._ns)
@@ -171,9 +171,9 @@ class ControlPanel:
         member.lease = None
 
     def _confirmed(self) -> None:
-        proposal = self._desk.proposal
+        proposal = self._command_queue.proposal
         if proposal is not None and proposal.ns == self._ns:
-            self._desk.confirm(proposal)
+            self._command_queue.confirm(proposal)
 
     def _begin_fault(self) -> None:
         fault = _FAULTS[str(self._fault.value)]()
@@ -181,4 +181,4 @@ class ControlPanel:
 
     def _run(self, what: str, act: Callable[[Uav], object]) -> None:
         if self._ns:
-            self._desk.run(self._ns, what, act)
+            self._command_queue.run(self._ns, what, act)

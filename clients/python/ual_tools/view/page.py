@@ -10,8 +10,8 @@ from ual.geometry import Transform
 from ual_tools.view import chosen, fleet_table, panel, shell, tree
 from ual_tools.view.camera import framing
 from ual_tools.view.chart import Chart
+from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.control_panel import ControlPanel
-from ual_tools.view.desk import Desk
 from ual_tools.view.fleet import Fleet
 from ual_tools.view.journal import Journal
 from ual_tools.view.labels import Labels, seen_by
@@ -30,7 +30,7 @@ class Page:
         journal: The log.
         top_m: Returns how far above a UAV its label is.
         title: Of the page.
-        desk: Takes its orders; None: it gives none.
+        command_queue: Takes its orders; None: it gives none.
 
     """
 
@@ -41,14 +41,14 @@ class Page:
         journal: Journal,
         top_m: Callable[[str], float],
         title: str,
-        desk: Desk | None,
+        command_queue: CommandQueue | None,
     ) -> None:
         self._client = client
         self._fleet = fleet
         self._journal = journal
         self._title = title
-        self._control = None if desk is None else ControlPanel(desk, fleet)
-        self._team = None if desk is None else TeamPanel(desk)
+        self._control = None if command_queue is None else ControlPanel(command_queue, fleet)
+        self._team = None if command_queue is None else TeamPanel(command_queue)
         self._names: tuple[str, ...] = ()
         self._frames: dict[str, viser.FrameHandle] = {}
         self._is_framed = False

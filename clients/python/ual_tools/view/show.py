@@ -14,7 +14,7 @@ import viser
 from ual.geometry import Vector3
 from ual_tools.app import Session
 from ual_tools.view.access import Access
-from ual_tools.view.desk import Desk
+from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.fences import Fences
 from ual_tools.view.fleet import RATE_HZ, Fleet
 from ual_tools.view.journal import Journal
@@ -131,8 +131,8 @@ class Viewer:
         self._fleet.wants_frames = any(page.wants_frames for page in pages)
 
     def _open(self, client: viser.ClientHandle) -> None:
-        desk = Desk(self._fleet, self._journal) if self._is_control else None
-        page = Page(client, self._fleet, self._journal, self._scene.top_m, self._title, desk)
+        command_queue = CommandQueue(self._fleet, self._journal) if self._is_control else None
+        page = Page(client, self._fleet, self._journal, self._scene.top_m, self._title, command_queue)
         with self._lock:
             self._pages[client.client_id] = page
 

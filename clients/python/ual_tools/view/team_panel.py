@@ -9,7 +9,7 @@ import viser
 from ual import Uav
 from ual.types import State
 from ual_tools.view import chosen, panel
-from ual_tools.view.desk import Desk
+from ual_tools.view.command_queue import CommandQueue
 
 _LANDS_ALREADY = (State.LANDED_DISARMED, State.LANDED_ARMED, State.LANDING)
 
@@ -17,8 +17,8 @@ _LANDS_ALREADY = (State.LANDED_DISARMED, State.LANDED_ARMED, State.LANDING)
 class TeamPanel:
     """The buttons of one page for several UAVs. Each says for which; none is there while one UAV is chosen."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, command_queue: CommandQueue) -> None:
+        self._command_queue = command_queue
         self._names: tuple[str, ...] = ()
         self._all: tuple[str, ...] = ()
         self._count = -1
@@ -44,19 +44,19 @@ class TeamPanel:
 
     def update(self) -> None:
         """Shows how the last order went."""
-        if self._count != self._desk.count:
-            self._count = self._desk.count
-            self._text.content = panel.plain(self._desk.said)
+        if self._count != self._command_queue.count:
+            self._count = self._command_queue.count
+            self._text.content = panel.plain(self._command_queue.said)
 
     def _add(
         self, gui: viser.GuiApi, label: str, what: str, act: Callable[[Uav], object]
     ) -> tuple[viser.GuiButtonHandle, str]:
         button = gui.add_button(label, color="red")
 
-        # A coroutine, so that clicks are answered in their order; the desk gives each call a thread.
+        # A coroutine, so that clicks are answered in their order; the command queue gives each call a thread.
         @button.on_click
         async def _(_: object) -> None:
-            self._desk.run_all(self._names, what, act)
+            self._command_queue.run_all(self._names, what, act)
 
         return button, label
 

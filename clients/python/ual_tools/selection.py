@@ -8,7 +8,7 @@ from ual import discovery
 from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
-from ual_tools import many
+from ual_tools import multi
 from ual_tools.app import Session
 
 _PARALLEL = 16
@@ -17,7 +17,7 @@ _PARALLEL = 16
 def chosen_daemons(session: Session) -> list[Registration]:
     """Returns the daemons of this computer: with ``--ns a,b`` those with these names, else all."""
     daemons = discovery.list_daemons()
-    names = many.names(session) if session.ns else None
+    names = multi.names(session) if session.ns else None
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 
 
@@ -28,7 +28,7 @@ def several(session: Session) -> list[Registration] | None:
         DaemonUnreachableError: One that is named does not run on this computer.
 
     """
-    names = many.names(session)
+    names = multi.names(session)
     if names is None:
         return None
     daemons = chosen_daemons(session)

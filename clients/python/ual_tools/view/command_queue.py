@@ -38,7 +38,7 @@ class Proposal:
         return f"{self.ns}: {self.order.what}: {self.answer}"
 
 
-class Desk:
+class CommandQueue:
     """What the operator of one page orders.
 
     `proposal` is what waits to be confirmed. `said` is how the last order went; `count` changes with both.

@@ -30,7 +30,7 @@ class Said:
     time_s: float = 0.0
 
 
-class Craft:
+class Vehicle:
     """One UAV. No member blocks, except `halt` and `close`, which have a time limit. May be used from any thread.
 
     Args:
